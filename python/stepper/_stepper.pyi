@@ -139,7 +139,7 @@ class Joint:
     frictionloss: Final[float]
     """Dry friction of the joint (frictionloss), N or N m."""
     velocity_limit: Final[float]
-    """Speed limit of the joint in the source, rad/s or m/s; infinite without one. The simulation does not enforce it."""
+    """Speed limit of the joint in the source, rad/s or m/s; infinite if the source has no limit. The simulation does not enforce it."""
 
 @final
 class Geom:
@@ -229,7 +229,7 @@ class Actuator:
     trnid: Final[int]
     """Index of the transmission target."""
     actadr: Final[int]
-    """Address of the actuator's activation in act; -1 without one."""
+    """Address of the actuator's activation in act; -1 if the actuator has no activation."""
     ctrlrange: Final[_Array]
     """Bounds of the control: (2,), infinite without a bound."""
     forcerange: Final[_Array]
@@ -264,7 +264,7 @@ class Sensor:
     noise: Final[float]
     """Standard deviation of the sensor noise in the source file, `noise` in MJCF."""
     cutoff: Final[float]
-    """Largest magnitude of a reading in the source file, `cutoff` in MJCF; 0 without one."""
+    """Largest magnitude of a reading in the source file, `cutoff` in MJCF; 0 if readings have no limit."""
 
 @final
 class Tendon:
@@ -373,7 +373,7 @@ class Model:
     """Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
 
     The list has ratios of 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite
-    if there is none, as for an open surface."""
+    for a mesh that encloses no space, such as an open surface."""
     deviations: Final[list[str]]
     """Settings that the source contains explicitly and that the default options replace, as texts: for example an integrator other than
     Euler's, or softness."""
@@ -646,9 +646,9 @@ class Model:
     def exclude_overlaps(self) -> Model:
         """New model without contacts between bodies that overlap in the reference pose, as by `stepper.load(..., overlaps="exclude")`.
 
-        `excluded_overlaps` lists the pairs, which are deeper than 0.01 mm. All contacts between the two bodies are disabled; geoms of the
-        world are excluded one by one. Overlaps with the ground are kept, and `overlaps()` lists them. The ground is planes, height fields,
-        and for bodies with a free joint all fixed geoms.
+        `excluded_overlaps` lists these overlaps, deeper than 0.01 mm. All contacts between the two bodies are disabled. If a body is
+        the world, only contacts between the two geoms are disabled. Overlaps with the ground are kept, and `overlaps()` lists them. Ground
+        means planes, height fields and, for bodies with a free joint, all fixed geoms.
         """
     def overlaps(self) -> list[tuple[str, str, float]]:
         """Pairs of geoms that can collide and overlap by more than 0.01 mm in the reference pose, the deepest first.
@@ -741,7 +741,7 @@ class Model:
             IndexError: The model has no keyframe of that index.
         """
     def integrate_pos(self, q: ArrayLike, dv: ArrayLike) -> NDArray[np.float64]:
-        """Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos over a time of 1.
+        """Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos with dt = 1.
 
         Args:
             q: Configurations, (..., nq).
@@ -755,7 +755,7 @@ class Model:
             ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
         """
     def differentiate_pos(self, q1: ArrayLike, q2: ArrayLike) -> NDArray[np.float64]:
-        """Shortest displacements from one configuration to another, as MuJoCo's mj_differentiatePos over a time of 1.
+        """Shortest displacements from one configuration to another, as MuJoCo's mj_differentiatePos with dt = 1.
 
         This is the inverse of `integrate_pos`.
 
@@ -849,7 +849,7 @@ class Stepper:
     xquat: Final[_Array]
     """Orientations of the body frames at the current `qpos`, quaternions (w, x, y, z), (num_envs, nbody, 4)."""
     body_linvel: Final[_Array]
-    """Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Those of mocap bodies are zero,
+    """Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Mocap bodies have zero velocity,
     as in MuJoCo."""
     body_angvel: Final[_Array]
     """Angular velocities of the bodies at the current state in world axes, (num_envs, nbody, 3), rad/s."""
@@ -902,7 +902,7 @@ class Stepper:
     status: Final[Any]
     """Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`."""
     residual: Final[Any]
-    """Natural-map residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE."""
+    """Residual of the solver in the last step (error of the natural map), (num_envs,), m/s; 0 for environments with NON_FINITE."""
     iterations: Final[Any]
     """Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps."""
     newton_steps: Final[Any]
@@ -1082,7 +1082,7 @@ class Stepper:
                 environment for each of `envs`. A simulation repeats its motion from a restored state, bit for bit. Copies of a single state
                 have independent random sensor errors.
             qvel: Velocities, (num_envs, nv) or (nv,).
-            envs: Environments, as in `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
+            envs: Environments, as in `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to environments 5 and 6.
             act: Activations, (num_envs, na) or (na,).
             time: Times, (num_envs,) or one for all, s.
             keep_warmstart: Whether to keep the solver's warm start, contacts, flags, and the memory of drives and sensors. Use it in state
@@ -1310,10 +1310,10 @@ class Stepper:
             KeyError, IndexError: The model has no element of that name or index.
         """
     def inverse_dynamics(self, qacc: ArrayLike) -> _Array:
-        """Joint forces that cause given accelerations at the current states: M qacc + bias - passive.
+        """Joint forces that cause given accelerations at the current states: mass matrix times `qacc`, plus bias, minus passive forces.
 
         This is MuJoCo's `mj_inverse` without constraints. Passive forces are those of springs, dampers, gravity compensation and the
-        medium. Actuator forces, applied forces and constraint forces are not subtracted. `qfrc_constraint` has the constraint forces of the
+        fluid. Actuator forces, applied forces and constraint forces are not subtracted. `qfrc_constraint` has the constraint forces of the
         last step.
 
         Args:
@@ -1377,7 +1377,7 @@ class Stepper:
             axes: Axes of points and directions with `body`: "body", those of the body; "heading", those of the world rotated by the body's
                 heading; "world".
             geoms: Names or indices of the geoms that rays can hit. None is all.
-            exclude: Name or index of a body whose geoms are not hit. None is `body`.
+            exclude: Name or index of a body whose geoms are not hit. None excludes the geoms of `body`.
 
         Returns:
             Distances, (num_envs, n), m, in the precision of the stepper, and indices of the hit geoms, (num_envs, n) int32. Both are -1 for
@@ -1388,7 +1388,7 @@ class Stepper:
             KeyError, IndexError: The model has no geom or body of that name or index.
         """
     def _in_64_bits(self, env: int) -> list[_Array]:
-        """Mass matrix, bias force, smooth acceleration, energies and momenta of an environment, for the golden trajectories.
+        """Mass matrix, bias force, smooth acceleration, energies and momenta of an environment, for the tests' reference trajectories.
 
         They are computed in 64 bits, also for a stepper with precision "f32".
         """

@@ -43,7 +43,7 @@
 //! ```
 //!
 //! [`find_kinks`] is for finite differences. It compares perturbed copies of environments after a step. Contacts, limits and actuators may
-//! change their mode between the copies, and the result has these changes and the distance to the nearest one.
+//! change their mode between the copies. The result contains these kinks and the distance to the nearest kink.
 //!
 //! | to do | see |
 //! |---|---|

@@ -26,7 +26,7 @@ pub struct DerivativeRows<'a> {
     pub slopes: &'a mut [f64],
     /// Flags of kinks in every column, (num_envs, columns), see [`kink`](crate::kink).
     pub causes: &'a mut [u32],
-    /// Distance to the nearest kink as a multiple of the displacement, to first order; infinite if there is none, (num_envs).
+    /// Distance to the nearest kink as a multiple of the displacement, to first order; infinite if no kink was found, (num_envs).
     pub distance: &'a mut [f64],
     /// Whether the derivative is valid, (num_envs): 1 if the implicit function theorem applies, otherwise 0.
     pub sound: &'a mut [u8],

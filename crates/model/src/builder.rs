@@ -232,7 +232,7 @@ impl ModelBuilder {
     /// Checks the scene and returns the model.
     ///
     /// # Errors
-    /// [`ModelError`] if a name is missing, for errors of [`Description::finish`], and for elements that are not simulated yet.
+    /// [`ModelError`] if a name does not exist, if [`Description::finish`] rejects the scene, or if an element is not simulated yet.
     pub fn finish(&self) -> Result<Model, ModelError> {
         self.describe()?.finish(true)
     }

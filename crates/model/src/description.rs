@@ -14,8 +14,8 @@ use crate::tendon::Tendon;
 
 /// Description of a scene before its checks: bodies in a tree, joints, shapes, actuators and sensors. Body 0 is the world.
 ///
-/// [`ModelBuilder`](crate::ModelBuilder) is a more convenient way to a model. Descriptions are for readers of files, and for edits that the
-/// builder does not support.
+/// [`ModelBuilder`](crate::ModelBuilder) is more convenient for new models in code. Descriptions are for readers of files, and for edits
+/// that the builder does not support.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Name of the scene; may be empty.
@@ -141,7 +141,7 @@ impl JointKind {
     }
 }
 
-/// Joint between a body and its parent. A body may have several, which apply in order.
+/// Joint between a body and its parent. A body may have several joints, which apply in order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Joint {
     /// Name of the joint; may be empty.
@@ -210,7 +210,8 @@ pub struct Geom {
     pub surface_velocity: [f64; 6],
     /// Coefficients of the ellipsoid fluid model; `None` uses the equivalent inertia box of the body.
     pub fluid: Option<Ellipsoid>,
-    /// Softness of contacts in MuJoCo's contact law. A contact has that of the geom with the higher priority, or a mixture of both.
+    /// Softness of contacts in MuJoCo's contact law. A contact has the softness of the geom with the higher priority; with equal priorities
+    /// it has a mixture of both.
     pub softness: Softness,
     /// Weight of the geom's softness in the mixture of two geoms.
     pub solmix: f64,

@@ -148,7 +148,7 @@ impl Model {
     /// Reads a model from a file that [`Model::save`] wrote, bit for bit.
     ///
     /// # Errors
-    /// Those of [`Model::from_bytes`], and if the file cannot be read.
+    /// [`ModelError::File`] if the file cannot be read, and the errors of [`Model::from_bytes`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
         let shown = path.as_ref().to_string_lossy();
         let read = std::fs::read(path.as_ref());
@@ -164,7 +164,7 @@ impl Model {
 /// Writes a file atomically: a reader sees the old file or the new one.
 ///
 /// # Errors
-/// The error of the file system, after which there is no partial file.
+/// The error of the file system. No partial file remains.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let name = path.file_name().map_or_else(Default::default, |n| n.to_string_lossy().into_owned());
     let partial = path.with_file_name(format!(".{name}.{}.part", std::process::id()));

@@ -68,10 +68,11 @@ impl Model {
 }
 
 impl Model {
-    /// Disables collisions between the geoms and bodies of the given overlaps.
+    /// Disables collisions between the bodies of overlapping geoms. If one of the bodies is the world, only collisions between the two
+    /// geoms are disabled.
     ///
     /// # Panics
-    /// If the model does not have a geom.
+    /// If an overlap has the index of a geom that the model does not have.
     pub fn exclude_overlaps(&mut self, overlaps: impl IntoIterator<Item = Overlap>) {
         let count = self.geoms.len();
         self.description
@@ -86,7 +87,7 @@ impl Model {
         model
     }
 
-    /// Convex hull of the mesh to which the shape refers. It exists for every geom that can touch others as a hull.
+    /// Convex hull of the mesh to which the shape refers. It exists if the hull is the collision shape of a geom that can touch others.
     pub fn hull_of(&self, shape: &Shape) -> Option<&Arc<Hull>> {
         self.hulls.0.get(self.mesh_index(shape)?)?.as_ref()
     }

@@ -1,4 +1,4 @@
-//! Types of an actuator's gain and bias, which determine the parameters that they read.
+//! Types of an actuator's gain and bias. A type determines the parameters on which the gain or bias depends.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,9 +12,9 @@ pub enum GainType {
     Affine,
     /// DC motor: the parameters are resistance and motor constant, and the control is the voltage.
     DcMotor,
-    /// Position input of a PID controller without integral term; its gain is `-bias[1]`.
+    /// Position input of a PID controller without integral term. The gain is `-bias[1]`.
     PidPosition,
-    /// Velocity input of a PID controller without integral term; its gain is `-bias[2]`.
+    /// Velocity input of a PID controller without integral term. The gain is `-bias[2]`.
     PidVelocity,
 }
 

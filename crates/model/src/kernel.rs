@@ -44,8 +44,8 @@ impl Kernel {
         }
     }
 
-    /// Collision function of two shapes, in the order of [`Description::collision_pairs`](crate::Description::collision_pairs). `None` if
-    /// stepper has no function for them.
+    /// Collision function of two shapes; `None` if stepper has no function for them. The shapes are in the order of
+    /// [`Description::collision_pairs`](crate::Description::collision_pairs).
     pub fn of(a: &Shape, b: &Shape) -> Option<Self> {
         match (a, b) {
             (Shape::Plane, Shape::Sphere { .. }) => Some(Self::PlaneSphere),

@@ -37,7 +37,7 @@ macro_rules! lookups {
                 $(#[$doc])*
                 ///
                 /// # Errors
-                /// [`ModelError::NoSuchName`] when there is none of this name.
+                /// [`ModelError::NoSuchName`] if no element of this kind has the name.
                 pub fn $kind(&self, name: &str) -> Result<usize, ModelError> {
                     index_of(self.$list.iter().map(|element| &element.name[..]), stringify!($kind), name)
                 }
@@ -69,7 +69,7 @@ impl Description {
     /// Index of the joint with the name `name`, and its ranges in configurations and velocities.
     ///
     /// # Errors
-    /// [`ModelError::NoSuchName`] when there is none of this name.
+    /// [`ModelError::NoSuchName`] if no joint has the name.
     pub fn joint(&self, name: &str) -> Result<JointPlace, ModelError> {
         let index = index_of(self.joints.iter().map(|joint| &joint.name[..]), "joint", name)?;
         let ((q, v), kind) = (self.joint_addresses()[index], self.joints[index].kind);
@@ -79,7 +79,7 @@ impl Description {
     /// Index of the sensor with the name `name`, and its range in the readings.
     ///
     /// # Errors
-    /// [`ModelError::NoSuchName`] when there is none of this name.
+    /// [`ModelError::NoSuchName`] if no sensor has the name.
     pub fn sensor(&self, name: &str) -> Result<SensorPlace, ModelError> {
         let index = index_of(self.sensors.iter().map(|sensor| &sensor.name[..]), "sensor", name)?;
         let first = self.sensor_addresses()[index];

@@ -52,7 +52,7 @@ impl MassProperties {
         Some(Self { mass, com: Vector3::zeros(), inertia: Matrix3::from_diagonal(&Vector3::from(moments.map(|i| i * mass))) })
     }
 
-    /// Mass properties in a parent frame, in which the present frame has the position `pos` (m) and the orientation `quat`.
+    /// Mass properties in a parent frame. `pos` (m) and `quat` are the position and orientation of the present frame in the parent frame.
     pub fn placed(&self, pos: Vector3<f64>, quat: UnitQuaternion<f64>) -> Self {
         let r = quat.to_rotation_matrix();
         Self { mass: self.mass, com: pos + r * self.com, inertia: r.matrix() * self.inertia * r.matrix().transpose() }

@@ -6,7 +6,7 @@
 //! 1. both are fixed to the same rigid group, a body with everything welded to it (MuJoCo's `body_weldid`). A mocap body is a separate
 //!    group, and everything fixed to the world is one group;
 //! 2. no degree of freedom moves either of them;
-//! 3. one group is the parent of the other, unless the parent is the world's;
+//! 3. one group is the parent of the other, unless the parent is the group of the world;
 //! 4. their bodies are excluded;
 //! 5. neither's `contype` shares a bit with the other's `conaffinity`.
 //!
@@ -323,8 +323,8 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
 }
 
 impl Description {
-    /// Pairs of geoms that can collide, in ascending order of their geoms. An explicit pair overrides the filters; if two have the same
-    /// geoms, the first one applies. Pairs that cannot move relative to each other are never in the list.
+    /// Pairs of geoms that can collide, in ascending order of their geoms. An explicit pair overrides the filters; if two explicit pairs
+    /// have the same geoms, the first one applies. Geoms that cannot move relative to each other are never in the list.
     pub fn collision_pairs(&self) -> Vec<GeomPair> {
         let filter = Filter::new(self);
         let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g)).collect();

@@ -148,7 +148,7 @@ pub enum SensorKind {
     JointPos(usize),
     /// Velocity of a hinge or slide, m/s or rad/s.
     JointVel(usize),
-    /// Sum of the actuator forces on a hinge or slide, within the joint's force range, N or N m.
+    /// Sum of the actuator forces on a hinge or slide, clamped to the joint's force range, N or N m.
     JointActuatorForce(usize),
     /// Distance of a hinge or slide beyond the nearer end of its range, m or rad; 0 within the range.
     JointLimitPos(usize),

@@ -1,4 +1,4 @@
-//! Variants of a model with other values and the same structure, as environments of a batch can have them.
+//! Variants of a model for the environments of a batch: models with the same structure and other values.
 
 use std::fmt;
 use std::str::FromStr;

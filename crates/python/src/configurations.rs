@@ -59,8 +59,8 @@ impl<'py> Rows<'py> {
     }
 }
 
-/// NumPy array with the results of `combine`, rows of length `width`, for the pairs of rows with equal index in `a` and `b`. If one
-/// argument has a single row, this row is in every pair.
+/// NumPy array of the results of `combine`, (..., width). `combine` gets the rows of `a` and `b` with the same index, and returns a row of
+/// length `width`. If one of the arguments has a single row, all rows of the other are combined with this row.
 fn each_row<'py>(
     py: Python<'py>,
     [a, b]: [Rows<'py>; 2],

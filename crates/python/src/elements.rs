@@ -109,7 +109,7 @@ elements! {
         armature,
         /// Dry friction of the joint (frictionloss), N or N m.
         frictionloss,
-        /// Speed limit of the joint in the source, rad/s or m/s; infinite without one. The simulation does not enforce it.
+        /// Speed limit of the joint in the source, rad/s or m/s; infinite if the source has no limit. The simulation does not enforce it.
         velocity_limit,
     }
 
@@ -195,7 +195,7 @@ elements! {
         trntype,
         /// Index of the transmission target.
         trnid,
-        /// Address of the actuator's activation in act; -1 without one.
+        /// Address of the actuator's activation in act; -1 if the actuator has no activation.
         actadr,
         /// Bounds of the control: (2,), infinite without a bound.
         ctrlrange,
@@ -229,7 +229,7 @@ elements! {
         dim,
         /// Standard deviation of the sensor noise in the source file, `noise` in MJCF.
         noise,
-        /// Largest magnitude of a reading in the source file, `cutoff` in MJCF; 0 without one.
+        /// Largest magnitude of a reading in the source file, `cutoff` in MJCF; 0 if readings have no limit.
         cutoff,
     }
 

@@ -243,9 +243,9 @@ impl Model {
 
     /// New model without contacts between bodies that overlap in the reference pose, as by `stepper.load(..., overlaps="exclude")`.
     ///
-    /// `excluded_overlaps` lists the pairs, which are deeper than 0.01 mm. All contacts between the two bodies are disabled; geoms of the
-    /// world are excluded one by one. Overlaps with the ground are kept, and `overlaps()` lists them. The ground is planes, height fields,
-    /// and for bodies with a free joint all fixed geoms.
+    /// `excluded_overlaps` lists these overlaps, deeper than 0.01 mm. All contacts between the two bodies are disabled. If a body is
+    /// the world, only contacts between the two geoms are disabled. Overlaps with the ground are kept, and `overlaps()` lists them. Ground
+    /// means planes, height fields and, for bodies with a free joint, all fixed geoms.
     fn exclude_overlaps(&self) -> Self {
         Self::of(overlaps::exclude(&self.core))
     }
@@ -373,7 +373,7 @@ impl Model {
         elements::Keyframe::of(py, &self.core, Kind::Keyframe.find(&self.core, key)?)
     }
 
-    /// Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos over a time of 1.
+    /// Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos with dt = 1.
     ///
     /// Args:
     ///     q: Configurations, (..., nq).
@@ -389,7 +389,7 @@ impl Model {
         configurations::integrate(&self.core, q, dv)
     }
 
-    /// Shortest displacements from one configuration to another, as MuJoCo's mj_differentiatePos over a time of 1.
+    /// Shortest displacements from one configuration to another, as MuJoCo's mj_differentiatePos with dt = 1.
     ///
     /// This is the inverse of `integrate_pos`.
     ///
@@ -460,7 +460,7 @@ impl Model {
     /// Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
     ///
     /// The list has ratios of 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite
-    /// if there is none, as for an open surface.
+    /// for a mesh that encloses no space, such as an open surface.
     #[getter]
     fn wide_hulls(&self) -> Vec<(usize, f64)> {
         self.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect()

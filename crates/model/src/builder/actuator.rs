@@ -54,15 +54,16 @@ impl ActuatorBuilder {
         Self::new(name, joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv])
     }
 
-    /// Makes the actuator act on the tendon of the given name, instead of a joint.
+    /// Makes the actuator act on a tendon instead of a joint. The joint name that was given before is then the name of the tendon.
     pub fn on_tendon(mut self) -> Self {
         self.target = Target::Tendon;
         self
     }
 
-    /// Makes the actuator act on the site of the given name. `wrench` is force and torque per unit of actuator force.
+    /// Makes the actuator act on a site instead of a joint. The joint name that was given before is then the name of the site.
     ///
-    /// The wrench is in the frame of the site, or of the reference site, whose body receives the reaction.
+    /// `wrench` is force and torque per unit of actuator force, in the frame of the site. If `reference` names a reference site, the wrench
+    /// is in its frame, and its body receives the reaction.
     pub fn on_site(mut self, wrench: [f64; 6], reference: Option<&str>) -> Self {
         self.target = Target::Site { reference: reference.map(Into::into), wrench };
         self

@@ -71,7 +71,8 @@ impl JointBuilder {
         self
     }
 
-    /// Sets a spring: `stiffness` in N/m or N m/rad. A hinge or slide is at rest at `rest`, another joint in the initial pose.
+    /// Sets a spring of the stiffness `stiffness`, N/m or N m/rad. The rest position is `rest` (m or rad) for a hinge or slide, and the
+    /// initial pose for a ball or free joint.
     pub fn spring(mut self, stiffness: f64, rest: f64) -> Self {
         self.joint.stiffness = stiffness;
         self.rest = Some(rest);

@@ -24,7 +24,7 @@ impl TendonBuilder {
         self
     }
 
-    /// Sets the stiffness of a spring. Its rest length is that at `qpos_spring`, the rest pose of joint springs.
+    /// Sets the stiffness of a spring. Its rest length is the tendon length at `qpos_spring`, the rest pose of joint springs.
     pub fn stiffness(mut self, stiffness: f64) -> Self {
         self.tendon.stiffness = stiffness;
         self

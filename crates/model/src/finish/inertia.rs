@@ -1,11 +1,12 @@
 //! Check that all moving bodies have inertia.
 //!
-//! With q at its reference, degrees of freedom are eliminated from the leaves to the roots (the order of Featherstone's L^T D L, "Rigid
-//! Body Dynamics Algorithms" 2008, section 6.5). The pivot of a degree of freedom is the inertia that its force accelerates while all
-//! degrees of freedom farther out move freely. It is zero exactly if the mass matrix is singular there.
+//! In the reference configuration, degrees of freedom are eliminated from the leaves to the roots (the order of Featherstone's L^T D L,
+//! "Rigid Body Dynamics Algorithms" 2008, section 6.5). The pivot of a degree of freedom is the inertia that its force accelerates while
+//! all degrees of freedom farther out move freely. It is zero exactly if the mass matrix is singular there.
 //!
-//! MuJoCo requires a mass of every moving body instead. Here a universal joint without mass between heavy bodies is valid, and two hinges
-//! on one line with nothing between them are an error. Other configurations are not checked; the step reports a singular matrix there.
+//! MuJoCo instead requires that every moving body has mass. Here a universal joint without mass between heavy bodies is valid, and two
+//! hinges on one line with nothing between them are an error. Other configurations are not checked; the step reports a singular matrix
+//! there.
 
 use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 

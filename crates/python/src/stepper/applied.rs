@@ -46,7 +46,7 @@ impl<'py> Applied<'py> {
         }
     }
 
-    /// Writes `row` to the rows of the environments `envs`. For `eq_active`, 0 is false.
+    /// Writes `row` to the array, in the row of each of the environments `envs`. For `eq_active`, 0 is false.
     fn write_rows(&self, envs: &[usize], row: &[f64]) -> PyResult<()> {
         let width = row.len();
         match self {

@@ -55,7 +55,7 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::BodyQuat)
     }
 
-    /// Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Those of mocap bodies are zero,
+    /// Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Mocap bodies have zero velocity,
     /// as in MuJoCo.
     #[getter]
     fn body_linvel<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -88,10 +88,10 @@ impl Stepper {
         slf.py().import("stepper._quantities")?.call_method1("read", (slf, name, of))
     }
 
-    /// Joint forces that cause given accelerations at the current states: M qacc + bias - passive.
+    /// Joint forces that cause given accelerations at the current states: mass matrix times `qacc`, plus bias, minus passive forces.
     ///
     /// This is MuJoCo's `mj_inverse` without constraints. Passive forces are those of springs, dampers, gravity compensation and the
-    /// medium. Actuator forces, applied forces and constraint forces are not subtracted. `qfrc_constraint` has the constraint forces of the
+    /// fluid. Actuator forces, applied forces and constraint forces are not subtracted. `qfrc_constraint` has the constraint forces of the
     /// last step.
     ///
     /// Args:

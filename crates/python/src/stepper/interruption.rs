@@ -35,10 +35,10 @@ impl Interrupted {
     }
 }
 
-/// Makes a call of the core that can be interrupted by signals.
+/// Makes a call of the core, `call`, that signals can interrupt.
 ///
-/// `call` gets a function that it must call periodically on this thread. If the function returns false, `call` must stop and return the
-/// number of steps made.
+/// `call` gets a function that it must call periodically on this thread. If this function returns false, a signal has interrupted the call:
+/// `call` must stop and return the number of steps made.
 pub(super) fn watched(call: impl FnOnce(&mut dyn FnMut() -> bool) -> Result<usize, Error>) -> Result<Option<Interrupted>, Error> {
     let mut error = None;
     let steps = call(&mut || match Python::attach(|py| py.check_signals()) {

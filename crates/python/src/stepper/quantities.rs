@@ -46,7 +46,7 @@ impl Stepper {
         Ok(slf.derive(py, &[DerivedQuantity::MassMatrix])?.remove(0))
     }
 
-    /// Mass matrix, bias force, smooth acceleration, energies and momenta of an environment, for the golden trajectories.
+    /// Mass matrix, bias force, smooth acceleration, energies and momenta of an environment, for the tests' reference trajectories.
     ///
     /// They are computed in 64 bits, also for a stepper with precision "f32".
     fn _in_64_bits<'py>(mut slf: Writing<'_>, py: Python<'py>, env: Env) -> PyResult<Vec<Bound<'py, PyAny>>> {

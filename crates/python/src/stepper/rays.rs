@@ -26,7 +26,7 @@ impl Stepper {
     ///     axes: Axes of points and directions with `body`: "body", those of the body; "heading", those of the world rotated by the body's
     ///         heading; "world".
     ///     geoms: Names or indices of the geoms that rays can hit. None is all.
-    ///     exclude: Name or index of a body whose geoms are not hit. None is `body`.
+    ///     exclude: Name or index of a body whose geoms are not hit. None excludes the geoms of `body`.
     ///
     /// Returns:
     ///     Distances, (num_envs, n), m, in the precision of the stepper, and indices of the hit geoms, (num_envs, n) int32. Both are -1 for

@@ -116,7 +116,7 @@ impl Stepper {
     ///         environment for each of `envs`. A simulation repeats its motion from a restored state, bit for bit. Copies of a single state
     ///         have independent random sensor errors.
     ///     qvel: Velocities, (num_envs, nv) or (nv,).
-    ///     envs: Environments, as in `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
+    ///     envs: Environments, as in `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to environments 5 and 6.
     ///     act: Activations, (num_envs, na) or (na,).
     ///     time: Times, (num_envs,) or one for all, s.
     ///     keep_warmstart: Whether to keep the solver's warm start, contacts, flags, and the memory of drives and sensors. Use it in state

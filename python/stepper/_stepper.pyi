@@ -221,13 +221,13 @@ class Actuator:
     """Actuator of a model."""
 
     id: Final[int]
-    """Index of the actuator, which is also that of its control in ctrl."""
+    """Index of the actuator, and of its control in ctrl."""
     name: Final[str]
     """Name of the actuator; may be empty."""
     trntype: Final[str]
-    """Type of the transmission target: "joint", "tendon" or "site"."""
+    """Kind of element on which the actuator acts: "joint", "tendon" or "site"."""
     trnid: Final[int]
-    """Index of the transmission target."""
+    """Index of the joint, tendon or site on which the actuator acts."""
     actadr: Final[int]
     """Address of the actuator's activation in act; -1 if the actuator has no activation."""
     ctrlrange: Final[_Array]
@@ -281,15 +281,15 @@ class Tendon:
     limited: Final[bool]
     """Whether the tendon length has bounds."""
     range: Final[_Array]
-    """Lowest and highest tendon length: (2,), infinite without a bound."""
+    """Lowest and highest tendon length, m or rad: (2,), infinite without a bound."""
     stiffness: Final[float]
-    """Stiffness of the tendon spring."""
+    """Stiffness of the tendon spring, N per unit of tendon length (m or rad)."""
     damping: Final[float]
-    """Viscous damping of the tendon."""
+    """Viscous damping of the tendon, N s per unit of tendon length (m or rad)."""
     armature: Final[float]
-    """Added inertia of the tendon."""
+    """Added inertia of the tendon, N s^2 per unit of tendon length (m or rad)."""
     frictionloss: Final[float]
-    """Dry friction of the tendon."""
+    """Dry friction of the tendon, N."""
 
 @final
 class Keyframe:

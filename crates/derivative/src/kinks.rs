@@ -146,7 +146,7 @@ fn read_active_set(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, o
     let status = sim.status(env);
     let harmful = Status::NON_FINITE | Status::CONTACTS_FULL | Status::UNRESOLVED | Status::INFEASIBLE;
     let loose = sim.certificate(env).residual > copies.tolerance;
-    // Differences are computed for steps with this residual, so that a larger residual than the options' tolerance is acceptable.
+    // NOT_CONVERGED is acceptable up to `copies.tolerance`, which may be larger than the tolerance of the options.
     out.unsolved = status.intersects(harmful) || (loose && status.intersects(Status::NOT_CONVERGED));
     read_contacts(sim, copies, env, hard, out);
     read_joints(sim, copies, env, hard, out);

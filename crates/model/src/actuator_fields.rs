@@ -7,7 +7,8 @@ pub(crate) const GEAR: usize = 6;
 /// Number of values in a row of `actuator_gainprm` and of `actuator_biasprm`.
 pub(crate) const PARAMETERS: usize = 10;
 
-/// Coefficients of the gain and of the bias of an affine force, each constant, per length, and per velocity.
+/// Coefficients of an affine force: those of the gain, then those of the bias. Each has a constant, a factor of length, and a factor of
+/// velocity.
 pub type AffineForce = ([f64; 3], [f64; 3]);
 
 impl Actuator {
@@ -17,7 +18,7 @@ impl Actuator {
         [gain[1], gain[2], bias[1], bias[2]].iter().any(|&x| x != 0.0)
     }
 
-    /// Coefficients of the gain and of the bias of the actuator's force, each constant, per length, and per velocity.
+    /// Coefficients of the actuator's affine force, for any type of gain and bias.
     pub fn affine_force(&self) -> AffineForce {
         const ZERO: [f64; 3] = [0.0; 3];
         let ForceModel { gain, bias, disabled } = self.force_model;

@@ -18,7 +18,7 @@ pub use crate::builder::geom::GeomBuilder;
 pub use crate::builder::joint::JointBuilder;
 pub use crate::builder::tendon::TendonBuilder;
 
-/// Quantity of a sensor that was added by the name of its element.
+/// Quantity of an added sensor: position or velocity of a joint with a name, or any kind of sensor.
 #[derive(Clone, Debug)]
 enum Reading {
     Position(String),

@@ -305,9 +305,9 @@ pub struct Actuator {
     pub act_range: Option<[f64; 2]>,
     /// Activation dynamics.
     pub activation: Activation,
-    /// Parameters of the gain: constant, per length, per velocity. For a DC motor they are resistance and motor constant.
+    /// Parameters of the gain: constant, factor of length, factor of velocity. For a DC motor they are resistance and motor constant.
     pub gain: [f64; 3],
-    /// Parameters of the bias: constant, per length, per velocity.
+    /// Parameters of the bias: constant, factor of length, factor of velocity.
     pub bias: [f64; 3],
     /// Types of gain and bias, which determine how the force follows from these parameters.
     #[serde(default, with = "added_fields")]
@@ -351,7 +351,7 @@ pub struct Requested {
     pub integrator: String,
     /// Solver: "PGS", "CG" or "Newton".
     pub solver: String,
-    /// Largest number of iterations of that solver.
+    /// Largest number of iterations of the solver.
     pub iterations: u32,
     /// Shape of the friction cone, "pyramidal" or "elliptic"; `None` if no geoms can touch.
     pub cone: Option<String>,

@@ -83,10 +83,10 @@ pub enum DeviceError {
     /// Servo on an actuator with activation dynamics.
     #[error("a servo cannot take the place of a law with activation dynamics of its own; leave the servo out")]
     ServoWithActivation,
-    /// Servo on a site, whose length it cannot measure.
+    /// Servo of an actuator on a site, which has no length that the servo could measure.
     #[error("a servo needs a length of its own to measure: that of a joint or a tendon, not of a site")]
     ServoOnSite,
-    /// Losses of an actuator that does not act on a joint.
+    /// Dry friction or gear losses of an actuator that does not act on a joint.
     #[error("friction and efficiency act on an actuator's joint, and this one is on a tendon or site; leave them out")]
     LossesWithoutJoint,
     /// Rotor inertia that is not finite after multiplication by the squared gears.

@@ -1,4 +1,4 @@
-//! Checks of a description, which make it a finished model.
+//! Checks that turn a description into a finished model.
 
 mod check;
 mod element;

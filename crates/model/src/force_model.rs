@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub enum GainType {
     /// Constant gain.
     Fixed,
-    /// Affine gain: constant, per length, per velocity.
+    /// Affine gain with three parameters: constant, factor of length, factor of velocity.
     #[default]
     Affine,
     /// DC motor: the parameters are resistance and motor constant, and the control is the voltage.
@@ -23,7 +23,7 @@ pub enum GainType {
 pub enum BiasType {
     /// No bias.
     None,
-    /// Affine bias: constant, per length, per velocity.
+    /// Affine bias with three parameters: constant, factor of length, factor of velocity.
     #[default]
     Affine,
     /// Back-EMF of a DC motor, with the parameters of the gain.

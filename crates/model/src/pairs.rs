@@ -239,7 +239,7 @@ impl Filter {
         self.explicit.get(&geoms).copied()
     }
 
-    /// Geoms of the explicit pairs.
+    /// Indices of the two geoms of each explicit pair, in the order of [`GeomPair::geoms`].
     pub fn explicit(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         self.explicit.keys().copied()
     }

@@ -207,7 +207,7 @@ pub enum SensorKind {
         site: usize,
         /// Unit directions in the site's frame.
         rays: Vec<[f64; 3]>,
-        /// Reported quantities of each ray, ascending.
+        /// Reported quantities of each ray, in ascending order.
         fields: Vec<RayField>,
         /// Indices of the geoms that rays can hit.
         geoms: Vec<usize>,

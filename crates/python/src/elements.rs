@@ -187,13 +187,13 @@ elements! {
 
     /// Actuator of a model.
     Actuator {
-        /// Index of the actuator, which is also that of its control in ctrl.
+        /// Index of the actuator, and of its control in ctrl.
         id,
         /// Name of the actuator; may be empty.
         name,
-        /// Type of the transmission target: "joint", "tendon" or "site".
+        /// Kind of element on which the actuator acts: "joint", "tendon" or "site".
         trntype,
-        /// Index of the transmission target.
+        /// Index of the joint, tendon or site on which the actuator acts.
         trnid,
         /// Address of the actuator's activation in act; -1 if the actuator has no activation.
         actadr,
@@ -245,15 +245,15 @@ elements! {
         coef,
         /// Whether the tendon length has bounds.
         limited,
-        /// Lowest and highest tendon length: (2,), infinite without a bound.
+        /// Lowest and highest tendon length, m or rad: (2,), infinite without a bound.
         range,
-        /// Stiffness of the tendon spring.
+        /// Stiffness of the tendon spring, N per unit of tendon length (m or rad).
         stiffness,
-        /// Viscous damping of the tendon.
+        /// Viscous damping of the tendon, N s per unit of tendon length (m or rad).
         damping,
-        /// Added inertia of the tendon.
+        /// Added inertia of the tendon, N s^2 per unit of tendon length (m or rad).
         armature,
-        /// Dry friction of the tendon.
+        /// Dry friction of the tendon, N.
         frictionloss,
     }
 

@@ -235,7 +235,7 @@ impl Model {
             }
             values.push((name, numbers.as_slice()?.to_vec()));
         }
-        // Together, because fields need only fit each other in the end.
+        // All fields are replaced in one call, because only the resulting model must be valid.
         let values: Vec<(&str, &[f64])> = values.iter().map(|(name, x)| (name.as_str(), x.as_slice())).collect();
         let core = this.core.replace_all(&values).map_err(to_py)?;
         Ok(Self::of(core))

@@ -18,37 +18,38 @@ impl TendonBuilder {
         Self { tendon: Tendon { name: name.into(), ..Tendon::default() }, joints, rest: None }
     }
 
-    /// Sets the lowest and highest length.
+    /// Sets the lowest and highest length, m or rad.
     pub fn range(mut self, low: f64, high: f64) -> Self {
         self.tendon.range = Some([low, high]);
         self
     }
 
-    /// Sets the stiffness of a spring. Its rest length is the tendon length at `qpos_spring`, the rest pose of joint springs.
+    /// Sets the stiffness of a spring, N per unit of length (m or rad). Its rest length is the tendon length at `qpos_spring`, the rest
+    /// pose of joint springs.
     pub fn stiffness(mut self, stiffness: f64) -> Self {
         self.tendon.stiffness = stiffness;
         self
     }
 
-    /// Sets the lowest and highest length at which the spring is slack.
+    /// Sets the lowest and highest length at which the spring is slack, m or rad.
     pub fn spring_length(mut self, low: f64, high: f64) -> Self {
         self.rest = Some([low, high]);
         self
     }
 
-    /// Sets the viscous damping.
+    /// Sets the viscous damping, N s per unit of length (m or rad).
     pub fn damping(mut self, damping: f64) -> Self {
         self.tendon.damping = damping;
         self
     }
 
-    /// Sets the armature: an inertia that resists changes of the tendon's length.
+    /// Sets the armature, an inertia that resists changes of the tendon's length, N s^2 per unit of length (m or rad).
     pub fn armature(mut self, armature: f64) -> Self {
         self.tendon.armature = armature;
         self
     }
 
-    /// Sets the dry friction.
+    /// Sets the dry friction, N.
     pub fn frictionloss(mut self, loss: f64) -> Self {
         self.tendon.frictionloss = loss;
         self

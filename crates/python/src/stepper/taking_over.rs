@@ -1,4 +1,4 @@
-//! Copies saved states to environments, and states between environments.
+//! Methods that copy saved states to environments, and states between environments.
 
 use std::collections::BTreeMap;
 

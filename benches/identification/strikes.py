@@ -97,7 +97,7 @@ class Strike:
         return out
 
     def draw(self, rng: np.random.Generator) -> np.ndarray[Any, Any]:
-        """Random true values of both parameters for a run, (2,)."""
+        """Random true values of the scene's two unknown parameters for one run, (2,), within the factor exp(`spread`) of `truth`."""
         return np.array(self.truth) * np.exp(np.array(self.spread) * rng.uniform(-1, 1, 2))
 
     def tracker(self, prior: float | None = None, **settings: Any) -> stepper.sysid.Tracker:

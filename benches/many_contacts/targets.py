@@ -147,7 +147,7 @@ def part(found: Sequence[Reached]) -> tuple[str, float] | None:
 
 
 def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, throughput: Mapping[str, Any] | None) -> list[list[str]]:
-    """Cells of the table of targets, in the order of its head, each with values for f64 / f32."""
+    """Rows of the table of targets: cells in the order of the table's headings, each with values for f64 / f32."""
     by_precision = [of_rows(rows, precision, floors) for precision in PRECISIONS]
     factor = scale(came_from)
     out = []

@@ -112,7 +112,7 @@ def conservation_error(engine: Engine, dt: float) -> float:
 
 
 def sequential_impact_error(engine: Engine, dt: float) -> float:
-    """Error of scene 26 with separated balls, which pass on an impact one by one: largest error of a ball's final velocity, m/s.
+    """Error of scene 26 with separated balls, in which each ball hits the next one: largest error of a ball's final velocity, m/s.
 
     The first ball has speed V, and only the last one must move in the end, with the same speed.
     """

@@ -98,7 +98,7 @@ TABLE_MASS = 7.0
 
 
 def table(order: tuple[int, ...]) -> str:
-    """MJCF of scene 15: a plate on four spherical feet, listed in the given order."""
+    """MJCF of scene 15: a plate on four spherical feet. `order` is the order in which the feet 0 to 3 are listed in the file."""
     feet = "".join(f'<geom type="sphere" size=".02" mass="0" pos="{LEGS[k][0]} {LEGS[k][1]} -.38"/>' for k in order)
     plate = '<geom type="box" size=".35 .25 .02" contype="0" conaffinity="0" mass="0"/>'
     inertia = f'<inertial pos="0.02 0.01 -0.05" mass="{TABLE_MASS}" diaginertia="0.4 0.5 0.6"/>'

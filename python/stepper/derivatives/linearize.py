@@ -255,7 +255,8 @@ def _result(
     Args:
         sim: The stepper.
         blocks: Quantities of `wrt`.
-        whole: Arrays of all environments, in the format of `_differences`.
+        whole: Arrays of all environments by name: "slopes" (num_envs, levels, columns, rows), "causes" of kinks (num_envs, columns),
+            "width", "noise", the nominal state, and fields of `Linearization`.
         width: Half width of the differences for coordinates of order 1.
         tolerance: Residual to which copies were solved, m/s.
         order: Order of the differences' error, for Richardson's extrapolation; 0 is no extrapolation.

@@ -244,7 +244,7 @@ def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
 
 
 def configure(model: Any, settings: MujocoEngine | None) -> None:
-    """Write settings into an `mujoco.MjModel` (None keeps them), and disable its sensors."""
+    """Write settings into a `mujoco.MjModel` (None keeps them), and disable its sensors."""
     mujoco = require("mujoco", "to compare stepper with MuJoCo")
     if settings is not None:
         settings.configure(mujoco, model)
@@ -321,7 +321,7 @@ class MujocoEngine:
         return MujocoBatch(model, 1)
 
     def configure(self, mujoco: Any, model: Any) -> None:
-        """Write these settings, except for the time step, into an `mujoco.MjModel`."""
+        """Write these settings, except for the time step, into a `mujoco.MjModel`."""
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator}")
         model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{self.cone}")
         model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{self.solver}")

@@ -16,7 +16,7 @@ class Timed(ABC):
 
     @abstractmethod
     def once(self) -> float:
-        """Run once from the start, and return the processor time, s."""
+        """Execute this run once from its start, and return the processor time, s."""
 
     def measure(self, seconds: float) -> None:
         """Measure one round: repeat the run for at least `seconds`, and append the mean processor time to `times`."""

@@ -87,7 +87,7 @@ class Comparison:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Confidence interval of the difference at 1 - 2 alpha: 90 % by default."""
+        """Confidence interval (low, high) of the mean difference of returns, with confidence 1 - 2 alpha: 90 % by default."""
         return _interval(self.other.returns - self.one.returns, 1.0 - 2.0 * self.alpha)
 
     @property

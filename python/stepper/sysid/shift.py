@@ -148,9 +148,9 @@ class Watch:
         self._twins: dict[int, _Twin] = {}
 
     def begin(self, tracker: Any) -> None:
-        """Stores a copy of the tracker every `COPY_INTERVAL` samples, except while copies process shifted readings.
+        """Stores a copy of the tracker every `COPY_INTERVAL` samples. Call it before each sample.
 
-        Call it before each sample.
+        It stores none while earlier copies process readings that are shifted by one sample, to test whether these fit better.
         """
         if self._origin is None or (len(self._samples) >= COPY_INTERVAL and not self._twins):
             self._origin = twin_of(tracker)

@@ -321,9 +321,11 @@ def _readings(row: str) -> Callable[[Moment], Array]:
 
 @cache_per_model
 def _columns(model: Model, row: str) -> tuple[int, int]:
-    """Columns in `sensordata` of the sensors of one row of the observation table: index of the first column, and number of columns.
+    """Columns in `sensordata` of the sensors that give one part of the observation: index of the first column, and number of columns.
 
-    These sensors are adjacent. `row` is the name of the row.
+    Args:
+        model: Model of the robot.
+        row: Name of the part, such as "angles". The sensors have this name, or this name and that of a joint, and are adjacent.
     """
     found = [sensor for sensor in map(model.sensor, range(len(model.sensor_names))) if re.fullmatch(f"{row}( .*)?", sensor.name)]
     return found[0].adr, sum(sensor.dim for sensor in found)

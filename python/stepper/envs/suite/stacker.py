@@ -71,7 +71,7 @@ class Stacker(SuiteTask):
         return [f"box{k}" for k in range(self.boxes)]
 
     def _rates(self, now: Moment) -> Array:
-        """Velocities in x, about y, and in z of each box: (num_envs, 3 boxes)."""
+        """Velocities of each box in x and z (m/s) and about y (rad/s): (num_envs, 3 * boxes), in the order x, y, z for each box."""
         rates: Array = now.qvel[:, [now.sim.model.joint(f"{box}_{k}").dofadr for box in self._names for k in "xyz"]]
         return rates
 

@@ -26,7 +26,7 @@ class InvertedPendulum(MujocoTask):
         return Observation("qpos"), Observation("qvel")
 
     def healthy(self, now: Moment) -> Array:
-        """Whether the pole is upright, (num_envs,)."""
+        """Whether the pole is within 0.2 rad of upright, (num_envs,) bool."""
         upright: Array = np.abs(now.qpos[:, 1]) <= 0.2
         return upright
 

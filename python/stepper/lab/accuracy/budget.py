@@ -51,7 +51,7 @@ class Budget:
 
     Attributes:
         seconds: Wall-clock time, s; infinite for no bound.
-        begin: Start by `time.time`, s.
+        begin: Start time from `time.time`, s.
     """
 
     seconds: float

@@ -54,10 +54,12 @@ _SMOOTH_ORDERS = (1.6, 2.6)
 class Reference:
     """Converged run or closed form, relative to which errors are measured, and its uncertainty.
 
+    A converged run is computed by two methods: the midpoint rule at ever smaller time steps, and a rule of first order as a check.
+
     Attributes:
-        runs: The three finest runs of the first method, the finest last. Fewer if the time budget ended; a single run has no uncertainty
+        runs: The three finest runs with the midpoint rule, the finest last. Fewer if the time budget ended; a single run has no uncertainty
             estimate.
-        second: Runs of the second method at the two finest steps; empty if it does not apply.
+        second: Runs with the rule of first order at the two finest time steps; empty if it does not apply.
         target: Target of the uncertainty, m or rad.
         uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.
         orders: Observed order of every episode, (episodes,); NaN if a difference is rounding.
@@ -65,8 +67,8 @@ class Reference:
         methods: Distance between the results of both methods, (episodes,), m or rad; NaN with one method.
         known: Time up to which the last two runs of an episode agree to the target, (episodes,), s.
         stopped: Whether the time budget ended the halving before the target was reached.
-        rule: Name of the second method.
-        without: Names of integrators of the second method that diverged or took too long.
+        rule: Name of the rule of first order, such as "Euler's rule".
+        without: Names of integrators of first order that diverged or took too long.
         exact: Name of the closed form; empty for converged runs.
     """
 

@@ -161,7 +161,7 @@ def _words(found: ChartData) -> list[str]:
 
 
 def _kept(found: ChartData, picture: Path | None) -> Section:
-    """Section of the document of a chart with the errors of invariants."""
+    """Section of the document of a chart with the errors of invariants, such as energy, and the figure `picture` (None is no figure)."""
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
         "Errors of laws that every correct motion satisfies, also a chaotic one: the largest of all episodes, after every control period, "

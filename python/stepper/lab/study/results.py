@@ -37,7 +37,10 @@ class Results:
             raise
 
     def _write_in_force(self, study: Study) -> None:
-        """Adds the provenance of the study (model, versions, digests) to in_force.json, under the digest of this entry."""
+        """Adds the study's provenance (model, versions, digests) as an entry to in_force.json.
+
+        Its key is the SHA-256 of the entry, shortened.
+        """
         file = self.folder / IN_FORCE
         entries: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
         text = json.dumps(study.in_force, sort_keys=True, default=str)

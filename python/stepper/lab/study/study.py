@@ -459,7 +459,7 @@ def _words() -> dict[str, tuple[Any, ...]]:
 
 
 def _members(part: Any) -> tuple[Any, ...]:
-    """Words that a part of a type annotation allows: those of a Literal, None for `NoneType`, or a single word."""
+    """Allowed values of an option from one part of its type annotation: the words of a Literal, None for `NoneType`, or the part itself."""
     return get_args(part) or ((None,) if part is type(None) else (part,))
 
 

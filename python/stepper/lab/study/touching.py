@@ -92,7 +92,7 @@ class Touching:
 
 
 def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
-    """Sliding friction of the explicit pairs of an `mujoco.MjModel`, by their geoms, the lower index first; empty for None."""
+    """Sliding friction of the explicit pairs of a `mujoco.MjModel`, by their geoms, the lower index first; empty for None."""
     if compiled is None:
         return {}
     pairs = np.sort(np.stack([compiled.pair_geom1, compiled.pair_geom2], axis=1), axis=1)

@@ -153,7 +153,7 @@ class World:
         raise NotImplementedError
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments, and update the certificate.
+        """Step all environments, and update the certificate (largest status flags, residuals and violations of the episode).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
@@ -162,7 +162,7 @@ class World:
         raise NotImplementedError
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments like `advance`, but without an update of the certificate. Benchmarks time this method."""
+        """Step all environments without an update of the certificate (`certificate`), unlike `advance`. Benchmarks time this method."""
         raise NotImplementedError
 
     def certificate(self) -> dict[str, NDArray[Any]]:
@@ -572,7 +572,7 @@ def _ignore(_: str) -> None:
 
 
 def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
-    """Copy of an `mujoco.MjModel` with other values of some fields.
+    """Copy of a `mujoco.MjModel` with other values of some fields.
 
     Args:
         mujoco: The module `mujoco`.
@@ -632,7 +632,7 @@ def _mujoco_choice(mujoco: Any, name: str, value: Any) -> Any:
 
 
 def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:
-    """Write settings of the step into an `mujoco.MjModel`; other settings keep their values.
+    """Write settings of the step into a `mujoco.MjModel`; other settings keep their values.
 
     Raises:
         ValueError: MuJoCo does not have a setting or a value of it.

@@ -197,6 +197,13 @@ def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pa
 
     Each pair has `count` rows, one more than it has displacements. The first is unperturbed; in the others the column is displaced.
 
+    Args:
+        sim: The original stepper.
+        nominal: State of its environments.
+        blocks: Quantities to which the columns belong.
+        pairs: Environment, column and displacements of each pair.
+        options: Options of the copies.
+
     Returns:
         Stepper of the copies, and their controls, (rows, nu).
     """

@@ -59,7 +59,8 @@ def where_available(
         sensors: Whether derivatives of sensor readings are needed, which the theorem does not support.
 
     Returns:
-        Arrays by name, in the format of `derivatives`.
+        Arrays by name: "slopes" (num_envs, 1, columns, rows), flags "causes" (num_envs, columns), and others. The mask "implicit",
+            (num_envs,), is False where the derivatives are not valid.
     """
     state = [block for block in blocks if block.field not in RANDOMIZED]
     if not state:
@@ -81,6 +82,14 @@ def derivatives(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, *, nstep: int, tolerance: float
 ) -> dict[str, NDArray[Any]]:
     """Derivatives of the state after `nstep` steps in all environments, by the implicit function theorem.
+
+    Args:
+        sim: The stepper.
+        nominal: State of its environments.
+        blocks: Quantities to differentiate by.
+        stencil: Displacements for the finite differences of forces, inertia and geometry.
+        nstep: Number of steps.
+        tolerance: Residual to which steps are solved, m/s.
 
     Returns:
         Arrays by name: "slopes" (num_envs, 1, columns, rows), "causes" with the flags of `Kink` (num_envs, columns), and others. The mask
@@ -108,7 +117,8 @@ def _product(
         tolerance: Residual to which steps are solved, m/s.
 
     Returns:
-        Arrays by name, in the format of `derivatives`.
+        Arrays by name: "slopes" (num_envs, 1, columns, rows), flags "causes" (num_envs, columns), and others. The mask "implicit",
+            (num_envs,), is False where the derivatives are not valid.
     """
     model, ctrl = sim.model, nominal.fields["ctrl"]
     plant = replicas_of(sim, nominal, 1, tolerance=tolerance)
@@ -140,7 +150,7 @@ def _product(
 def _combined(
     last: dict[str, NDArray[Any]], slopes: Array, causes: NDArray[np.uint32], steps: list[dict[str, NDArray[Any]]], width: Array
 ) -> dict[str, NDArray[Any]]:
-    """Arrays in the format of `derivatives` from the results of one or more steps.
+    """Derivatives over one or more steps with flags and residuals, as arrays by name: "slopes" (num_envs, 1, columns, rows) and others.
 
     Args:
         last: Result of `Stepper._differentiate` for the last step.

@@ -294,7 +294,11 @@ class Horizon:
         return points, directions, spans
 
     def _compare(self, at: Linear) -> Verdict:
-        """Compares the estimate with other values of friction, and raises lower bounds of frictions to values that the readings exclude."""
+        """Compares the estimate with other values of friction, and raises lower bounds of frictions to values that the readings exclude.
+
+        Args:
+            at: Linearisation about the estimate, with the residuals at these other values.
+        """
         problem = self._problem
         unknown = [bool(self._cov[j, j] > (WIDE * problem.scale[j]) ** 2) for j in problem.kinked]
         verdict = verdict_of(
@@ -378,7 +382,11 @@ class Horizon:
         return verdict.holding
 
     def _expect(self, at: Linear) -> None:
-        """Sets `newest` and `normalized_innovation` from the prediction errors of the newest sample."""
+        """Sets `newest` (prediction errors of the newest sample's readings, in units of their noise) and `normalized_innovation`.
+
+        Args:
+            at: Linearisation of a window that includes this sample, about the estimate before it.
+        """
         seen = self._problem.seen(self._samples[-1][1])
         self.newest, J = at.expected[-1][seen], at.J[-1][seen]
         self.normalized_innovation = 0.0
@@ -387,7 +395,7 @@ class Horizon:
             self.normalized_innovation = float(self.newest @ np.linalg.solve(expected, self.newest)) / len(self.newest)
 
     def _linear(self) -> Linear:
-        """Linearisation of the predicted readings in the window about the estimate."""
+        """Linearisation of the predicted readings in the window of recent samples, about the present estimate."""
         points, directions, spans = self._points()
         made, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
         J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)
@@ -400,7 +408,11 @@ class Horizon:
     def _gauss_newton(self, at: Linear) -> tuple[Array, Array]:
         """Gauss-Newton step, (n + states,), on the squared residuals of the window plus the arrival cost, and the posterior covariance.
 
-        It also sets the attribute `evidence`, the logarithm of the probability density of all readings.
+        The arrival cost is the normal distribution of the unknowns before the window. The method also sets `evidence`, the logarithm of the
+        probability density of all readings, up to a constant.
+
+        Args:
+            at: Linearisation about the estimate.
         """
         N = len(self.x)
         root = root_of(self._cov)

@@ -178,9 +178,11 @@ class Watch:
         return not unexplained
 
     def _follow(self) -> None:
-        """Lets copies of the tracker process past samples with shifted readings.
+        """Lets the copies of the tracker, which get shifted readings, process past samples.
 
-        When the copies have processed all samples, their innovations are compared with those of the tracker.
+        Compares them with the tracker when they have finished.
+
+        If a copy predicts the readings much better than the tracker, `found` is set to its shift.
         """
         for twin in self._twins.values():
             for _ in range(CAUGHT_UP):
@@ -188,7 +190,7 @@ class Watch:
         if not all(twin.done(self._samples) for twin in self._twins.values()):
             return
         own = float(np.mean(self._surprise[-len(self._samples) :]))
-        shift, left = min(((shift, twin.left()) for shift, twin in self._twins.items()), key=lambda pair: pair[1])
+        shift, left = min(((shift, twin.mean_innovation()) for shift, twin in self._twins.items()), key=lambda pair: pair[1])
         if left < RATIO * own:
             self.found = shift, left / own
         self._twins, self._origin = {}, None
@@ -227,8 +229,8 @@ class _Twin:
         """
         return self._at >= len(samples) - (self._shift == LATE)
 
-    def left(self) -> float:
-        """Mean normalised innovation squared over the samples that this copy of the tracker has processed; infinite before the first."""
+    def mean_innovation(self) -> float:
+        """Mean normalised innovation squared of the samples that this copy has processed; infinite before the first."""
         return float(np.mean(self._surprise)) if self._surprise else np.inf
 
 

@@ -63,7 +63,12 @@ def weights_of(loss: str, z: Array) -> Array:
 
 
 def slopes_of(loss: str, r: Array) -> Array:
-    """Derivatives of the score r rho'(r^2) at residuals r, (m,), bounded below by 1e-3."""
+    """Derivatives of the score r rho'(r^2) with respect to the residual r, (m,), bounded below by 1e-3.
+
+    Args:
+        loss: Name of SciPy's loss function rho.
+        r: Residuals, (m,).
+    """
     step = 1e-4
     up, down = r + step, r - step
     return np.maximum((up * weights_of(loss, up**2) - down * weights_of(loss, down**2)) / (2 * step), 1e-3)
@@ -114,11 +119,11 @@ def _at_least(covariance: Array, other: Array) -> Array:
 
 
 def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
-    """Sums over the readings at each time: one array (times, n) per episode.
+    """Sums of the rows of readings with the same episode and time: one array (times, n) per episode.
 
     Args:
-        rows: Numbers of each reading that are added up, such as scores, (k, n).
-        times: Indices of the episode, control period and column of each reading, (k, 3).
+        rows: Numbers of each reading, (k, n), such as its weighted residual times its Jacobian.
+        times: Indices of the episode, row and column of each reading, (k, 3).
     """
     places = _places(times)
     out = []
@@ -202,6 +207,8 @@ def _autocovariance(series: list[Array], count: int) -> Array:
 
 def _long_run(scores: list[Array]) -> Array:
     """Covariance of the sum of the scores of all episodes, (n, n), for scores that are correlated in time.
+
+    The score of a time is the sum of its readings' weighted residuals times their Jacobian, a vector (n,) for n parameters.
 
     Args:
         scores: Scores by episode, (times, n).

@@ -327,7 +327,12 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
     longest = int(np.argmax(total))
 
     def widest(value: Any, *, delays: bool) -> Any:
-        """Array (count,) for the copies from an array with one number per environment of `sim`; other values unchanged."""
+        """Array (count,) with the largest number of an array first, and the smallest elsewhere; single numbers do not change.
+
+        Args:
+            value: Attribute of the drive or transfer, such as an array (num_envs,).
+            delays: Whether the first number is that of the environment with the longest total delay, instead of the largest.
+        """
         if isinstance(value, tuple):
             return tuple(widest(end, delays=False) for end in value)
         # A number, or a matrix that mixes the axes of a sensor, applies to all environments. A nested part, such as a motor, is copied.

@@ -65,12 +65,20 @@ _RAPIER: tuple[tuple[str, dict[str, Any]], ...] = (("its defaults", {}), ("20 it
 
 
 def hard_lines(*, more: bool = False) -> list[Line]:
-    """Lines of stepper with hard contact. With `more`, settings of the solver are varied too."""
+    """Lines of a chart for stepper with hard contact: settings to run at several time steps.
+
+    With `more`, the solver's settings vary too.
+    """
     return [Line("stepper", name, {"contact": "hard"} | given, "hard") for name, given in _HARD + (_MORE if more else ())]
 
 
 def lines(study: Study, *, quick: bool) -> list[Line]:
-    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engines MuJoCo and rapier if they can run the study."""
+    """All lines of a study's chart: hard contact, MuJoCo's contact law, and the engines MuJoCo and rapier if they can run the study.
+
+    Args:
+        study: The study.
+        quick: Whether to leave out the lines with other settings of the solver for hard contact.
+    """
     model, _ = study.loaded
     asked = Options.from_model(model).integrator if model.requested else None
     law = {"contact": "mujoco", "integrator": asked}

@@ -298,7 +298,7 @@ def _result(
 
 
 def _groups(sim: Stepper, nstep: int) -> list[RowGroup]:
-    """Groups of rows of A with the same unit: displacements, velocities and activations."""
+    """Groups of rows of the derivative matrix of the state that have the same unit: displacements, velocities and activations."""
     nv, duration = sim.model.nv, min(nstep * sim.timestep, 1.0)
     return [RowGroup(slice(0, nv), LEAST_SLOPE * duration), RowGroup(slice(nv, 2 * nv)), RowGroup(slice(2 * nv, _size(sim.model)))]
 

@@ -116,7 +116,7 @@ class DCMotor:
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """Model of the delay, servo, lag, motor, gear and friction of an actuator. The default is an ideal actuator.
+    """Model of an actuator with delay, servo, lag, motor, gear and friction. The default is an ideal actuator.
 
     The control passes these stages in this order: control range, delay, servo, lag, force law of the actuator, limits, torque-speed curve,
     gear, friction. Every number is a scalar for all environments or an array (num_envs,). See docs/reference/actuators.md.
@@ -149,7 +149,9 @@ class Drive:
         check_numbers(self, "motor", "servo")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
-        """Dictionary of the drive's numbers for the Rust library, with nested dictionaries for servo and motor, or None without them.
+        """Dictionary of the drive's numbers for the Rust library.
+
+        Its entries "servo" and "motor" are nested dictionaries, or None if the drive has no servo or motor.
 
         Args:
             num_envs: Number of environments, for checks of array sizes.

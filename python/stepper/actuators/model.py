@@ -56,7 +56,10 @@ class ActuatorModel:
     def drives(self, model: Model, num_envs: int, envs: Envs = None) -> list[dict[str, Any] | None]:
         """Drives of all actuators of a model, as fields of the Rust crate's `ActuatorSpec`; None for ideal actuators.
 
-        `envs` is a mask (num_envs,) of the environments whose numbers the drives have; None is all.
+        Args:
+            model: The model.
+            num_envs: Number of environments, for checks of array sizes.
+            envs: Mask (num_envs,) of the environments whose numbers are returned; None is all.
 
         Raises:
             ValueError: A name or pattern matches no actuator, or an array has a wrong shape.

@@ -162,7 +162,10 @@ class StepperPool:
         return observation, infos
 
     def step(self, action: ArrayLike, env_id: ArrayLike | None = None) -> Result:
-        """Calls `send`, then `recv`. The result may belong to another block than the actions; its "env_id" has the environments.
+        """Calls `send`, then `recv`.
+
+        With more than one block, the result may be that of other environments than those of the actions. The entry "env_id" of the infos
+        has their ids.
 
         Args:
             action: Actions, (n, nu), in the units of the task.

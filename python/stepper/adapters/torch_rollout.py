@@ -51,7 +51,7 @@ def rollout(
     """Makes `nstep` steps with each of T controls on a copy of a stepper; gradients flow to every input tensor.
 
     The backward pass is `stepper.derivatives.Rollout.vjp`: linearizations of the steps of each control, with
-    checkpoints. Gradients by quaternions are tangent to the unit sphere. There is no second derivative.
+    checkpoints. Gradients with respect to quaternions are tangent to the unit sphere. There is no second derivative.
 
     Args:
         sim: The stepper; it does not change. The rollout starts from its state, except for the parts given below.
@@ -114,7 +114,10 @@ class _Plan(NamedTuple):
 
 
 class _Rollout(torch.autograd.Function):  # type: ignore[misc]
-    """Operation of autograd: arguments are a plan and tensors (controls, state, parameters), results are the fields of `States`."""
+    """Rollout as an operation of PyTorch's autograd.
+
+    The arguments are a `_Plan` and tensors: controls, qpos, qvel, act, and values of parameters. The results are the fields of `States`.
+    """
 
     @staticmethod
     def forward(ctx: Any, plan: _Plan, *tensors: torch.Tensor | None) -> tuple[torch.Tensor, ...]:

@@ -11,7 +11,7 @@ set of active constraints: contacts that stick or slip, joints at their limits.
 - `nominal_mode`, `pair_readings`: replacement of columns whose difference crosses a kink
 - `rollout`: gradients of a function of a rollout, by backpropagation through the steps
 - `smoothing`: randomised smoothing of these gradients
-- `tangent`: conversion between gradients by quaternions and by rotation vectors
+- `tangent`: conversion between gradients with respect to quaternions and to rotation vectors
 - `undetermined`: error for gradients through a step without a derivative
 """
 

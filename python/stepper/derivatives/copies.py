@@ -37,7 +37,8 @@ class Nominal:
 
     Attributes:
         fields: Arrays (num_envs, size) of "qpos", "qvel", "act", "ctrl" and every perturbed parameter, flattened.
-        applied: Mocap poses, applied forces unless all are 0, and active equalities unless as in the model.
+        applied: Mocap poses, applied forces and active equalities, by name. Applied forces are absent if all are 0. Active equalities are
+            absent if all are as in the model.
         randomized: Parameters per environment, in the format of `randomize`.
     """
 
@@ -57,7 +58,7 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
     Args:
         sim: The stepper.
         ctrl: Controls, (num_envs, nu) or (nu,); None is those of the last step.
-        blocks: Quantities by which derivatives are computed; the snapshot contains their parameters.
+        blocks: Quantities with respect to which derivatives are computed. The snapshot contains the parameters among them.
 
     Raises:
         ValueError: Controls have a wrong shape, or the stepper has drives and precision f32.
@@ -302,7 +303,10 @@ def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Steppe
     # sensors do not matter, because only ideal readings are differentiated.
 
     def memory_of(own: Any) -> Any:
-        """Copy of a sensor or actuator model with one value per copy in every part, and as much memory (delays) as in the stepper `sim`."""
+        """Copy of a sensor or actuator model for the environments of the new stepper.
+
+        Its drives or transfer functions have delays and filters as long as any in the stepper `sim`.
+        """
         named = {name: _widest(part, sim, len(index)) for name, part in own.named.items()}
         return type(own)(named, default=_widest(own.default, sim, len(index)))
 

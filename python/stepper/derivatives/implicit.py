@@ -92,8 +92,9 @@ def derivatives(
         tolerance: Residual to which steps are solved, m/s.
 
     Returns:
-        Arrays by name: "slopes" (num_envs, 1, columns, rows), "causes" with the flags of `Kink` (num_envs, columns), and others. The mask
-            "implicit", (num_envs,), is False where the theorem does not apply or the step was not solved; derivatives are not valid there.
+        Arrays by name: "slopes" (num_envs, 1, columns, rows), the derivatives; "causes" (num_envs, columns), flags of `Kink`; and the other
+        arrays that `stepper.derivatives.linearize` computes by finite differences. The mask "implicit", (num_envs,), is False for
+        environments without valid derivatives: the theorem does not apply, or the step was not solved.
     """
     if nstep > 1:
         return _product(sim, nominal, blocks, float(stencil.step.max(initial=0.0)), nstep=nstep, tolerance=tolerance)

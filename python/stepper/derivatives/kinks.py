@@ -24,9 +24,10 @@ CURVATURE = 1e4
 """Largest relative change of a slope (derivative) per unit of its coordinate (SI) that counts as curvature of smooth motion, not a kink."""
 
 LEAST_SLOPE = 0.1
-"""Smallest reference for relative differences of slopes of velocities, SI units.
+"""Smallest divisor for relative differences between slopes (derivatives) of velocities, SI units.
 
-Bodies at rest have slopes near 0, whose relative change means nothing. Slopes of displacements are smaller by the duration of the steps.
+Bodies at rest have slopes near 0, whose relative change means nothing. For slopes of positions, the divisor is multiplied by the duration
+of the steps, in s.
 """
 
 SOLVED = 1e-9
@@ -39,28 +40,34 @@ class Kink(IntFlag):
     NONE = 0
     """No kink."""
     CONTACT = 1
-    """A contact pushes in one of the two environments and not in the other."""
+    """A contact pushes in the perturbed copy or in the nominal environment, but not in both."""
     SLIP = 2
-    """A contact sticks in one of the two environments and slips in the other; not detected with contact="mujoco"."""
+    """A contact sticks in the perturbed copy and slips in the nominal environment, or vice versa; not detected with contact="mujoco"."""
     GAP = 4
-    """A contact or limit has a tiny gap in one of the two environments and overlaps in the other.
+    """A contact or limit has a tiny gap in the perturbed copy and an overlap in the nominal environment, or vice versa.
 
-    A gap may close within the step; an overlap adds no velocity. A robot at rest is at this kink; docs/how-to/derivatives.md has settings
-    without it. With method="implicit" the flag has a second cause: equalities move a contact across the depth at which the damping of its
-    position correction begins.
+    With a gap, the step allows the velocity that closes it. With an overlap, it allows no approach. A robot at rest is at this kink;
+    docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a second cause: equalities move a contact across
+    the depth at which the damping of its position correction begins.
     """
     LIMIT = 8
-    """A slide or hinge is at a limit in one of the two environments only. Limits of ball joints and tendons are not detected."""
+    """A slide or hinge is at a limit in the perturbed copy or in the nominal environment, but not in both.
+
+    Limits of ball joints and tendons are not detected.
+    """
     DRY_FRICTION = 16
-    """Dry friction holds a joint in one of the two environments and not in the other; not detected with contact="mujoco"."""
+    """Dry friction holds a joint in the perturbed copy or in the nominal environment, but not in both.
+
+    It is not detected with contact="mujoco".
+    """
     SATURATION = 32
-    """The force of an actuator is at its limit in one of the two environments, or in both."""
+    """The force of an actuator is at its limit in the perturbed copy, in the nominal environment, or in both."""
     SLOPE = 64
-    """Slopes on both sides of the nominal point differ, whatever the cause."""
+    """The slopes (derivatives) on the two sides of the nominal value differ, whatever the cause."""
     UNSOLVED = 128
     """A step was not solved, not finite, or too long for its motion (`Status`)."""
     UNDETERMINED = 256
-    """The step has no derivative with the active constraints of the unperturbed environment; its column of the matrix is 0."""
+    """The step has no derivative for fixed active constraints (those of the unperturbed step). The column of the matrix is 0."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,7 @@ class RowGroup:
 
     Attributes:
         rows: Range of the rows.
-        least_slope: Smallest reference for relative differences of slopes, SI units. It is used for columns whose slopes are all smaller.
+        least_slope: Smallest divisor for relative differences between slopes, SI units. It applies to columns whose slopes are all smaller.
     """
 
     rows: slice
@@ -82,7 +89,8 @@ class Report:
 
     Attributes:
         causes: Flags of `Kink` for every column, (num_envs, nstep, columns) uint32.
-        distance: Estimated distance to the nearest kink in each step, (num_envs, nstep), in units of the half width of the difference.
+        distance: Estimated distance to the nearest kink in each step, (num_envs, nstep), as a multiple of the displacement of the copies.
+            Infinite if it cannot be estimated.
     """
 
     causes: NDArray[np.uint32]
@@ -138,7 +146,10 @@ class KinkDetector:
             self._evaluated_at = self._constraint_positions()
 
     def _constraint_positions(self) -> Array:
-        """Positions of the joints with limits at which the next step evaluates its constraints, (copies, joints), rad or m."""
+        """Positions of all joints with limits, (copies, joints), rad or m.
+
+        They are extrapolated to the time within the next step at which that step evaluates its constraints.
+        """
         if not self._limited:
             return np.zeros((self.stencil.offsets.shape[0] * self.count, 0))
         place, dof, _ = (np.array(part) for part in zip(*self._limited, strict=True))
@@ -191,7 +202,10 @@ class _JointData:
 
 
 _joint_data: WeakKeyDictionary[Stepper, _JointData] = WeakKeyDictionary()
-"""Limits and dry friction of joints, by stepper of perturbed copies. Models are no keys: hashing a model takes longer than a step."""
+"""Cache of the limits and dry friction of joints. Its keys are steppers of perturbed copies.
+
+Models are not used as keys, because hashing a model takes longer than a step.
+"""
 
 
 def _joint_data_of(sim: Stepper) -> _JointData:

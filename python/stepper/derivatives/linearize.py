@@ -27,22 +27,23 @@ It costs two or three more sweeps of the solver than 1e-6, and reduces the noise
 class Linearization:
     """Derivatives of the state after `nstep` steps, returned by `Stepper.linearize`.
 
-    Rows and columns of qpos are displacements in the coordinates of velocities (`Model.integrate_pos`), not entries of qpos. For a free or
-    ball joint they are the rotation vector in the body's frame. With `num_envs=None` in the `Stepper`, the leading axis is absent.
-    n = 2 nv + na: displacements of qpos (m, rad), then qvel (m/s, rad/s), then act.
+    A derivative matrix has n = 2 nv + na rows: displacements of qpos (m, rad), then qvel (m/s, rad/s), then act. Displacements of qpos are
+    in the coordinates of velocities (`Model.integrate_pos`), in rows and in columns. A rotation of a free or ball joint is a rotation
+    vector in the body's frame. With `num_envs=None` in the `Stepper`, the leading axis of all arrays is absent.
 
     Attributes:
-        blocks: Derivatives of the state by the name in `wrt`, (num_envs, n, *columns), where `columns` is (nv,), (na,), (nu,) or the
-            shape of the parameter's rows. Units are those of the row over those of the column.
-        sensors: Derivatives of the ideal sensors' readings after the steps, (num_envs, nsensordata, *columns), by the name in `wrt`;
+        blocks: Derivatives of the state after the steps, (num_envs, n, *columns). The keys are the names in `wrt`. `columns` is (nv,),
+            (na,), (nu,) or the shape of the parameter. The unit of an entry is the unit of its row divided by the unit of its column.
+        sensors: Derivatives of the readings of ideal sensors after the steps, (num_envs, nsensordata, *columns), by the names in `wrt`;
             empty unless `sensors=True`.
         errors: Estimated error of every entry of `blocks`, with `extrapolate=True`; otherwise empty.
         kinks: Flags of `Kink` for every column of `blocks`, over all steps, (num_envs, *columns) uint32.
-        near_kink: Whether any column of an environment has a flag, (num_envs,) bool. A flagged column is
-            the slope of the nominal mode.
+        near_kink: Whether any column of an environment has a flag, (num_envs,) bool. A column with a flag is the derivative for the active
+            constraints of the unperturbed step.
         kinked_steps: Whether any column of an environment has a flag in a step, (num_envs, nstep) bool.
-        kink_distance: Estimated distance to the nearest kink, to first order, (num_envs,). Its unit is the width of the difference, which
-            is `step` times the size of the coordinate. Beyond 1 the difference does not reach the kink. Infinite: no estimate.
+        kink_distance: Estimated distance to the nearest kink, to first order, (num_envs,). It is a multiple of the displacement of the
+            copies, which is `step` times the size of the coordinate. Above 1, the copies do not reach the kink. It is infinite if there
+            is no estimate.
         step: Half width of the differences for a coordinate of order 1.
         tolerance: Residual to which copies were solved, m/s.
         residual: Largest residual of any copy in the last step, m/s: (num_envs,).
@@ -70,7 +71,7 @@ class Linearization:
 
     @property
     def A(self) -> Array:  # noqa: N802
-        """Derivative of the state after the steps by the state before, (num_envs, n, n).
+        """Derivative of the state after the steps with respect to the state before the steps, (num_envs, n, n).
 
         Raises:
             KeyError: `wrt` lacks "qpos", "qvel" or "act".
@@ -79,7 +80,7 @@ class Linearization:
 
     @property
     def B(self) -> Array:  # noqa: N802
-        """Derivative of the state after the steps by the controls, (num_envs, n, nu).
+        """Derivative of the state after the steps with respect to the controls, (num_envs, n, nu).
 
         Raises:
             KeyError: `wrt` lacks "ctrl".
@@ -88,7 +89,7 @@ class Linearization:
 
     @property
     def C(self) -> Array:  # noqa: N802
-        """Derivative of the sensor readings after the steps by the state before, (num_envs, nsensordata, n).
+        """Derivative of the sensor readings after the steps with respect to the state before the steps, (num_envs, nsensordata, n).
 
         Raises:
             KeyError: `wrt` lacks "qpos", "qvel" or "act".
@@ -97,7 +98,7 @@ class Linearization:
 
     @property
     def D(self) -> Array:  # noqa: N802
-        """Derivative of the sensor readings after the steps by the controls, (num_envs, nsensordata, nu).
+        """Derivative of the sensor readings after the steps with respect to the controls, (num_envs, nsensordata, nu).
 
         Raises:
             KeyError: `wrt` lacks "ctrl".
@@ -105,7 +106,11 @@ class Linearization:
         return self._block("ctrl", sensors=True)
 
     def _block(self, name: str, *, sensors: bool = False) -> Array:
-        """Derivative matrix of the state, or of the sensors, by the quantity `name` of `wrt`; a KeyError if it was not computed."""
+        """Derivative of the state, or of the sensor readings, with respect to the quantity `name` of `wrt`.
+
+        Raises:
+            KeyError: The derivative was not computed.
+        """
         blocks = self.sensors if sensors else self.blocks
         if name not in blocks:
             remedy = "sensors=True" if name in self.blocks else f"{name!r} in wrt"
@@ -141,7 +146,7 @@ def linearize(
 ) -> Linearization:
     """Derivatives of the state after `nstep` steps, in all environments of a stepper.
 
-    The arguments are those of `Stepper.linearize`, such as controls (num_envs, nu) or (nu,).
+    `Stepper.linearize` has the same arguments, and documents them.
     """
     if method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
@@ -206,11 +211,12 @@ def _rows(stencil: Stencil, envs: slice) -> Stencil:
 
 
 def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, sensors: bool) -> dict[str, NDArray[Any]]:
-    """Steps the copies of some environments, and returns differences of the resulting states.
+    """Steps the perturbed copies of n environments, and returns finite differences of the resulting states.
 
     Returns:
-        Arrays by name, with n environments: "slopes" (n, levels, columns, rows), "width" (n, columns), "noise" (n,), "causes" (n, columns),
-        the nominal state, and fields of `Linearization`.
+        Arrays by name: "slopes" (n, levels, columns, rows), the derivatives, where a level is a width of the differences; "width"
+        (n, columns), the half widths; "noise" (n,), the error of the results; "causes" (n, columns), flags of `Kink`; the nominal state
+        after the steps; and other fields of `Linearization`.
     """
     sim, n, count = part.sim, part.envs.stop - part.envs.start, part.count
     detector, status = KinkDetector(sim, stencil, nstep), np.zeros(n * count, np.uint32)

@@ -1,9 +1,9 @@
 """Slopes of the nominal mode, for columns whose finite difference crosses a kink or a jump.
 
 The mode of a step is its set of active constraints (docs/how-to/derivatives.md, "Kinks"), and the nominal mode that of the unperturbed
-step. A difference between two modes is a derivative of neither; at a jump it is jump / (2 h). Such columns are differentiated again within
-the nominal mode: by the implicit function theorem, or by the widest difference whose copies stay in that mode. Columns for
-which neither is possible get `Kink.UNDETERMINED`.
+step. A finite difference between states of two modes is the derivative of neither mode. Such columns are differentiated again within the
+nominal mode: by the implicit function theorem, or by the widest difference whose copies stay in that mode. Columns for which neither is
+possible get `Kink.UNDETERMINED`.
 """
 
 from __future__ import annotations
@@ -25,11 +25,16 @@ WIDTH_RATIO = 0.25
 """Ratio of each half width of a difference to the next wider one."""
 
 CURVATURE_RATIO = 0.5
-"""Largest ratio of the difference of two slopes at a quarter of the width to that at the full width that counts as curvature. In theory
-the ratio is 1/4 for curvature and 1 at a kink."""
+"""Largest ratio, between two widths, of the disagreement of two slopes that counts as curvature and not as a kink.
+
+It is the disagreement at a quarter of a width divided by the disagreement at that width. In theory it is 1/4 for curvature and 1 at a kink.
+"""
 
 HARMLESS = np.uint32(Kink.CONTACT | Kink.SLOPE | Kink.UNSOLVED)
-"""Flags of kinks that may have no effect, such as the begin of a contact without force. A comparison of slopes decides about them."""
+"""Flags of kinks that may have no effect on the derivative, such as a contact that begins without force.
+
+A column without other flags may use a slope of another mode, if that slope is equal on both sides and at two widths.
+"""
 
 LARGEST_BEND = 0.1
 """Largest relative difference of two slopes that may count as curvature and not as a kink."""
@@ -37,12 +42,15 @@ LARGEST_BEND = 0.1
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of an environment and a column of its derivative matrix whose difference crossed a kink, to be differentiated again.
+    """Columns of derivative matrices that must be differentiated again because their finite difference crossed a kink.
+
+    Each is a pair of an environment and a column.
 
     Attributes:
         env: Index of the environment, (pairs,).
         column: Index of the column, (pairs,).
-        offsets: Displacements of the column's quantity, (pairs, 2, WIDTHS): to the first and the second side; 0 for a side beyond a bound.
+        offsets: Displacements of the perturbed number, (pairs, 2, WIDTHS), in its unit. The middle axis is the direction. A displacement is
+            0 if a bound of the number forbids that direction.
     """
 
     env: NDArray[np.int64]
@@ -60,12 +68,14 @@ class Pairs:
 class Readings:
     """Results of stepping displaced copies, for pairs of an environment and a column of the derivative matrix.
 
-    Each pair has copies on two sides of the nominal value, at WIDTHS different distances.
+    A result is the state after the steps, and the sensor readings if they are differentiated. Each pair has copies on two sides of the
+    nominal value, at WIDTHS different distances.
 
     Attributes:
-        slopes: Change of the result divided by the displacement of each copy, (pairs, 2, WIDTHS, rows).
+        slopes: Difference between the results of each copy and the unperturbed results, divided by the displacement of the copy,
+            (pairs, 2, WIDTHS, rows). The rows are those of the derivative matrix.
         differs: Whether a copy was not solved, or has other active constraints than the unperturbed step, (pairs, 2, WIDTHS) bool.
-        noise: Noise of the results, (pairs,), in SI units.
+        noise: Error of the results due to the solver's tolerance, (pairs,), in SI units.
     """
 
     slopes: Array
@@ -74,7 +84,9 @@ class Readings:
 
 
 def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
-    """Pairs of an environment and a column for the columns with kinks, with displacements of the stencil's width and smaller ones.
+    """Pairs of an environment and a column for all columns with kinks.
+
+    Their displacements have the stencil's width and WIDTHS - 1 smaller ones.
 
     Args:
         flagged: Mask of the columns with kinks, (num_envs, columns).
@@ -91,9 +103,9 @@ def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
 def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) -> tuple[Array, Bools, Bools]:
     """Slopes (derivatives) of the nominal mode, which is the set of active constraints of the unperturbed step.
 
-    A difference is valid if its copies (on both sides or on one) are in the nominal mode and a quarter of the width gives the same
-    slope. (At a jump that slope would be four times as large.) The result is the widest valid difference. Without a valid difference, a
-    slope that is equal on both sides and at two widths is returned as a slope of another mode.
+    A finite difference is valid if its copies (on both sides or on one) are in the nominal mode, and a quarter of its width gives the
+    same slope. The result for a pair is its widest valid difference. If none is valid, the result is the slope of another mode. It is
+    the widest difference that is equal on both sides and at a quarter of its width, or 0 if there is none.
 
     Args:
         readings: Results of the displaced copies.
@@ -101,7 +113,8 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) ->
         groups: Groups of rows of the derivative matrix with the same unit.
 
     Returns:
-        Slopes, (pairs, rows); whether each is a slope of the nominal mode, (pairs,) bool; whether it is one of another mode, (pairs,) bool.
+        Slopes, (pairs, rows); mask of the pairs with a slope of the nominal mode, (pairs,) bool; mask of the pairs with a slope of another
+        mode, (pairs,) bool.
     """
     slopes, noise, width = readings.slopes, readings.noise, np.abs(offsets)
     # Compare every width with the next narrower one.
@@ -137,8 +150,8 @@ def _agree(a: Array, b: Array, width: Array, groups: Sequence[RowGroup], noise: 
         a: Slopes from differences of half width `width`.
         b: Slopes from narrower differences, or from the opposite side.
         width: Half widths, (..., widths), in the unit of the column.
-        groups: Rows with the same unit.
-        noise: Noise of the results, (pairs,), in SI units.
+        groups: Groups of rows of the derivative matrix with the same unit.
+        noise: Error of the results due to the solver's tolerance, (pairs,), in SI units.
     """
     good = np.ones(a.shape[:-1], np.bool_)
     safe = np.where(width > 0.0, width, 1.0)
@@ -169,14 +182,15 @@ def settle(
     solved: dict[str, NDArray[Any]] | None,
     read: Read,
 ) -> None:
-    """Replaces columns whose difference crossed a kink by slopes of the nominal mode, the active constraints of the unperturbed step.
+    """Replaces columns of derivative matrices whose finite difference crossed a kink.
 
-    Columns without such a slope get the flag `Kink.UNDETERMINED`.
+    The new columns are derivatives with fixed active constraints: those of the unperturbed step. Columns without such a derivative get the
+    flag `Kink.UNDETERMINED`.
 
     Args:
         whole: Arrays of all environments; "slopes" (num_envs, levels, columns, rows) and "causes" (num_envs, columns) are changed in place.
         stencil: Displacements of the differences.
-        groups: Slices of the rows with the same unit.
+        groups: Groups of rows of the derivative matrix with the same unit.
         solved: Implicit derivatives of all environments; None if these are not available.
         read: Function that steps displaced copies.
     """

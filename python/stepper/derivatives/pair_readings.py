@@ -1,4 +1,7 @@
-"""Finite differences of single columns of single environments at several widths, with a check whether copies stay in the nominal mode."""
+"""Finite differences of single columns of derivative matrices, at several widths.
+
+Each perturbed copy is checked for the nominal mode, which is the set of active constraints of the unperturbed step.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,10 @@ from stepper.derivatives.nominal_mode import WIDTHS, Pairs, Readings
 from stepper.derivatives.perturbations import Array, Block, Stencil
 
 SAME_STEP = 1e-6
-"""Largest change of a velocity after a step, m/s, by which another stabilization may replace the one in use.
+"""Largest difference between the velocities after a step with two methods of stabilization, m/s or rad/s.
 
-The other one is smooth for contacts at rest. The value is the default tolerance of the solver.
+For contacts at rest, derivatives are computed with a stabilization that is smooth there, in place of the stepper's. They are used only if
+velocities differ by no more than this. The value is the default tolerance of the solver.
 """
 
 
@@ -52,8 +56,8 @@ class Reader:
 
         Args:
             pairs: Pairs and their displacements.
-            at_rest: Whether to use Baumgarte stabilization with factor 1 and no slop, for which contacts at rest are smooth. Nothing is
-                yielded if it is True without hard contact.
+            at_rest: Whether to use Baumgarte stabilization with factor 1 and no slop, for which contacts at rest are smooth. It exists
+                for hard contact only; with another contact law the generator yields nothing.
         """
         options = replace(self.sim.options, tolerance=self.tolerance)
         if at_rest:

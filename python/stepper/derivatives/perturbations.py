@@ -77,16 +77,16 @@ class Block:
 
 @dataclass(frozen=True)
 class Stencil:
-    """Displacements (stencil points) of all columns in all environments, and difference formulas for the results.
+    """Displacements of all columns in all environments, and difference formulas for the results.
 
-    A column is a perturbed coordinate: a component of the state, the controls or a parameter. Levels are differences with different half
-    widths.
+    A column is a perturbed number: a component of the state, the controls or a parameter. Its points are the one or two displaced values
+    of a finite difference. Its levels are one or two such differences, of different half widths.
 
     Attributes:
-        offsets: Displacements of the stencil's points, (num_envs, levels, points, columns); level 0 is the finest, points are 2 or 1.
-        step: Half widths, (num_envs, levels, columns); 0 for columns that cannot be perturbed.
-        central: Whether the points are on both sides, (num_envs, columns) bool. Otherwise there is one point, or two on the same side at
-            one and two half widths.
+        offsets: Displacements, (num_envs, levels, points, columns), in the unit of the column; level 0 has the smallest half width.
+        step: Half widths of the differences, (num_envs, levels, columns); 0 for columns that cannot be perturbed.
+        central: Whether a column has points on both sides of the nominal value, (num_envs, columns) bool. Otherwise it has one point, or
+            two points on the same side, at one and two half widths.
         bounded: Whether a bound allows displacements to one side only, (num_envs, columns) bool.
     """
 
@@ -103,7 +103,8 @@ class Stencil:
                 of `offsets`, then the n results (rows of the derivative matrix), in their units.
 
         Returns:
-            Derivatives of each result by each column, (num_envs, levels, columns, n); 0 for columns that cannot be perturbed.
+            Derivatives of each result with respect to each column, (num_envs, levels, columns, n). They are 0 for columns that cannot be
+            perturbed.
         """
         first, sign = changes[:, :, 0], np.sign(self.offsets[:, :, 0])[..., None]
         if changes.shape[2] == 1:
@@ -146,12 +147,12 @@ def blocks_of(model: Model, wrt: Sequence[str]) -> list[Block]:
 
 
 def check_parameters(model: Model, parameters: Sequence[str]) -> None:
-    """Checks the parameters by which a rollout is differentiated.
+    """Checks the names of the parameters with respect to which a rollout is differentiated.
 
     Raises:
         TypeError: `parameters` is a string, or an entry is not a string.
-        ValueError: A name is repeated, matches no field or element, or is a part of the state or the controls. Gradients by these are
-            always computed.
+        ValueError: A name is repeated, matches no field or element, or is a part of the state or the controls, whose gradients are always
+            computed.
     """
     _check_names("parameters", parameters, "('body_mass', 'geom_friction[floor]')")
     for name in parameters:
@@ -219,9 +220,9 @@ def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.b
 def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int, centered: bool) -> Stencil:
     """Displacements of all perturbed columns in all environments.
 
-    Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their size. Points are on
-    both sides of the nominal one. A control at the end of its range, or a parameter at a bound such as 0, has both points on one side. They
-    are then at one and two steps, with the same order of accuracy.
+    Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their absolute value. A
+    column has two displaced values, above and below the nominal value. For a control at the end of its range, or a parameter at a bound
+    such as 0, both are on one side, at one and at two displacements. The order of accuracy is the same.
 
     Args:
         model: The model.
@@ -229,7 +230,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
         values: Current values of every field except qpos, (num_envs, size), in the field's unit.
         step: Half width for a coordinate of order 1.
         levels: Number of widths: 1, or 2 for extrapolation; the second is twice the first.
-        centered: Whether columns have two points. If False they have one, above the nominal value where the bounds allow it.
+        centered: Whether columns have two displaced values. If False they have one, above the nominal value where the bounds allow it.
     """
     widths, signs, central = [], [], []
     for block in blocks:

@@ -29,14 +29,14 @@ class Gradients:
     """Gradients of a scalar function of a rollout, returned by `Rollout.vjp`. With `num_envs=None` the axis of the environments is absent.
 
     Attributes:
-        qpos: Gradient by the initial qpos, (num_envs, nq); for quaternions in their tangent space.
-        qvel: Gradient by the initial qvel, (num_envs, nv).
-        act: Gradient by the initial act, (num_envs, na).
-        ctrl: Gradient by the controls, (T, num_envs, nu).
-        parameters: Gradients by parameters, (num_envs, *shape), by name as given to `rollout`.
-        near_kink: Whether the steps of a control are near a kink, (T, num_envs) bool; see `Linearization`. The gradient is then that of the
-            nominal mode.
-        undetermined: Whether an environment has a kink at which the nominal mode has no slope, (num_envs,) bool. Its gradients are then 0.
+        qpos: Gradient with respect to the initial qpos, (num_envs, nq). The gradient of a quaternion is orthogonal to the quaternion.
+        qvel: Gradient with respect to the initial qvel, (num_envs, nv).
+        act: Gradient with respect to the initial act, (num_envs, na).
+        ctrl: Gradient with respect to the controls, (T, num_envs, nu).
+        parameters: Gradients with respect to the parameters, (num_envs, *shape) each. The keys are the names given to `rollout`.
+        near_kink: Whether the steps with each control are near a kink, (T, num_envs) bool; see `Linearization`. Their derivatives are then
+            those for the active constraints of the actual steps.
+        undetermined: Whether a step of an environment has no derivative, (num_envs,) bool. All gradients of the environment are then 0.
     """
 
     qpos: Array
@@ -101,24 +101,24 @@ class Rollout:
         undetermined: Literal["raise", "zero"] = "raise",
         **settings: Any,
     ) -> Gradients:
-        """Vector-Jacobian product: gradients of a scalar function by the controls, the initial state and parameters.
+        """Vector-Jacobian product: gradients of a scalar function with respect to the controls, the initial state and parameters.
 
-        The checkpoints are processed in reverse order. The states after each are recomputed, the steps of every control are linearized,
-        and the gradient is propagated backwards by one control.
+        The checkpoints are processed in reverse order. The states between two checkpoints are recomputed. Then, for each control in reverse
+        order, its steps are linearized and the gradient is propagated to the state before them.
 
         Args:
-            qpos: Gradient of the function by `self.qpos`, (T, num_envs, nq); None is zero.
-            qvel: Gradient by `self.qvel`, (T, num_envs, nv); None is zero.
-            act: Gradient by `self.act`, (T, num_envs, na); None is zero.
-            sensors: Gradient by `self.sensors`, (T, num_envs, nsensordata); None is zero.
-            smoothing: Derivatives averaged over random displacements, for gradients across kinks. None uses the derivatives of the actual
-                steps.
-            undetermined: Action at a kink where the nominal mode has no slope (docs/how-to/derivatives.md): "raise" an error, or return
-                "zero" gradients for the environment, flagged in `Gradients.undetermined`.
+            qpos: Gradient of the function with respect to `self.qpos`, (T, num_envs, nq); None is zero.
+            qvel: Gradient with respect to `self.qvel`, (T, num_envs, nv); None is zero.
+            act: Gradient with respect to `self.act`, (T, num_envs, na); None is zero.
+            sensors: Gradient with respect to `self.sensors`, (T, num_envs, nsensordata); None is zero.
+            smoothing: Settings for derivatives that are averaged over random displacements, for gradients across kinks. None uses the
+                derivatives of the actual steps.
+            undetermined: Action if a step has no derivative, as at some kinks (docs/how-to/derivatives.md). With "raise", it is an error.
+                With "zero", the gradients of the environment are 0, and its flag in `Gradients.undetermined` is set.
             **settings: `step`, `tolerance`, `centered`, `extrapolate` and `method` of `linearize`.
 
         Raises:
-            UndeterminedDerivative: A kink where the nominal mode has no slope, with its environment, control and coordinate.
+            UndeterminedDerivative: A step has no derivative. The error has the environment, the control and the coordinate.
             ValueError: A wrong shape, a number that is not finite, or `sensors` for a rollout without `sensors=True`.
             TypeError: `smoothing` is not a `Smoothing`.
         """
@@ -161,7 +161,11 @@ class Rollout:
         return self._gradients(adjoint, controls, parameters, kinked, lost)
 
     def _cotangent(self, name: str, given: ArrayLike | None) -> Array | None:
-        """Checks an argument of `vjp`, the gradient by the states or readings `name`.
+        """Checked copy of an argument of `vjp`: the user's gradient with respect to an attribute of this rollout.
+
+        Args:
+            name: Name of the argument and of the attribute: "qpos", "qvel", "act" or "sensors".
+            given: Value of the argument.
 
         Returns:
             The gradient, (T, num_envs, ...); None if it was not given.
@@ -179,7 +183,14 @@ class Rollout:
         return array[:, None] if self._plant.num_envs is None else array
 
     def _direct(self, cotangents: dict[str, Array | None], t: int) -> Array:
-        """Gradient of the function by the state after control t, without the effect on later states, (num_envs, n), tangent coordinates."""
+        """Partial gradient of the function with respect to the state after control t, in tangent coordinates, (num_envs, 2 nv + na).
+
+        It does not include the effect of that state on later states.
+
+        Args:
+            cotangents: Arguments of `vjp` by name, checked by `_cotangent`.
+            t: Index of the control.
+        """
         model, n = self._plant.model, self._plant.num_envs or 1
         after = self.qpos[t].reshape(n, -1)
         numbers = cotangents["qpos"]
@@ -200,13 +211,15 @@ class Rollout:
         return states
 
     def _pull(self, part: Linearization, name: str, adjoint: Array, reading: Array | None) -> Array:
-        """Gradient by the quantity `name` before the steps of a control, (num_envs, *columns).
+        """Gradient with respect to an input of the steps with one control: a part of the state before them, the control or a parameter.
+
+        The shape is (num_envs, *columns), as in `Linearization.blocks`.
 
         Args:
             part: Linearization of the steps.
-            name: Name in `wrt`.
-            adjoint: Gradient by the state after the steps, (num_envs, n).
-            reading: Gradient by the sensor readings after the steps, (num_envs, nsensordata); None is zero.
+            name: Name of the input in `wrt`.
+            adjoint: Gradient with respect to the state after the steps, (num_envs, n).
+            reading: Gradient with respect to the sensor readings after the steps, (num_envs, nsensordata); None is zero.
         """
         n = len(adjoint)
         block = part.blocks[name].reshape(n, adjoint.shape[1], *np.shape(part.blocks[name])[1 + (self._plant.num_envs is not None) :])
@@ -220,10 +233,10 @@ class Rollout:
         """Result of `vjp` from gradients in tangent coordinates. The axis of environments is left out if `num_envs` is None.
 
         Args:
-            adjoint: Gradient by the initial state, (num_envs, 2 nv + na), in tangent coordinates.
-            controls: Gradient by the controls, (T, num_envs, nu).
-            parameters: Gradients by parameters, (num_envs, ...), by name.
-            kinked: Whether the steps of a control are near a kink, (T, num_envs).
+            adjoint: Gradient with respect to the initial state, (num_envs, 2 nv + na), in tangent coordinates.
+            controls: Gradient with respect to the controls, (T, num_envs, nu).
+            parameters: Gradients with respect to parameters, (num_envs, ...), by name.
+            kinked: Whether the steps with each control are near a kink, (T, num_envs).
             lost: Whether an environment has a step without a derivative, (num_envs,).
         """
         model = self._plant.model
@@ -257,7 +270,7 @@ def rollout(
         sim: Stepper with the initial state. It does not change.
         ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
         nstep: Number of steps for which each control is held.
-        parameters: Parameters to differentiate by, named as in `wrt` of `linearize`.
+        parameters: Names of parameters with respect to which `vjp` computes gradients, in the format of `wrt` of `linearize`.
         every: Number of controls between two checkpoints; None is the square root of T, which takes the least memory. `vjp` repeats the
             steps of each control once.
         sensors: Whether to compute readings of ideal sensors.

@@ -1,4 +1,4 @@
-"""Conversion of gradients by qpos between quaternions (four numbers, for optimisers) and tangent coordinates (rotation vectors)."""
+"""Conversion of gradients with respect to qpos, between quaternions (for optimisers) and rotation vectors (tangent coordinates)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ def _places(model: Model) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray
 
 
 def _rates(quat: Array) -> Array:
-    """Derivative of the quaternion q * exp(r / 2) by the rotation vector r in the body's frame, at r = 0, (..., 4, 3) in 1/rad.
+    """Derivative of the quaternion q * exp(r / 2) with respect to the rotation vector r in the body's frame, at r = 0.
+
+    The shape is (..., 4, 3), the unit is 1/rad.
 
     `quat` is the unit quaternion q, (..., 4). Twice the derivative has orthonormal columns.
     """
@@ -42,7 +44,7 @@ def _rates(quat: Array) -> Array:
 
 
 def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
-    """Converts a gradient by the entries of qpos, (..., nq), to a gradient by displacements in tangent coordinates, (..., nv)."""
+    """Converts a gradient with respect to the entries of qpos, (..., nq), to a gradient in tangent coordinates, (..., nv)."""
     q, v, quat, rotation = _places(model)
     out = np.zeros((*gradient.shape[:-1], model.nv))
     out[..., v] = gradient[..., q]
@@ -52,7 +54,7 @@ def to_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
 
 
 def from_tangent(model: Model, qpos: Array, gradient: Array) -> Array:
-    """Converts a gradient by displacements in tangent coordinates, (..., nv), to a gradient by the entries of qpos, (..., nq).
+    """Converts a gradient in tangent coordinates, (..., nv), to a gradient with respect to the entries of qpos, (..., nq).
 
     The result is orthogonal to the quaternions in qpos.
     """

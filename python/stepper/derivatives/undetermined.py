@@ -10,12 +10,12 @@ from stepper.derivatives.linearize import Linearization
 
 
 class UndeterminedDerivative(ArithmeticError):  # noqa: N818
-    """Raised by `Rollout.vjp`: a step is at a kink and has no derivative (docs/how-to/derivatives.md).
+    """Error of `Rollout.vjp` for a step that is at a kink and has no derivative (docs/how-to/derivatives.md).
 
     Attributes:
         env: Index of the environment.
-        control: Index of the control whose steps have the kink.
-        coordinate: Name of the coordinate by which the step has no derivative, for example "qvel[3] (joint 'knee')".
+        control: Index of the control of the rollout, from 0. The kink is in one of the steps in which this control is held.
+        coordinate: Name of the coordinate with respect to which the step has no derivative, for example "qvel[3] (joint 'knee')".
         kinks: Flags of the kink.
     """
 
@@ -29,11 +29,12 @@ class UndeterminedDerivative(ArithmeticError):  # noqa: N818
 
 
 def first_undetermined(part: Linearization, needed: Bools, control: int, model: Model) -> dict[int, UndeterminedDerivative]:
-    """Errors for steps without a derivative, at most one per environment, by index of the environment.
+    """Errors for steps without a derivative, by index of the environment; at most one per environment.
 
     Args:
-        part: Linearization of the steps of a control.
-        needed: Mask of the environments with a nonzero gradient, (num_envs,); others have no error.
+        part: Linearization of the steps in which one control of a rollout is held.
+        needed: Mask of the environments for which the derivative is needed, because the backward pass has a nonzero gradient there,
+            (num_envs,). The others get no error.
         control: Index of the control.
         model: The model.
     """

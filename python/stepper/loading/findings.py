@@ -24,10 +24,10 @@ _DEEP = 1e-3
 
 
 class ModelWarning(UserWarning):
-    """A loaded model is simulated differently from its source: other settings, meshes as convex hulls, or disabled contacts.
+    """Warning that a loaded model is simulated differently from its source: other settings, convex hulls of meshes, or disabled contacts.
 
-    Also issued if geoms overlap in a keyframe. `Model.explain()` has the details, except for keyframes, which the command `stepper explain`
-    lists too; `model.replace(qpos0=qpos).overlaps()` with the keyframe's `qpos` has all of its overlaps.
+    It is also issued if geoms overlap in a keyframe. `Model.explain()` has the details except for keyframes. The command `stepper explain`
+    has the deepest overlap of each keyframe. `model.replace(qpos0=qpos).overlaps()` returns all overlaps at positions `qpos`.
     """
 
 
@@ -42,8 +42,9 @@ def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) ->
 
     Args:
         model: The model.
-        loaded: Whether the model was read from its source. A saved model had this warning when it was first loaded.
-        excluded: Whether overlaps were excluded.
+        loaded: Whether the model was read from its source. If it is False, the model was saved by `Model.save`, and these warnings were
+            issued when it was first loaded.
+        excluded: Whether contact between overlapping bodies was disabled (`overlaps="exclude"`).
         is_robot: Whether fixed geoms are the base of a robot, as in a URDF, instead of ground.
     """
     name = f'"{model.name}"' if model.name else "this model"

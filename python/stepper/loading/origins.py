@@ -55,7 +55,7 @@ class _Entry:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """Data by which models are compared; a later model with equal data replaces this entry."""
+        """Data of the model by which entries are compared. Loading another model with equal data replaces this entry."""
         return self.structure, self.places
 
 
@@ -85,9 +85,10 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
 
 
 def origin_of(model: Model) -> Origin | None:
-    """Source from which this process loaded a model, or the model of which it is a variant by `Model.replace`; None if unknown.
+    """Source of a model: the file, text or compiled model from which this process loaded it. None if it is unknown.
 
-    The most recently loaded model with equal names, sizes and poses counts; without one, the most recent model with equal names.
+    For a variant of a loaded model (`Model.replace`), it is the source of the loaded model. Models are found by
+    comparison: the most recently loaded one with equal names, sizes and poses, or otherwise with equal names.
     """
     structure, places = _structure(model), _places(model)
     alike = [entry for entry in reversed(_remembered) if entry.structure == structure]

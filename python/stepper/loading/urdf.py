@@ -16,7 +16,10 @@ _PACKAGE = ("package://", "model://")
 _FILE = ("file://", "file:")
 
 VARIABLES = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share", "GAZEBO_MODEL_PATH": "", "GZ_SIM_RESOURCE_PATH": ""}
-"""Environment variables with lists of folders that contain packages, and the subfolder with the packages ("" if there is none)."""
+"""Environment variables with lists of folders in which packages are searched.
+
+The value is the subfolder of each listed folder that contains the packages, or "" if the listed folder itself contains them.
+"""
 
 
 def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Sequence[str | os.PathLike[str]] | None) -> str:
@@ -77,7 +80,7 @@ def _search_folders(file: Path | None, meshdir: str, package_dirs: Sequence[str 
 
     Args:
         file: File of the URDF; None for XML text.
-        meshdir: Setting of MuJoCo's compiler in the URDF; "" without one.
+        meshdir: Value of `meshdir` or `assetdir` of MuJoCo's compiler in the URDF, or "" if the URDF sets neither.
         package_dirs: Argument of `load`.
     """
     above = [] if file is None else list(file.absolute().parents)

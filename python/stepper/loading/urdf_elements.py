@@ -209,7 +209,7 @@ def _masses(robot: Element) -> Iterator[Omission]:
 
 
 def _end(joint: Element, which: str) -> str:
-    """Name of the "parent" or "child" link of a joint; "" if it is missing."""
+    """Name of the "parent" or "child" link of a joint, or "" if the joint does not name it."""
     element = joint.find(which)
     return "" if element is None else element.get("link", "")
 

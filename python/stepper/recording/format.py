@@ -32,7 +32,7 @@ Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
 
 FORMAT = 6
-"""Version of the format. Since version 6, names are those of attributes and arguments of `Stepper`."""
+"""Version of the format of recordings. Since version 6, fields have the names of attributes and arguments of `Stepper`."""
 HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
 """Kinds of rows. "applied" has the applied forces, mocap poses and equalities of the next step, if these have changed."""

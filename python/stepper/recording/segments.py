@@ -20,11 +20,11 @@ READ = ("qpos", "qvel", "act", "sensordata")
 
 @dataclass(frozen=True)
 class Segment:
-    """Calls of `step` between two other events: resets, calls of `set_state`, changes of parameters.
+    """Part of a recording: consecutive calls of `step` without a reset, a call of `set_state` or a change of parameters between them.
 
     Attributes:
         model: The recorded model.
-        row: Index of the segment's first row in the recording.
+        row: Index of the segment's first row in the recording. A row is a recorded event, such as a call of `step`.
         period: Simulated time of a call of `step`, s.
         start: State before the first step: "qpos", "qvel", "act", (num_envs, ...).
         ctrl: Controls, (T, num_envs, nu).
@@ -91,7 +91,7 @@ def _segment(sim: Stepper, row: int, start: dict[str, Any], steps: list[Arrays],
         row: Index of the first row.
         start: State before the first step.
         steps: Arrays of each call of `step`.
-        unapplied: Values of applied forces and mocap poses that were not set, by name.
+        unapplied: Initial values of applied forces and mocap poses by name, for steps before they are set.
     """
     lead = (len(steps), sim.num_envs or 1)
 

@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 _CHUNK = 16384
-"""Number of points that are computed together, so that intermediate arrays stay in a core's cache. Half and twice are as fast."""
+"""Number of points that are computed together, so that intermediate arrays stay in a core's cache.
+
+Half and twice this number are equally fast.
+"""
 
 
 class HeightGrid:
-    """Heights at the points of a grid over a rectangle centred at the origin, with linear interpolation.
+    """Heights of a surface over a rectangle centred at the origin: a grid of heights with linear interpolation between its points.
 
     Each cell is two triangles, split by the diagonal from its corner with the smallest x and y.
 

@@ -113,17 +113,17 @@ class HeightField:
         """Heights of the ground at points, in world coordinates.
 
         Args:
-            sim: The stepper, whose environments may differ in the position of the geom (`sim.randomize(geom_pos=)`). None uses the
-                position of the model.
+            sim: The stepper. The position of the height field may differ between its environments (`sim.randomize(geom_pos=)`). None uses
+                the position in the model.
             places: World x and y of the points, m: (num_envs, n, 2), or (n, 2) for all environments; without a stepper (..., 2).
-            beyond: Height of points beyond the border of the field, m.
-            out: Destination of the result, m, with its shape, (..., n); None is a new array.
+            beyond: Value returned for points beyond the border of the field, m.
+            out: Array to which the heights are written, float64, with the shape of the result. None creates a new array.
 
         Returns:
-            Heights, (num_envs, n) float64, m; without a stepper (...).
+            Heights, float64, m: (num_envs, n); without a stepper (...), the shape of `places` without its last axis.
 
         Raises:
-            ValueError: `places` or `out` has a wrong shape, or `out` another scalar type.
+            ValueError: `places` or `out` has a wrong shape, or `out` is not float64.
         """
         given = np.asarray(places, dtype=np.float64)
         pos, angle = self._pose(sim)
@@ -140,20 +140,20 @@ class HeightField:
         return _filled(found, beyond)
 
     def scan(self, sim: Stepper, body: str | int, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
-        """Heights of the ground at points around a body, a usual observation for locomotion. The points rotate with the body's heading.
+        """Heights of the ground at points around a body, a common observation for locomotion. The points rotate with the body's heading.
 
         Args:
             sim: The stepper.
             body: Name or index of the body.
             offsets: Positions of the points relative to the body's origin, ahead and to the left, (n, 2), m.
-            beyond: Height of points beyond the border of the field, m.
-            out: Destination of the result, m, with its shape, (..., n); None is a new array.
+            beyond: Value returned for points beyond the border of the field, m.
+            out: Array to which the heights are written, float64, with the shape of the result. None creates a new array.
 
         Returns:
             Heights in the world, (num_envs, n) float64, m. Subtract `sim.xpos` of the body for heights relative to it.
 
         Raises:
-            ValueError: `offsets` or `out` has a wrong shape, or `out` another scalar type.
+            ValueError: `offsets` or `out` has a wrong shape, or `out` is not float64.
             KeyError, IndexError: There is no body of that name or index.
         """
         which = sim.model.body(body).id
@@ -164,20 +164,20 @@ class HeightField:
     def around(
         self, places: ArrayLike, angles: ArrayLike, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None
     ) -> Array:
-        """Heights of the ground around given points, without a simulation. The height field has its position in the model.
+        """Heights of the ground around given points, without a simulation. The height field has the position that it has in the model.
 
         Args:
             places: World x and y of the centres, (n, 2), m.
             angles: Headings about the z axis, (n,), rad.
             offsets: Positions relative to the centres, ahead and to the left, (k, 2), m.
-            beyond: Height of points beyond the border of the field, m.
-            out: Destination of the result, m, with its shape, (..., n); None is a new array.
+            beyond: Value returned for points beyond the border of the field, m.
+            out: Array to which the heights are written, float64, with the shape of the result. None creates a new array.
 
         Returns:
             Heights, (n, k) float64, m.
 
         Raises:
-            ValueError: An array has a wrong shape, or `out` another scalar type.
+            ValueError: An array has a wrong shape, or `out` is not float64.
         """
         middles, turns = np.asarray(places, np.float64), np.asarray(angles, np.float64)
         if middles.shape != (*turns.shape, 2) or turns.ndim > 1:

@@ -102,9 +102,10 @@ _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "frame": (tuple(_OBJECTS), FRAMES),
     "scene": ((), SCENE),
 }
-"""Attributes and types by family of sensors: attributes of `SensorSpec` that may name the measured element, and MJCF types.
+"""Families of sensors, each with two entries.
 
-The types have their names in the Rust library as values.
+The first is the attributes of `SensorSpec` that may name the measured element. The second maps each MJCF type of the family to its name in
+the Rust library.
 """
 
 

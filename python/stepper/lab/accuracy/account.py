@@ -81,9 +81,9 @@ class Account:
 
     Attributes:
         study: The study.
-        uses: Elements of the scene, and those that the run used.
-        parts: Parts of the scene with their costs, after the whole scene. Empty if the model has no source (MJCF, URDF) to remove parts
-            from.
+        uses: Kinds of elements of the scene, with the number of elements and the number that the run used.
+        parts: Costs of the whole scene (first entry) and of each part. Empty if the model has no source (MJCF, URDF), because parts are
+            removed from the source.
         document: The account as a document with tables.
     """
 

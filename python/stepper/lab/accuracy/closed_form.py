@@ -43,8 +43,8 @@ def reference_of(
         distance: Definition of the difference of two runs.
         target: Target of the uncertainty, m or rad.
         most: Largest number of halvings of the study's time step, at least 2.
-        law: Settings that replace hard contact with the midpoint rule.
-        stage: Stage of the time budget; None is no bound.
+        law: Settings of the converged run, such as those of MuJoCo's contact law. None is hard contact and the midpoint rule.
+        stage: Stage of the time budget; None sets no time limit.
         tick: Progress callback with the fraction done.
     """
     if study.exact is None:

@@ -40,7 +40,7 @@ class _Case(Timed):
         settings: Settings, with the time step.
         trace: Recorded run.
         num_envs: Number of environments that are stepped together.
-        stage: Stage of the time budget; None is no bound.
+        stage: Stage of the time budget; None sets no time limit.
     """
 
     def __init__(self, study: Study, settings: Mapping[str, Any], trace: Trace, num_envs: int, stage: Stage | None = None):
@@ -96,7 +96,7 @@ def costs(
         repeats: Number of rounds.
         seconds: Shortest time of a case in a round, s.
         tick: Progress callback with the fraction done.
-        stage: Stage of the time budget. Cases without a complete round before its end get the cost NaN. None is no bound.
+        stage: Stage of the time budget. Cases without a complete round before its end get the cost NaN. None sets no time limit.
 
     Returns:
         Cost of each case alone and in a batch, microseconds of one core for a simulated second of one environment.

@@ -49,16 +49,16 @@ def names(study: Study) -> list[str]:
 
 
 def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
-    """Differences of the mean of each outcome, and of the fraction of successes, from those of the converged run.
+    """Differences between a run and the converged run: in the mean of each outcome, and in the fraction of successes.
 
-    The interval of a mean is Student's, for differences of pairs. That of successes combines two Wilson intervals (R. G. Newcombe's tenth
-    method, Statistics in Medicine 17, 1998). It assumes independent samples, and is conservative for pairs that correlate. An episode that
-    was not finite counts as a failure.
+    The interval of a mean is Student's, for paired differences. The interval of the fraction of successes combines two Wilson intervals
+    (R. G. Newcombe's tenth method, Statistics in Medicine 17, 1998). It assumes independent samples, and is too wide if the two runs
+    correlate. An episode that was not finite counts as a failure.
 
     Args:
         study: The study.
-        own: Run with the settings.
-        converged: Converged run.
+        own: The run, with the settings to be assessed.
+        converged: Converged run of the same episodes.
     """
     if own.stopped or converged.stopped:
         return [Shift(name, math.nan, math.nan, math.nan, 0) for name in names(study)]

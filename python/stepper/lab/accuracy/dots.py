@@ -10,7 +10,7 @@ from stepper.lab.accuracy.candidates import pareto
 from stepper.lab.accuracy.distributions import Shift
 
 CAUSES = {"solver": "solver", "step": "time step", "model": "model"}
-"""Causes of an error, as tables, pictures and notes name them, by the attribute of `Dot` with their part."""
+"""Names of the causes of an error in tables, pictures and notes, by the attribute of `Dot` with the error from that cause."""
 
 
 @dataclass(frozen=True)
@@ -21,18 +21,20 @@ class Dot:
         engine: "stepper", "MuJoCo" or "rapier".
         setting: Name of the settings.
         timestep: Time step, s.
-        error: Largest distance from the reference up to the horizon; infinite if runs are not finite, NaN if the time budget stopped them
-            before the horizon.
+        error: Largest distance of the run from the reference up to the horizon. It is infinite if the run is not finite, and NaN if the
+            time budget stopped it before the horizon.
         least: Smallest error of all episodes.
         most: Largest error of all episodes.
-        solver: Part of the solver: distance from the same run solved to 1e-9 m/s in 64 bits; NaN for MuJoCo and rapier.
-        step: Part of the time step: distance of that run from the converged run with the same law of contact.
-        model: Part of the model (softness, friction cone): distance of that converged run from the reference.
+        solver: Error from the solver: distance of the run from the same run with a tight tolerance (1e-9 m/s) and precision "f64". NaN for
+            MuJoCo and rapier.
+        step: Error from the time step: distance of the run with a tight tolerance from the converged run with the same contact law.
+        model: Error from the contact law (softness, friction cone): distance of that converged run from the reference.
         alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if not measured.
         batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if not measured.
         depth: Deepest overlap of all episodes in the engine's contacts, m.
         residual: Largest residual of all episodes, m/s; NaN for MuJoCo and rapier.
-        outcome: Mean of the outcome with the success, or of the first one, over finite episodes; NaN without outcomes.
+        outcome: Mean of an outcome over finite episodes: the outcome with a condition of success, or otherwise the first outcome. NaN
+            without outcomes.
         share: Fraction of successful episodes, where episodes that were not finite are failures; NaN without a condition of success.
         invariants: Largest errors of invariants over all episodes, by name; NaN if not measured.
         shifts: Differences of outcomes from those of the converged runs.
@@ -65,9 +67,9 @@ class Dot:
 
     @property
     def cause(self) -> str:
-        """Cause with the largest part of the error: "solver", "time step" or "model"; "" if the error is 0 or a part is unknown.
+        """Largest cause of the error: "solver", "time step" or "model". An empty string if the error is 0 or one of its parts is unknown.
 
-        The part of the solver is known for stepper alone; in other engines it belongs to the part of the time step.
+        For MuJoCo and rapier the error from the solver is not known separately, and is included in the error from the time step.
         """
         names = {name: word for name, word in CAUSES.items() if word != "solver" or self.engine == "stepper"}
         parts = {word: float(getattr(self, name)) for name, word in names.items()}

@@ -124,7 +124,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
     Args:
         panel: The panel.
         dots: Points of the chart.
-        cost: Cost to draw: "alone" or "batch".
+        cost: Cost to draw: "alone" for a single environment, "batch" for an environment in a batch.
         colours: Colour of each label.
         markers: Marker of each time step.
     """

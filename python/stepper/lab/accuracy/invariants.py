@@ -260,11 +260,11 @@ class Invariants:
         return ("m",) if int(kind) in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_TENDON)) else ()
 
     def _parts(self, e: int, rows: Array) -> dict[str, Array]:
-        """Position error of an equality constraint, by unit.
+        """Components of the position error of an equality constraint, by unit: "m" and "rad".
 
         Args:
             e: Index of the constraint.
-            rows: Its rows of MuJoCo's `efc_pos`.
+            rows: Entries of MuJoCo's `efc_pos` that belong to the constraint.
         """
         units = self._units(e)
         if self._model.eq_type[e] != self._mujoco.mjtEq.mjEQ_WELD:

@@ -26,7 +26,10 @@ from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
 TARGET = {"m": 1e-4, "rad": 1e-3}
-"""Target uncertainty of a reference, by unit. If no horizon is given, errors are measured until the reference exceeds it."""
+"""Target uncertainty of a reference, by unit.
+
+If the user gives no horizon, errors are measured up to the time at which the uncertainty of the reference exceeds this target.
+"""
 REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
 """Fractions of the time budget at which the stages of a chart must be finished.
 
@@ -35,9 +38,9 @@ The stages are: the reference, all runs, a converged run of each contact law, ru
 
 
 _MAX_SLOWDOWN, _MIN_PATIENCE = 10.0, 10.0
-"""Largest ratio of a run's duration to that of the reference's finest run, and duration that is always allowed, s.
+"""Limits of a run's wall-clock duration: ratio to the duration of the reference's finest run, and a duration in s.
 
-Slower runs are stopped, because they have usually diverged.
+The larger limit applies. Slower runs are stopped, because they have usually diverged.
 """
 
 
@@ -70,7 +73,8 @@ class Point:
         line: Line of the chart, with the settings.
         timestep: Time step, s.
         trace: The run; None if the budget left no time for it.
-        errors: Errors by name: "total", "solver", "step", "model", (episodes,), m or rad; NaN if the budget stopped a run that they need.
+        errors: Errors by name ("total", "solver", "step", "model"), (episodes,), m or rad. NaN if the budget stopped a run from which an
+            error is computed.
         notes: Remarks for the table.
     """
 
@@ -91,10 +95,10 @@ def chart_reference(
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> tuple[Distance, Reference]:
-    """Reference of a chart, and the definition of errors with its horizon.
+    """Reference of a chart, and the definition of errors, which includes the horizon.
 
-    The horizon is the given one, or else the time up to which the reference is converged (a closed form: the whole episode). It is shorter
-    if the budget ended the reference's runs earlier.
+    Without a given horizon, it is the time up to which the reference of the median episode is converged. For a closed form, that is the
+    whole episode. The horizon is shorter if the time budget ended the runs of the reference earlier.
 
     Args:
         study: The study.
@@ -102,7 +106,7 @@ def chart_reference(
         horizon: Simulated time up to which errors are measured, s; None chooses it.
         unit: "m" or "rad".
         most: Largest number of halvings of the time step.
-        stage: Stage of the time budget; None is no bound.
+        stage: Stage of the time budget; None sets no time limit.
         tick: Progress callback with the fraction done.
     """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
@@ -122,13 +126,14 @@ def measure(
     """Run all lines of a chart at all time steps.
 
     Args:
-        ground: Data that all points share.
+        ground: Study, episodes, reference and time budget of the chart.
         all_lines: Lines of the chart.
         steps: Time steps, s.
         tick: Progress callback with a text and the fraction done.
 
     Returns:
-        Points; lines that could not be run, with the reasons; and the converged run of the contact law of each line, by its label.
+        Points of the chart. Texts on lines that could not be run, each with the label and the reason. Converged runs by label of a line,
+        each with the contact law of the line.
     """
     study = ground.study
     made: dict[int, list[tuple[Trace | None, str]] | str] = {}
@@ -154,7 +159,10 @@ def measure(
 
 
 def _laws(ground: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
-    """Converged run for each contact law that occurs in some lines of a chart, or the reason why there is none, by key of the law."""
+    """Converged run for each contact law that occurs in some lines of a chart, or the reason why there is none.
+
+    The keys are those that `_law` returns for the lines.
+    """
     laws: dict[str, Reference | str] = {ground.study.options.contact: ground.reference}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
     jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
@@ -177,16 +185,18 @@ def _solved_key(line: Line, dt: float) -> str:
 def _runs(
     ground: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
 ) -> list[tuple[Trace | None, str]] | str:
-    """Runs of one line of the chart at all time steps, each with a note; or the reason why the line cannot be run.
-
-    A run that got no time is None.
+    """Runs of one line of the chart at all time steps.
 
     Args:
-        ground: Data that all points share.
+        ground: Study, episodes, reference and time budget of the chart.
         steps: Time steps, s.
         count: Number of lines, among which the remaining time is divided.
         study: The study.
         own: Index of the line, and the line.
+
+    Returns:
+        Pairs of a run and a note, one per time step. The run is None if the time budget left no time for it. If the line cannot be run,
+        the result is the reason, as text.
     """
     (number, line), stage = own, ground.budget.stage(RUNS)
     made: dict[float, tuple[Trace | None, str]] = {}
@@ -201,12 +211,12 @@ def _runs(
 
 
 def _solved(ground: ChartBasis, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
-    """Run of a line of the chart with a tight solver tolerance, up to the horizon, and a note.
+    """Run of a line of the chart with a tight solver tolerance, up to the horizon, and a note on the run.
 
-    It is None instead of the run if no time is left.
+    The first result is None if the time budget left no time for the run.
 
     Args:
-        ground: Data that all points share.
+        ground: Study, episodes, reference and time budget of the chart.
         study: The study.
         own: Line, time step (s), and the fraction of the remaining time that the run may take.
     """
@@ -217,10 +227,12 @@ def _solved(ground: ChartBasis, study: Study, own: tuple[Line, float, float]) ->
 
 
 def _run(ground: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
-    """Run of a study with changed settings, and a note if the run was stopped; None instead of the run if no time is left for it.
+    """Run of a study with changed settings, and a note, which is empty unless the run was stopped or not started.
+
+    The first result is None if the time budget left no time for the run.
 
     Args:
-        ground: Data that all points share.
+        ground: Study, episodes, reference and time budget of the chart.
         stage: Stage of the time budget.
         settings: Changed settings, with the time step.
         study: The study.
@@ -241,7 +253,7 @@ def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Ref
     """Converged run for the contact law of a line of the chart, or the reason why it failed.
 
     Args:
-        ground: Data that all points share.
+        ground: Study, episodes, reference and time budget of the chart.
         study: The study.
         own: Line, and the fraction of the remaining time that the run may take.
     """
@@ -273,11 +285,11 @@ def _point(
     """Point of the chart from the runs of a line at a time step.
 
     Args:
-        ground: Data that all points share.
-        at: Line and time step, s.
-        own: Run and its note.
-        tight: Run with a tight solver tolerance, and its note.
-        law: Converged run of the contact law, or the reason why it failed.
+        ground: Study, episodes, reference and time budget of the chart.
+        at: Line of the chart, and time step, s.
+        own: Run of the line at this time step, and a note on the run.
+        tight: The same run with a tight solver tolerance, and a note on it.
+        law: Converged run with the contact law of the line, or the reason why it failed.
     """
     nothing, (line, dt) = np.full(len(ground.episodes), np.nan), at
     trace, note = own

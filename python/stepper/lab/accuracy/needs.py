@@ -197,7 +197,8 @@ def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) 
 def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
     """Removable contact pairs of a scene, as a list of cuts.
 
-    They are bodies that may collide but never came near, with their explicit pairs; and unused explicit pairs of other bodies.
+    The first cut excludes pairs of bodies that may collide but never came near enough to touch, and removes their explicit contact pairs.
+    The second cut removes unused explicit contact pairs of other bodies.
     """
     bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
@@ -274,8 +275,9 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
 def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     """Friction cones of contacts that never slide, as a list of cuts whose functions widen the cones.
 
-    A contact that stays inside its cone would move in the same way without a bound on friction. There are two tests: the used share of each
-    contact's cone, and the change of the motion with a wider cone. The engine has no friction without a bound, so that nothing is removed.
+    A contact that stays inside its cone would move in the same way without a bound on friction. There are two tests: the used fraction of
+    each contact's cone, and the change of the motion with a wider cone. The cuts are only tested: every contact of the engine needs a bound
+    on friction, so that nothing can be removed.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _MAX_CONE_USE and pair.twists <= _NO_FRICTION * pair.peak}

@@ -133,14 +133,16 @@ class Reference:
 
 
 def patience(study: Study, of: Trace, timestep: float, *, slower: float = _MAX_SLOWDOWN, least: float = _MIN_PATIENCE) -> float:
-    """Duration after which a run is stopped, s. Diverging runs use all iterations in every step, and take much longer than others.
+    """Wall-clock duration after which a run is stopped, s.
+
+    Diverging runs use all iterations of the solver in every step, and take much longer than others.
 
     Args:
         study: The study.
-        of: Comparable run, whose duration is the measure.
+        of: Comparable run that was completed.
         timestep: Time step of the new run, s.
-        slower: Largest ratio of the durations.
-        least: Duration that is always allowed, s.
+        slower: Largest allowed ratio of the new run's duration to that of the comparable run.
+        least: Duration that is allowed whatever the comparable run, s.
     """
     return max(least, slower * of.spent) + _PATIENCE_PER_STEP * study.seconds / timestep
 
@@ -175,10 +177,11 @@ def converge(
         target: Target of the uncertainty, m or rad, which also defines `Reference.known`.
         most: Largest number of halvings of the study's time step, at least 2.
         setting: Name of the study's settings.
-        law: Settings that replace hard contact with the midpoint rule, for example those of MuJoCo's law. There is no second method then.
+        law: Settings of the runs, such as those of MuJoCo's contact law; they have no second method. None is hard contact and the midpoint
+            rule, with a second method.
         tick: Progress callback with the fraction done.
         until: Simulated time of the runs, s.
-        stage: Stage of the time budget; None is no bound.
+        stage: Stage of the time budget; None sets no time limit.
 
     Raises:
         ValueError: The budget ended the first run within its first control period.

@@ -29,9 +29,9 @@ class ChartData:
     Attributes:
         ground: Study, reference and time budget.
         points: Runs of all settings at all time steps.
-        dots: Numbers of these runs, in the same order.
+        dots: The same points as numbers (errors, costs, outcomes), in the same order.
         skipped: Settings that could not be run, with the reasons.
-        laws: Converged run of each contact law, by the label of a line with this law.
+        laws: Converged run with the contact law of each line of the chart, by label of the line.
         invariants: Invariants of the scene.
     """
 

@@ -1,7 +1,7 @@
 """Recorded runs of a study's episodes, and distances between runs.
 
-A trace has the positions of all bodies after every control period. It is shorter if a time budget ended the run. States of an episode after
-one that is not finite are not recorded.
+A trace has the positions of all bodies after every control period. It is shorter if a time budget ended the run. From the first state of an
+episode that is not finite, the trace has NaN for this episode.
 """
 
 from __future__ import annotations
@@ -37,15 +37,16 @@ class Trace:
     """Record of a run of several episodes.
 
     Attributes:
-        time: Times after the control periods, (T,), s. Fewer than the study's control periods if the run was stopped.
-        points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3), m; NaN after an episode was not finite.
+        time: Times at the ends of control periods, (T,), s. T is smaller than the study's number of control periods if the run was stopped.
+        points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3), m; NaN from the first state of an episode
+            that is not finite.
         xquat: Orientations of the bodies, (T, episodes, nbody, 4), quaternions (w, x, y, z).
         ctrl: Controls, (T, episodes, nu); NaN where the controller kept the previous controls.
         applied: Forces (N) and torques (N m) on the bodies, (T, episodes, nbody, 6).
         qpos: Initial positions, (episodes, nq), m and rad.
         qvel: Initial velocities, (episodes, nv), m/s and rad/s.
-        path: Positions, (T, episodes, nq), m and rad, and velocities, (T, episodes, nv), m/s and rad/s, after the control periods; NaN
-            after an episode was not finite.
+        path: Positions, (T, episodes, nq), m and rad, and velocities, (T, episodes, nv), m/s and rad/s, at the ends of control periods; NaN
+            from the first state of an episode that is not finite.
         finite: Whether each episode was finite to the end of the run, (episodes,).
         outcomes: Outcomes by name, (episodes,); NaN if the run was stopped or is not finite.
         depth: Deepest overlap, (episodes,), m.
@@ -96,7 +97,8 @@ def run(
         episodes: Numbers of the episodes.
         setting: Name of the settings.
         until: Simulated time of the run, s; outcomes are NaN if it is shorter than an episode.
-        stage: Stage of the time budget; None is no bound. A run stops between steps, in MuJoCo and rapier between control periods.
+        stage: Stage of the time budget; None sets no time limit. A run stops between two steps, in MuJoCo and rapier between two control
+            periods.
         tick: Progress callback, called with the fraction done after every control period.
         **changed: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
     """

@@ -36,12 +36,15 @@ Array = NDArray[np.float64]
 _REFERENCE_SHARE = 0.1
 """Target uncertainty of the reference, as a fraction of the error budget."""
 _RETRY_RATIO = 0.8
-"""Ratio of errors up to which a candidate is tested after another one failed on held-out episodes: its error to the failed one's."""
+"""Largest ratio of errors for a further test: error of a candidate divided by the error of the candidate that failed before.
+
+Tests are on held-out episodes. A candidate with a similar error would fail, too.
+"""
 
 _BISECTIONS = 3
 """Number of rounds of bisection between the longest time step within the budget and the next longer one."""
 _RETIMED_RATIO = 1.25
-"""Ratio of a candidate's cost to the lowest cost below which it is timed a second time."""
+"""Largest ratio of a candidate's cost to the lowest cost at which the candidate is timed a second time."""
 OWN = "the study's own"
 """Name of a study's settings among candidates."""
 _HELD_OUT_BATCH = 16
@@ -385,7 +388,10 @@ def _removable(
 
 
 def _distinct(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
-    """Numbers of the episodes in a range whose motion and controls differ from those of all earlier episodes, counted from episode 0."""
+    """Numbers of the episodes in a range that are no duplicates: motion or controls differ from those of every earlier episode.
+
+    Earlier episodes are all episodes from 0, also those before the range.
+    """
     trace = run(study, range(episodes.stop), **settings)
     seen: set[bytes] = set()
     found = []
@@ -519,7 +525,14 @@ def _sections(found: Tuning, reference: Reference, *, coverage: float, confidenc
 
 
 def _compared(found: Tuning, cost: str) -> str:
-    """Sentence that compares the chosen settings with the study's: ratio of costs, and whether the study's keep the error budget."""
+    """Sentence that compares the chosen settings with the study's settings.
+
+    It has the ratio of their costs, and whether the study's settings are within the error budget.
+
+    Args:
+        found: Result of the tuning, with chosen settings.
+        cost: Kind of cost: "alone" or "batch".
+    """
     assert found.chosen is not None
     unit, usual = found.distance.unit, found.usual
     if found.chosen is usual:

@@ -124,9 +124,9 @@ def _joint(source: Source, i: int) -> Description:
 
 
 def _joint_range(source: Source, i: int) -> list[float] | None:
-    """Range (lower and upper limit) of a joint, rad or m, with both ends moved inwards by the joint's `margin`. None without active limits.
+    """Lower and upper limit of a joint, rad or m; None if the joint has no active limits.
 
-    MuJoCo applies the limit force from that distance before the limit on.
+    Both limits are moved inwards by the joint's `margin`, because MuJoCo applies limit forces already at that distance from a limit.
     """
     m = source.m
     if not m.jnt_limited[i] or source.off("limit"):

@@ -49,9 +49,10 @@ def contact_softness(source: Source, i: int) -> Description:
 
 
 def pair_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of an explicit contact pair, and ratios of its friction coefficients.
+    """Softness (solref and solimp) of an explicit contact pair, and the anisotropy of its friction.
 
-    The ratios are those of the second to the first direction.
+    The anisotropy has two ratios, for sliding and for rolling: the coefficient in the second tangential direction divided by the
+    coefficient in the first.
 
     Args:
         source: The compiled model.

@@ -143,7 +143,7 @@ class MujocoFields:
     """Access to the fields of a batch of MuJoCo environments, and its step.
 
     Args:
-        batch: A `mujoco.batch.Batch`, or one of mjbatch.
+        batch: A `mujoco.batch.Batch`, or a batch of the package mjbatch, which has the same interface.
         num_envs: Number of environments.
     """
 

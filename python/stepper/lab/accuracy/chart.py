@@ -80,7 +80,7 @@ def chart(
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
-        out: Output folder; the files are in its folder NAME, the name of the study.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
         horizon: Simulated time up to which errors are measured: "0.5 s", "500 ms", or a number of seconds. None is the time up to which the
             reference of the median episode is converged to 0.1 mm (1 mrad).
         unit: "m" for the largest distance of a body, geom or site, "rad" for the largest angle of a body.

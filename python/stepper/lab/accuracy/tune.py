@@ -156,7 +156,7 @@ def tune(
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
-        out: Output folder; the files are in its folder NAME, the name of the study.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
         error: Error budget with its unit: "1 mm", "0.5 deg".
         horizon: Simulated time up to which the error must stay within the budget: "1 s", "500 ms", or a number of seconds.
         coverage: Fraction of episodes that must stay within the budget.

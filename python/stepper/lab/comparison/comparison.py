@@ -30,19 +30,19 @@ class Comparison:
     """Result of `compare`: recorded runs of the same episodes in several engines.
 
     Attributes:
-        courses: Recorded run of each engine, hard contact first.
-        rewarded: Whether a reward function was given.
+        courses: Recorded runs of all episodes, one entry per contact law or engine. The first entry is stepper with hard contact.
+        rewarded: Whether `compare` was called with a reward function.
     """
 
     courses: tuple[Course, ...]
     rewarded: bool
 
     def figures(self) -> dict[str, dict[str, float]]:
-        """Figures (numbers) by engine and name; the names include the units. Means are over environments."""
+        """Numbers of the table by name of the engine, then by heading of the row, which includes the unit. Means are over environments."""
         return {course.name: self._figures(course) for course in self.courses}
 
     def _figures(self, course: Course) -> dict[str, float]:
-        """Numbers for the table from the recorded run of one engine, by heading with the unit."""
+        """Numbers of the table for the recorded run of one engine, by heading of the row, which includes the unit."""
         apart = np.abs(course.qpos - self.courses[0].qpos).max(axis=2) > ONSET
         parted = np.where(apart.any(axis=0), (apart.argmax(axis=0) + 1) * course.timestep, np.inf)
         first = np.where((course.pairs > 0).any(axis=0), ((course.pairs > 0).argmax(axis=0) + 1) * course.timestep, np.inf)
@@ -62,7 +62,7 @@ class Comparison:
         return out | ({"return": float(course.reward.sum(axis=0).mean())} if self.rewarded else {})
 
     def table(self) -> str:
-        """Markdown table of the figures."""
+        """Markdown table of all numbers, with a column per engine."""
         figures = self.figures()
         names = list(figures)
         lines = ["| | " + " | ".join(names) + " |", "|" + "---|" * (len(names) + 1)]

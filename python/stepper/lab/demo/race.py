@@ -204,7 +204,7 @@ def _ratios(ours: Track, theirs: Track) -> dict[str, float]:
 
 
 def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str, Track]) -> dict[str, object]:
-    """Figures of one engine for the table: rates (medians over the chunks) and measurements.
+    """Results of one engine for the demo's table, by name: speeds (medians over chunks of steps), contacts, penetration and energy.
 
     Args:
         batch: Environments of the engine.

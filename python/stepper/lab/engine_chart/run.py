@@ -64,7 +64,7 @@ class Row:
 
 @dataclass
 class _Case(Timed):
-    """Run of an engine on a scene with one time step: timed by `measure`, with its error.
+    """Run of an engine on a scene with one time step, and its error. The method `measure` times it.
 
     Attributes:
         engine: The engine with its settings.

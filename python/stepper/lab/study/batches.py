@@ -41,19 +41,19 @@ class _Batch:
 
 
 def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Callable[[float], None] | None = None) -> list[Row]:
-    """Run all episodes at some points, except those whose rows are in the journal.
+    """Results of all episodes at some points. Episodes whose results are already in the journal are not run again.
 
     Args:
         study: The study.
-        points: Values of the parameters, and settings.
-        journal: Journal of finished rows, to which new rows are added.
+        points: Points, each with values of the parameters and a name of settings.
+        journal: Journal of the study. The rows (results) of new episodes are added to it.
         tick: Progress callback with the fraction done.
 
     Returns:
-        Rows of all episodes of the points, in their order.
+        Rows of all episodes: those of the first point, then those of the second, and so on.
 
     Raises:
-        ValueError: A time step does not divide the control period, or the model cannot have a value.
+        ValueError: A time step does not divide the control period, or a value of a parameter is invalid for the model.
     """
     keys = {(_name(point), e): study.key(point.values, point.setting, e) for point in points for e in range(study.episodes)}
     batches = list(_batches(study, points))

@@ -292,7 +292,7 @@ class StateCheck:
 
 
 def _state_of(value: Any) -> str | None:
-    """Digest of a value that a controller holds; None if the value is None, empty, or has no digest."""
+    """Digest of an attribute or closure variable of a controller. None if the value is None, an empty collection, or has no digest."""
     if value is None or (isinstance(value, Collection) and not isinstance(value, np.ndarray) and not len(value)):
         return None
     try:
@@ -422,9 +422,14 @@ class _Digest:
                         self.take(own, f"{where}.{name}")
 
     def _object(self, value: Any, where: str) -> None:
-        """Adds an object to the digest: its type, and its attribute `digest`, its array or its attributes.
+        """Adds an object to the digest: its type and its contents.
 
-        `where` is for error messages.
+        The contents are its attribute `digest` if it has one. Otherwise they are its numbers if it is a tensor or can be converted to an
+        array, and all its attributes in other cases.
+
+        Args:
+            value: The object.
+            where: Name of the object in error messages.
         """
         self.take(type(value), where)
         digest = getattr(value, "digest", None)
@@ -469,7 +474,10 @@ def _study_folders() -> set[Path]:
 
 @functools.cache
 def _imported_neighbours(file: Path) -> frozenset[Path]:
-    """Paths of the Python files in the same folder that a Python file imports, directly or through one another, without itself."""
+    """Paths of the Python files that a Python file imports from its folder, directly or through other files of the folder.
+
+    The file itself is not included.
+    """
     found: set[Path] = set()
     waiting = [file]
     while waiting:

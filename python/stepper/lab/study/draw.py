@@ -28,17 +28,21 @@ _COLUMNS = 3
 _LABEL = 44
 """Number of characters after which a label of the legend is wrapped."""
 _LABEL_WIDTH = 0.2
-"""Width of the text with a cliff's value in a panel, as a fraction of the parameter's range.
+"""Width of the text with the value of a cliff in a panel, as a fraction of the parameter's range.
 
-It is that of seven digits of 8 points in a panel of 3 inches. A cliff is a value at which success ends.
+A cliff is a value of a parameter at which success ends. The width fits seven digits with a font size of 8 points in a panel 3 inches wide.
 """
 _ABOVE_FAILURES, _BELOW_SUCCESSES = 0.55, 0.05
-"""Heights of the text with a cliff's value: on its failing side, and on its other side. The axis is the fraction of successes.
+"""Heights of the text with the value of a cliff, on the axis of the fraction of successes.
 
-Intervals of small fractions end below the first height, those of large fractions above the second.
+A cliff is a value of a parameter at which success ends. The first height is for text on the side of the cliff where episodes fail, above
+the intervals of small fractions. The second is for text on the other side, below the intervals of large fractions.
 """
 _ANNOTATED = 5
-"""Largest number of settings for which panels print the values of cliffs. With more settings, see `draw_cliffs`."""
+"""Largest number of settings for which the panels of a sweep have the values of cliffs as text.
+
+A cliff is a value of a parameter at which success ends. `draw_cliffs` draws the cliffs of any number of settings.
+"""
 
 
 def draw(sweep: Sweep, path: Path) -> Path:

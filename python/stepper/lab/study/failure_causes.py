@@ -1,4 +1,4 @@
-"""Causes of failures, found by repeating a failed episode with one part made ideal at a time.
+"""Causes of failures, found by repeating a failed episode with one part made ideal at a time. Each such repetition is a trial.
 
 The first rule that applies gives the cause:
 
@@ -54,7 +54,7 @@ RULES = (
     ("physics", LAW),
     ("controller", CONTROLLER),
 )
-"""Causes and rules, in the order in which they apply."""
+"""Pairs of a cause of failure and the rule that detects it, as texts, in the order in which the rules are tested."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,10 @@ def causes_of(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdi
 
 
 def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
-    """Cause of a failure, and rule, that follow from the row of an episode alone; None if the episode must be repeated to find them."""
+    """Cause of the failure of an episode, and the rule that detects it, if they follow from the episode's row (result) alone.
+
+    None if the episode must be repeated to find the cause.
+    """
     outcome = study.decisive
     assert outcome is not None
     assert outcome.threshold is not None
@@ -108,14 +111,14 @@ def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
 
 
 def _applies(study: Study, trial: str, row: Row) -> bool:
-    """Whether repeating an episode in a trial would change it.
+    """Whether a repetition of an episode with the changed settings of a trial can differ from the episode.
 
-    Ideal sensors change it only if sensors have errors, and hard contact only if contact is soft.
+    With ideal sensors, it differs only if the sensors have errors. With hard contact, it differs only if contact was soft.
 
     Args:
         study: The study.
-        trial: Name of the trial.
-        row: Row of the episode.
+        trial: Name of the trial: "ideal sensors", "finer" or "hard contact".
+        row: Row (result) of the episode.
     """
     if trial == "hard contact":
         return bool(row["settings"]["contact"] != "hard")
@@ -134,7 +137,11 @@ _TRIALS: tuple[tuple[str, Callable[[dict[str, Any]], dict[str, Any]], str, str],
     ("finer", _finer, "physics", STEP),
     ("hard contact", lambda _: {"contact": "hard", "integrator": None, "sensors": None}, "physics", LAW),
 )
-"""Trials: name, function from an episode's settings to the changed ones, and the cause and rule if the trial succeeds."""
+"""Trials, which are repetitions of a failed episode with changed settings.
+
+Each has a name and a function from the settings of the episode to the changed settings. If the repetition succeeds, the last two are
+the cause of the failure and the rule.
+"""
 
 
 def _repeated(

@@ -50,9 +50,10 @@ class Outcome:
             * "sensor NAME 0": channel of a sensor, without errors
             * "force NAME x": contact force on a body, world axes, N
 
-            Without an axis or channel, the measure is the norm.
-        reduce: Reduction of the measure to one number. With "end", it is the value at the end of the episode. With "change", it is that
-            minus the value at the start. With "max", "min" or "mean", it is of the values at the start and after every control period.
+            Without an axis or channel, the measure is the norm of a vector, or the value of a scalar.
+        reduce: Reduction of the measure over time to one number. With "end", it is the value at the end of the episode. With "change", it
+            is the value at the end minus the value at the start. With "max", "min" or "mean", it is the maximum, minimum or mean of the
+            values at the start and after every control period.
         success: Condition of success, a comparison such as ">= 0.05"; None is no condition.
         margin: Distance to the threshold, in the unit of the measure, below which the cause of a failure is "evaluation".
         unit: Unit of the measure, for tables.
@@ -171,7 +172,10 @@ class Watch:
         self._low, self._high, self._sum = ([x.copy() for x in self._first] for _ in range(3))
 
     def record(self, now: Any) -> None:
-        """Measure the outcomes with the reduction "max", "min" or "mean" at the end of a control period, and update the reductions."""
+        """Add the state at the end of a control period to the maxima, minima and means of the measured quantities.
+
+        Outcomes with the reduction "end" or "change" are not measured here.
+        """
         self._count += 1
         for k, outcome in enumerate(self._outcomes):
             if outcome.reduce in ("end", "change"):

@@ -37,7 +37,10 @@ Values = Mapping[str, Value]
 """Values of a study's parameters by name."""
 
 ROWS_FROM_NOTHING = ("jnt_stiffness", "dof_frictionloss")
-"""Fields whose value 0 removes a constraint row from the compiled model. A batch with a positive value is compiled with that value."""
+"""Fields of a model for which a value of 0 leaves out a row of the constraints when the model is compiled.
+
+If any environment of a batch has a positive value, the model is compiled with the largest value. Each environment gets its value later.
+"""
 CHOICES = {"contact", "integrator", "solver", "stabilization", "precision"}
 """Settings whose values are texts."""
 COUNTS = {"iterations", "max_contacts"}
@@ -269,16 +272,16 @@ def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values:
 
 
 def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Check that later parameters do not hide what a sweep varies.
+    """Check that each varied parameter has an effect: no parameters that apply after it overwrite the same numbers.
 
     Args:
-        names: Varied parameters.
+        names: Names of the varied parameters.
         parameters: All parameters of the study by name, in the order in which they apply.
         model: The model.
 
     Raises:
-        ValueError: Later parameters with operation="set" and a nominal value overwrite all that a varied parameter changes, so that varying
-            it has no effect. The message names them.
+        ValueError: All numbers that a varied parameter changes are overwritten by later parameters with operation="set" and a nominal
+            value. The message has the names of these parameters.
     """
     order = list(parameters)
     applied = {name: _set_numbers(p, model) for name, p in parameters.items() if p.nominal is not None}
@@ -354,7 +357,12 @@ def _number_of(kind: type, leaf: str) -> None:
 
 
 def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.int64], float]]:
-    """Numbers of the model that a parameter changes: for each field its name, indices in the flattened field, and sign."""
+    """Numbers of the model that a parameter changes.
+
+    Returns:
+        For each changed field: its name, the indices of the numbers in the flattened field, and 1 or -1. The value of the parameter is
+        multiplied by the last, because MuJoCo stores some gains with a negative sign.
+    """
     selector = parameter.parsed
     if selector.field not in FIELDS and selector.field not in COMPOUNDS:
         raise ValueError(unknown_field("selector", selector.field, [*FIELDS, *COMPOUNDS, "controller"], "docs/reference/what_can_vary.md"))

@@ -109,7 +109,7 @@ def rank(
 
     Args:
         study: A study, or its file.
-        out: Output folder; the files are in its folder NAME, the name of the study.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
         samples: Number of base samples, a power of 2. The number of points is samples times (2 + number of parameters).
         parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters with low and high.
         setting: Name of the settings.
@@ -214,8 +214,8 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
     Args:
         stats: Module `scipy.stats`.
         study: The study.
-        values: Outcome of every point, (points,), in the order of the design.
-        n: Number of samples.
+        values: Outcome of every point, (points,): those of the matrices of Saltelli's design, in the order in which `_design` returns them.
+        n: Number of samples, which is the number of points of each matrix.
     """
     rows = values.reshape(-1, n)
 
@@ -236,7 +236,7 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
 
 
 def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Point:
-    """Point of the study with the parameter values in a row of the design; other parameters are nominal.
+    """Point of the study with the parameter values in a row of a matrix of Saltelli's design; other parameters are nominal.
 
     Args:
         study: The study.

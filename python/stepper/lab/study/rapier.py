@@ -144,7 +144,7 @@ class RapierWorld(MujocoWorld):
         self._behind, self._depth[:], self._lost[:] = False, 0.0, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, and update the certificate (status flags and violations of the episode).
+        """Step all environments `nstep` times, and update the deepest penetration of the episode, which `certificate` returns.
 
         Args:
             ctrl: Ignored, because models with actuators are rejected.
@@ -197,7 +197,11 @@ class RapierWorld(MujocoWorld):
             data.time = self.time[env]
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """Quality of the steps, (num_envs,): whether the state was finite, and the penetration after every control period, m."""
+        """Quality of the steps of the episode so far, by name, (num_envs,) each.
+
+        "status" has the flag `Status.NON_FINITE` if a state was not finite. "max_penetration" is the deepest penetration after a control
+        period, m. Other entries are NaN.
+        """
         self._read()
         nothing = np.full(self.num_envs, np.nan)
         return {

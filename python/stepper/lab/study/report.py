@@ -69,7 +69,7 @@ def sweep(
 
     Args:
         study: A study, or its file.
-        out: Output folder; the files are in its folder NAME, the name of the study.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
         parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters of the study.
         cliffs: Whether to locate the values at which success ends, by bisection.
         resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
@@ -103,7 +103,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
 
     Args:
         study: A study, or its file.
-        out: Output folder; the files are in its folder NAME, the name of the study.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
         tick: Progress callback with a text and the fraction done.
 
     Returns:
@@ -356,7 +356,7 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
 
 
 def _repeated(levels: Sequence[Level]) -> list[str]:
-    """Paragraph on levels (values of a parameter) without a confidence interval, with the reason; empty if all levels have one."""
+    """Paragraph that explains why some levels (values of a parameter) have no confidence interval. The list is empty if all have one."""
     fewest = min((level for level in levels), key=lambda level: level.different / level.episodes)
     if fewest.different == fewest.episodes:
         return []
@@ -368,14 +368,17 @@ def _repeated(levels: Sequence[Level]) -> list[str]:
 
 
 def _interval(level: Level) -> str:
-    """Text of the confidence interval of a level's success rate, or why it has none: its episodes repeat one another."""
+    """Text of the confidence interval of a level's success rate.
+
+    A level whose episodes repeat one another has no interval; the text is then the number of different episodes.
+    """
     if level.different < level.episodes:
         return f"none, {level.different} different"
     return "{:.3f} to {:.3f}".format(*level.interval)
 
 
 def _picture(found: Sweep, folder: Path) -> Path | None:
-    """Draws the sweep; returns the file, or None without Matplotlib or parameters."""
+    """Draws the sweep, and returns the path of the picture. None if Matplotlib is not installed or the study has no parameters."""
     if package_version("matplotlib") is None or not found.study.parameters:
         return None
     return draw(found, folder / "sweep.png")
@@ -511,12 +514,14 @@ def _left_out(study: Study) -> list[Section]:
 
 
 def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
-    """Section "In force": digests and versions of the study, and the files that have them for each row.
+    """Section "In force" of a document: digests and versions on which the study's results depend.
+
+    It also names the files in which the settings of each episode and all digests and versions are stored.
 
     Args:
         study: The study.
-        count: Number of rows of its table.
-        table: Name of the table's files.
+        count: Number of rows of the table of episodes.
+        table: Name of the files with this table, without their endings.
     """
     used = study.in_force
     rows = [

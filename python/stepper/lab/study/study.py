@@ -49,7 +49,7 @@ It returns qpos (T, num_envs, nq), m and rad, and qvel (T, num_envs, nv), m/s an
 _HOLD = 0.02
 """Default control period, s."""
 _ROWS = 4
-"""Version of the rows, which is part of their keys in the journal. It increases when the same study gives other rows.
+"""Version of the rows (results of episodes), which is part of their keys in the journal. It increases when the same study gives other rows.
 
 2: Episodes that diverge have no outcome. 3: Inverse weights of MuJoCo's law follow masses, inertias, centres of mass and armatures.
 4: Rows name the values of parameters "parameters".
@@ -281,15 +281,20 @@ class Study(metaclass=Hinting):
         return {name: p.nominal for name, p in self.parameters.items() if p.nominal is not None}
 
     def batch_controller(self) -> Any:
-        """Controller for the next batch, a function of a `World`: new random controls for "random". None keeps the initial controls."""
+        """Controller for the next batch of episodes: a function of a `World`, or None, which keeps the initial controls.
+
+        For the controller "random" it is a new object whose random numbers start from the beginning.
+        """
         return controllers.Random(self.seed) if isinstance(self.controller, str) else self.controller
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Options of the step that the settings of a given name change, by name of the option.
+        """Settings with a given name: the changed options of the step, by name of the option.
+
+        The result is empty for the name "stepper", which stands for the options of the study itself.
 
         Args:
             name: Name of the settings.
-            given: Options to check instead of those in the study; None takes those of the study.
+            given: Settings to check and to return, in place of those in the study. None takes those in the study.
 
         Raises:
             ValueError: There are no settings of this name, or an option is unknown.
@@ -377,7 +382,13 @@ class Study(metaclass=Hinting):
         return hashlib.sha256(buffer.tobytes()).hexdigest()
 
     def key(self, values: Values, setting: str, episode: int) -> str:
-        """Key of a row in the journal: digest of everything that determines the row."""
+        """Key of the row (result) of an episode in the journal: a digest of everything on which the result depends.
+
+        Args:
+            values: Values of the parameters by name.
+            setting: Name of the settings.
+            episode: Number of the episode.
+        """
         given = self.setting(setting)
         # Only for rows of MuJoCo: a change that stepper does not read keeps stepper's rows.
         compiled = [self._compiled_digest] if given.get("engine") == "mujoco" else []
@@ -426,7 +437,7 @@ class Study(metaclass=Hinting):
             values: Values (numbers or texts) by name of a parameter, or by selector, as "geom_friction[floor][0]".
 
         Raises:
-            ValueError: A parameter is unknown, a value is invalid, or two values are for the same number.
+            ValueError: A parameter is unknown, a value is invalid, or two parameters set the same number to different values.
         """
         made = replace(self, parameters=with_nominal(self.parameters, values))
         if len(values) > 1:

@@ -21,9 +21,9 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
 
 CLIFF = 0.5
-"""Fraction of successes that defines a cliff (a value at which success ends).
+"""Fraction of successes that defines a cliff, which is a value of a parameter at which success ends.
 
-It is at least this on one side of the cliff, and below it on the other.
+On one side of a cliff the fraction is at least this large, and on the other side it is smaller.
 """
 RESOLUTION = 1e-3
 """Default width of the interval to which bisection locates a cliff, as a fraction of the parameter's range."""
@@ -37,20 +37,23 @@ UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Sta
 
 @dataclass(frozen=True)
 class Level:
-    """Statistics of the episodes at one value of one parameter, with all others nominal.
+    """Statistics of the episodes at one value of one parameter, with all other parameters nominal. Or those at the nominal point.
+
+    The outcome is the one with a condition of success, or otherwise the first outcome of the study.
 
     Attributes:
         setting: Name of the settings.
-        parameter: Name of the parameter; "" is the nominal point.
+        parameter: Name of the parameter; an empty string at the nominal point.
         value: Value of the parameter; None at the nominal point.
         episodes: Number of episodes.
         successes: Number of successful episodes; None if the study has no condition of success.
         different: Number of distinct episodes. Without random starts or controllers, episodes may repeat one another bit for bit.
         interval: Wilson's 95 % interval of the fraction of successes; NaN without a condition of success or if episodes repeat one another.
-        mean: Mean of the outcome with a condition of success (or of the first one) over the episodes that did not diverge; NaN if all did.
-        spread: Standard deviation of that outcome over episodes.
-        change: Mean difference of that outcome from the same episodes at the nominal point, without diverged ones, and its standard error.
-        unsolved: Number of episodes with at least one step that was not solved reliably, which has a flag of `UNSOLVED`.
+        mean: Mean of the outcome over the episodes that did not diverge; NaN if all diverged.
+        spread: Standard deviation of the outcome over these episodes.
+        change: Mean change of the outcome compared with the same episodes at the nominal point, and the standard error of this mean.
+            Episodes that diverged in either case are left out.
+        unsolved: Number of episodes with at least one step that was not solved reliably (flags `UNSOLVED`).
         diverged: Number of episodes that diverged. They have no outcome and count as failures.
     """
 
@@ -100,11 +103,12 @@ class Sweep:
 
     Attributes:
         study: The study.
-        levels: The nominal points of all settings, then the other levels, by settings, parameters and values.
-        cliffs: Values at which success ends.
+        levels: Statistics at each value of a parameter. The first entries are the nominal points with all settings. The others are sorted
+            by settings, then parameters, then values.
+        cliffs: Values of parameters at which success ends.
         table: Table of all episodes.
-        skipped: Parameters that were not run with some settings, with the reasons.
-        bisected: Further levels, from the bisections.
+        skipped: Texts on parameters that were not varied with some settings, with the reasons.
+        bisected: Statistics at the further values of parameters that the bisections ran to locate cliffs.
     """
 
     study: Study
@@ -115,13 +119,13 @@ class Sweep:
     bisected: tuple[Level, ...] = field(default=())
 
     def levels_of(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Statistics of the outcomes at each value of a parameter, for one of the settings. The parameter "" is the nominal point."""
+        """Statistics of the outcomes at each value of a parameter, with one of the settings. `parameter=""` gives the nominal point."""
         return [level for level in self.levels if (level.parameter, level.setting) == (parameter, setting)]
 
     def points(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Statistics of the outcomes at all values of a parameter, including values added by bisection, for one of the settings.
+        """Statistics of the outcomes at all values of a parameter, including values added by bisection, with one of the settings.
 
-        Numbers are in ascending order.
+        If the values are numbers, they are in ascending order.
         """
         found = self.levels_of(parameter, setting)
         found += [level for level in self.bisected if (level.parameter, level.setting) == (parameter, setting)]
@@ -133,8 +137,8 @@ class Sweep:
         """Parameters in descending order of their effect, with the study's default settings.
 
         Returns:
-            Pairs of name and effect. The effect is the largest minus the smallest fraction of successes (without a condition of success:
-            mean outcome) over the parameter's range.
+            Pairs of name and effect. The effect is the largest minus the smallest fraction of successes over the values of the parameter.
+            If the study has no condition of success, it is the same difference of mean outcomes.
         """
         found = []
         for name in self.study.parameters:
@@ -158,7 +162,7 @@ def sweep(
 
     Args:
         study: The study; it must have parameters and an outcome.
-        journal: Journal of its finished rows.
+        journal: Journal of the study. Finished episodes in it are not repeated, and the results of new ones are added.
         parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters of the study.
         cliffs: Whether to locate the values at which success ends.
         resolution: Width of a cliff's bracket as a fraction of its parameter's range, between 0 and 1.
@@ -168,7 +172,8 @@ def sweep(
         Levels and cliffs.
 
     Raises:
-        ValueError: The study has no outcome, a parameter is unknown, another one hides it, or `resolution` is out of range.
+        ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a later parameter overwrites the
+            numbers that a varied parameter changes.
     """
     if not 0 < resolution < 1:
         raise ValueError(f"resolution is {resolution}, must be between 0 and 1: the width of a cliff's bracket over the range")
@@ -291,7 +296,7 @@ class _Progress:
         self._done += done == 1.0
 
     def end(self) -> None:
-        """Reports to the progress callback that all bisections have ended. Does nothing if there were none."""
+        """Reports to the progress callback that all bisections have ended. Does nothing if there were no bisections."""
         if self._tick is not None and self._rounds:
             self._tick(self._what, 1.0)
 

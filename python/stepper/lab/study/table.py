@@ -87,7 +87,7 @@ def _flat(row: Row, cause: str | None) -> dict[str, Any]:
 
 
 def _column(values: Sequence[Any]) -> NDArray[Any]:
-    """Column of numbers, with NaN for None, or of words, with "" for None."""
+    """Column of a table as an array of numbers or of words. Missing values (None) become NaN among numbers, and "" among words."""
     given = [value for value in values if value is not None]
     if any(isinstance(value, str) for value in given):
         return np.array(["" if value is None else str(value) for value in values])

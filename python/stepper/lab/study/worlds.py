@@ -166,7 +166,11 @@ class World:
         raise NotImplementedError
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """Worst values over the steps of the episode so far, (num_envs,) each: "status" flags, "residual", and violations of positions."""
+        """Quality of the steps of the episode so far (the certificate), by name, (num_envs,) each.
+
+        "status" has flags of `Status`. "residual" (m/s), "max_penetration" (m), "max_limit_violation" (m, rad) and
+        "max_equality_violation" (m, rad) are largest values; NaN if the engine does not report them.
+        """
         raise NotImplementedError
 
     def settings(self) -> dict[str, Any]:
@@ -240,7 +244,7 @@ class StepperWorld(World):
         self.time = np.zeros(self.num_envs)
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, and update the certificate (largest status flags, residuals and violations of the episode).
+        """Step all environments `nstep` times, and update the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
@@ -254,7 +258,7 @@ class StepperWorld(World):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times without an update of the certificate.
+        """Step all environments `nstep` times, without an update of the values that `certificate` returns.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
@@ -268,7 +272,11 @@ class StepperWorld(World):
         self.time = self.time + nstep * self.timestep
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """Quality of the steps, (num_envs,): flags of `Status`, residual of the last step of every control, and violations of positions."""
+        """Quality of the steps of the episode so far, by name, (num_envs,) each.
+
+        "status" has all flags of `Status`. "residual" (m/s), "max_penetration" (m), "max_limit_violation" (m, rad) and
+        "max_equality_violation" (m, rad) are the largest values at the ends of control periods.
+        """
         return self._worst
 
     def settings(self) -> dict[str, Any]:
@@ -295,10 +303,13 @@ def own_fields(options: Options) -> frozenset[str]:
 
 
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
-    """Values of a plan for a batch, divided into those that its environments share and those that differ.
+    """Values of a plan's fields, divided into values that all environments share and values per environment.
 
     Returns:
-        Model with the shared values, and the other fields by name, (num_envs, *shape) each.
+        Model with the shared values; and the values of the other fields by name, (num_envs, *shape) each.
+
+    Raises:
+        ValueError: A field has different values, and stepper needs one value for all environments.
     """
     shared, varying, may_vary = {}, {}, own_fields(plan.options)
     for field, rows in plan.fields.items():
@@ -391,7 +402,7 @@ class MujocoWorld(World):
         self.time, self._is_current, self._pushed = np.zeros(self.num_envs), False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, and update the certificate (largest status flags, residuals and violations of the episode).
+        """Step all environments `nstep` times, and update the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
@@ -408,7 +419,7 @@ class MujocoWorld(World):
         self._status[self._beyond()] |= int(Status.NON_FINITE)
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times without an update of the certificate.
+        """Step all environments `nstep` times, without an update of the values that `certificate` returns.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
@@ -542,7 +553,10 @@ class MujocoWorld(World):
         return self._applied
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """Quality of the steps, (num_envs,): status flags, and the largest penetration after a control period, m; the rest is NaN."""
+        """Quality of the steps of the episode so far, by name, (num_envs,) each.
+
+        "status" has flags of `Status`. "max_penetration" is the deepest penetration after a control period, m. Other entries are NaN.
+        """
         nothing = dict.fromkeys(("residual", "max_limit_violation", "max_equality_violation"), np.full(self.num_envs, np.nan))
         return {"status": self._status, "max_penetration": self._depth, **nothing}
 

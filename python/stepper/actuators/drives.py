@@ -129,8 +129,8 @@ class Drive:
         limits: Smallest and largest effort, N or N m, in addition to `forcerange` of the actuator.
         motor: DC motor with gear.
         servo: Servo that replaces the force law and the control range of the actuator.
-        friction: Dry friction on the actuator's side of MJCF's gear, N or N m. At the joint it is the absolute value of that gear times as
-            large.
+        friction: Dry friction on the actuator's side of MJCF's gear, N or N m. The friction at the joint is this value times the absolute
+            value of the gear.
     """
 
     delay: Number = 0.0

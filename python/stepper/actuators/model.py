@@ -43,7 +43,7 @@ class ActuatorModel:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "actuators") -> ActuatorModel:
-        """Actuator model from a dictionary in the format of `to_dict` and of files; messages begin with `place`."""
+        """Actuator model from a dictionary in the format of `to_dict` and of files; error messages begin with `place`."""
         tables = named_tables(data, "actuators", place)
         named = {name: _read(table, Drive, f"{place}: actuator {name!r}") for name, table in tables.items()}
         return cls(named, default=_read(data["default"], Drive, f"{place}: default") if "default" in data else None)

@@ -196,7 +196,7 @@ def _part(
 def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pairs, options: Options) -> tuple[Stepper, Array]:
     """Perturbed copies for pairs of an environment and a column (one number to perturb).
 
-    Each pair has `count` rows, one more than it has displacements. The first is unperturbed; in the others the column is displaced.
+    Each pair has an unperturbed copy, followed by one copy for each of its displacements, in which the column is displaced.
 
     Args:
         sim: The original stepper.

@@ -47,8 +47,8 @@ class Kink(IntFlag):
     """A contact or limit has a tiny gap in the perturbed copy and an overlap in the nominal environment, or vice versa.
 
     With a gap, the step allows the velocity that closes it. With an overlap, it allows no approach. A robot at rest is at this kink;
-    docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a second cause: equalities move a contact across
-    the depth at which the damping of its position correction begins.
+    docs/how-to/derivatives.md has settings without it. With method="implicit" the flag has a second cause: an equality constraint moves a
+    contact across the depth at which the damping of the contact's position correction begins.
     """
     LIMIT = 8
     """A slide or hinge is at a limit in the perturbed copy or in the nominal environment, but not in both.

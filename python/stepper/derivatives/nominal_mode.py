@@ -33,7 +33,7 @@ It is the disagreement at a quarter of a width divided by the disagreement at th
 HARMLESS = np.uint32(Kink.CONTACT | Kink.SLOPE | Kink.UNSOLVED)
 """Flags of kinks that may have no effect on the derivative, such as a contact that begins without force.
 
-A column without other flags may use a slope of another mode, if that slope is equal on both sides and at two widths.
+A column without other flags may use the slope of another mode (set of active constraints), if it is equal on both sides and at two widths.
 """
 
 LARGEST_BEND = 0.1
@@ -143,8 +143,8 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) ->
 def _agree(a: Array, b: Array, width: Array, groups: Sequence[RowGroup], noise: Array) -> Bools:
     """Whether slopes at one width, (..., widths, rows), agree with slopes at another width or side; (..., widths) bool.
 
-    Differences from curvature and noise are allowed. With the width, a difference from curvature decreases, one from a kink is constant,
-    and one from a jump increases.
+    Differences due to curvature and noise are allowed. As the width decreases, a difference due to curvature decreases. A difference due to
+    a kink stays constant, and a difference due to a jump increases.
 
     Args:
         a: Slopes from differences of half width `width`.

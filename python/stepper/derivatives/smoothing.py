@@ -64,7 +64,7 @@ def smoothed(
     Args:
         sim: The stepper; it does not change.
         smoothing: Number and size of the displacements.
-        wrt: Names of the quantities to differentiate by, as in `linearize`.
+        wrt: Names of the quantities with respect to which the steps are differentiated, as in `linearize`.
         ctrl: Controls, (num_envs, nu) or (nu,).
         draw: Number that selects the random displacements, together with the seed.
         sensors: Whether to differentiate readings of ideal sensors.

@@ -126,7 +126,7 @@ class Urdf:
         return value
 
     def speed_limit(self, joint: str) -> float | None:
-        """Speed limit of a joint, rad/s or m/s; None without one. 0 counts as no limit, because exporters write it as a default."""
+        """Speed limit of a joint, rad/s or m/s; None without a limit. 0 counts as no limit, because exporters write it as a default."""
         return _bound(self.number(joint, "limit", "velocity"))
 
     def effort_limit(self, joint: str) -> float | None:

@@ -204,7 +204,7 @@ def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[st
 
 
 def _of_all(values: Any, order: list[int], num_envs: int) -> np.ndarray[Any, Any]:
-    """Array for all environments, (num_envs, ...), with `values` in the environments `order` and 0 in the others."""
+    """Array for all environments, (num_envs, ...), with `values` at the indices `order` of environments, and 0 elsewhere."""
     full = np.zeros((num_envs, *np.shape(values)[1:]))
     full[order] = values
     return full

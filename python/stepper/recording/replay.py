@@ -154,7 +154,7 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
         step: Index of the call of `step`.
 
     Returns:
-        First difference between the result of a step and the recorded one; None if there is none, and for other rows.
+        First difference between the result of a step and the recorded result. None if the results are identical, or the row is not a step.
     """
     if (kind == "start") != (row == 0):
         raise ValueError(f"the row has kind {kind}; the first row of a recording must have kind start, and no other row may")

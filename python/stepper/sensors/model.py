@@ -60,7 +60,7 @@ class SensorModel:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "sensors") -> SensorModel:
-        """Sensor model from a dictionary of `to_dict`, or from the contents of a file; messages begin with `place`."""
+        """Sensor model from a dictionary in the format of `to_dict` and of files; error messages begin with `place`."""
         named = {name: _read(table, f"{place}: sensor {name!r}") for name, table in named_tables(data, "sensors", place).items()}
         return cls(named, default=_read(data["default"], f"{place}: default") if "default" in data else None)
 

@@ -86,8 +86,8 @@ def chart(
         unit: "m" for the largest distance of a body, geom or site, "rad" for the largest angle of a body.
         episodes: Number of episodes; the chart shows their medians.
         quick: Whether to use fewer settings, time steps and repeats.
-        budget: Bound of the wall-clock time: "60 s", or a number of seconds. The table marks runs that it stopped. None is no bound, or two
-            minutes with `quick`.
+        budget: Bound of the wall-clock time: "60 s", or a number of seconds. The table marks runs that it stopped. None sets no time
+            limit, or two minutes with `quick`.
         tick: Progress callback with a text and the fraction done.
 
     Returns:

@@ -1,8 +1,8 @@
 """Distributions of outcomes: differences of mean outcomes and of success rates from those of the converged runs.
 
-They stay meaningful in chaotic motion, where single motions cannot be compared. Episode k of every run has the same start and the same
-random controls, so that differences are computed per episode. In chaotic motion the pairs are nearly independent; otherwise they correlate,
-and the interval is narrower.
+These differences stay meaningful in chaotic motion, where single motions cannot be compared. Episode k of every run has the same start and
+the same random controls, so that differences are computed per episode. In chaotic motion, the outcomes of an episode in two runs are nearly
+independent. Otherwise they correlate, and the interval is narrower.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from stepper.lab.study.study import Study
 
 @dataclass(frozen=True)
 class Shift:
-    """Difference of an outcome with some settings from that of the converged runs.
+    """Difference between an outcome with some settings and the same outcome in the converged run.
 
     Attributes:
         name: "mean NAME" (of an outcome) or "successes" (fraction of successful episodes).
-        value: Value with the settings minus that of the reference; NaN if the time budget stopped either.
+        value: Value with the settings minus the value in the converged run; NaN if the time budget stopped one of the two runs.
         low: Lower end of the 95 % interval of the difference; NaN with a single episode.
         high: Upper end of the interval.
-        count: Number of episodes that were finite in both.
+        count: Number of episodes that were finite in both runs.
     """
 
     name: str

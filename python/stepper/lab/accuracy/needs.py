@@ -101,11 +101,11 @@ class Bench:
             return saving((self.study, self.settings), (self._study_with(smaller), self.settings), self.trace)
 
     def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
-        """Effect of replacing some settings by others.
+        """Effect of replacing some settings by others. Both are added to `self.settings`.
 
         Args:
-            before: Settings in addition to those of the test.
-            after: Settings that replace them.
+            before: Settings by name that are replaced.
+            after: Settings by name that replace them.
 
         Returns:
             Largest change of the motion (m or rad), saved fraction of the time, and its lower bound.

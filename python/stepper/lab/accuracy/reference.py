@@ -177,8 +177,8 @@ def converge(
         target: Target of the uncertainty, m or rad, which also defines `Reference.known`.
         most: Largest number of halvings of the study's time step, at least 2.
         setting: Name of the study's settings.
-        law: Settings of the runs, such as those of MuJoCo's contact law; they have no second method. None is hard contact and the midpoint
-            rule, with a second method.
+        law: Settings of the runs, such as those of MuJoCo's contact law. None is hard contact and the midpoint rule; only then, a second
+            method checks the result.
         tick: Progress callback with the fraction done.
         until: Simulated time of the runs, s.
         stage: Stage of the time budget; None sets no time limit.
@@ -253,7 +253,7 @@ def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trac
 
 
 def _stays_finite(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
-    """Whether runs with the second integrator stay finite in all episodes in which those of the first stay finite."""
+    """Whether runs with the second integrator stay finite in all episodes in which the runs with the first integrator stay finite."""
     return all(bool((own.finite | ~of.finite).all()) for own, of in zip(second, runs[-2:], strict=True))
 
 

@@ -44,7 +44,7 @@ Tests are on held-out episodes. A candidate with a similar error would fail, too
 _BISECTIONS = 3
 """Number of rounds of bisection between the longest time step within the budget and the next longer one."""
 _RETIMED_RATIO = 1.25
-"""Largest ratio of a candidate's cost to the lowest cost at which the candidate is timed a second time."""
+"""Largest ratio of costs for a second timing: cost of a candidate divided by the lowest cost of all candidates within the budget."""
 OWN = "the study's own"
 """Name of a study's settings among candidates."""
 _HELD_OUT_BATCH = 16
@@ -278,10 +278,10 @@ def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
 def _candidates(
     study: Study, episodes: Sequence[int], distance: Distance, reference: Reference, budget: float, *, alone: bool, report_progress: Tick
 ) -> tuple[Candidate, list[Candidate]]:
-    """Finds and measures candidate settings: the candidate with the study's settings, and all candidates including it.
+    """Finds and measures candidate settings, and returns the candidate with the study's settings, and all candidates including it.
 
-    First, all settings run at time steps around that of the study, by factors of two. Then settings that may become the cheapest run at
-    time steps between the longest one within the budget and the next longer one.
+    First, all settings are run at time steps around that of the study, by factors of two. Some settings may become the cheapest at longer
+    time steps. They are then run between the longest time step within the budget and the next longer one.
 
     Args:
         study: The study.
@@ -438,7 +438,7 @@ def _held_out(candidate: Candidate, distance: Distance, budget: float, study: St
 
 
 def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:
-    """Options of the step and precision of a candidate; a pair of None without a candidate."""
+    """Options of the step and precision of a candidate. Both are None if there is no candidate."""
     if chosen is None:
         return None, None
     given = dict(chosen.settings)

@@ -1,7 +1,7 @@
 """Comparison of hard contact, MuJoCo's law of contact and MuJoCo on one model.
 
 - `trial`: run of one engine, recorded step by step
-- `comparison`: figures of all engines, and their table
+- `comparison`: numbers of all engines (depths, forces, energies), and their table
 - `draw`: picture of the recorded runs
 """
 

@@ -66,7 +66,7 @@ class Track:
     Attributes:
         times: Microseconds per step and environment of every chunk, by phase ("control", "rest").
         samples: Measurements of the referee at the end of every chunk, by phase.
-        own: Contacts per environment and deepest overlap (m) by the contacts of stepper itself, by phase.
+        own: Contacts per environment and deepest overlap (m) at the end of every chunk, according to stepper's contacts, by phase.
         after_control: Positions at the end of the controls, (num_envs, nq), m and rad.
     """
 
@@ -244,7 +244,7 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
         tick: Progress callback with a text and the fraction done.
 
     Returns:
-        All figures and settings, ready for JSON.
+        Results of all engines, and settings, as values that JSON can represent.
     """
     path = humanoid_path()
     model, control, referee = load(path), random_control(path, plan), Referee(path)

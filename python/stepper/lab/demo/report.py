@@ -26,7 +26,7 @@ def _phases(values: dict[str, float], form: str) -> str:
 
 
 def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
-    """Rows of the demo's table: label, and function from an engine's figures to the text of its cell.
+    """Rows of the demo's table: label, and function from the results of an engine (`Figures`) to the text of its cell.
 
     Args:
         peers: Names of the engines with which speeds are compared.

@@ -99,7 +99,7 @@ def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
 
 
 def together(study: Study) -> bool:
-    """Whether all episodes of a point must be one batch, because sensor errors depend on the place in the batch."""
+    """Whether all episodes of a point must be one batch, because sensor errors depend on the index in the batch."""
     return study.sensors is not None or any(p.kind == "sensor" for p in study.parameters.values())
 
 

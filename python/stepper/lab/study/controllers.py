@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 FILES = "stepper_study_"
 """Prefix of the names under which `load_file` imports Python files of studies."""
 Controller = Callable[[World], Any]
-"""Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to keep the last ones. If it has a method
-`begin(now)`, that is called at the start of each batch."""
+"""Function of a `World` that returns controls (num_envs, nu) or (nu,), or None to keep the last controls. If it has
+a method `begin(now)`, the method is called at the start of each batch."""
 
 
 class Recorded:

@@ -30,9 +30,9 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import UNSOLVED
 
 FINER = 2
-"""Ratio of the episode's time step to that of the finer run, which tests its physics."""
+"""Ratio of the episode's time step to the time step of the trial "finer", which tests whether physics caused the failure."""
 TIGHTER = 1e-2
-"""Ratio of the finer run's tolerance to that of the episode."""
+"""Ratio of the tolerance in the trial "finer" to the tolerance of the episode."""
 
 # Rules, as texts for tables.
 EVALUATION = "the outcome is not finite, or within its margin of the threshold"
@@ -111,9 +111,9 @@ def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
 
 
 def _applies(study: Study, trial: str, row: Row) -> bool:
-    """Whether a repetition of an episode with the changed settings of a trial can differ from the episode.
+    """Whether an episode can change if it is repeated with the settings of a trial.
 
-    With ideal sensors, it differs only if the sensors have errors. With hard contact, it differs only if contact was soft.
+    With ideal sensors it changes only if the sensors have errors, and with hard contact only if contact was soft.
 
     Args:
         study: The study.

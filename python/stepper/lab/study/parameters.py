@@ -272,7 +272,7 @@ def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values:
 
 
 def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Check that each varied parameter has an effect: no parameters that apply after it overwrite the same numbers.
+    """Check that each varied parameter has an effect: parameters that apply after it do not overwrite all numbers that it changes.
 
     Args:
         names: Names of the varied parameters.

@@ -49,7 +49,9 @@ It returns qpos (T, num_envs, nq), m and rad, and qvel (T, num_envs, nv), m/s an
 _HOLD = 0.02
 """Default control period, s."""
 _ROWS = 4
-"""Version of the rows (results of episodes), which is part of their keys in the journal. It increases when the same study gives other rows.
+"""Version of the rows (results of episodes), which is part of the rows' keys in the journal.
+
+It increases when the same study gives other rows. Changes by version:
 
 2: Episodes that diverge have no outcome. 3: Inverse weights of MuJoCo's law follow masses, inertias, centres of mass and armatures.
 4: Rows name the values of parameters "parameters".
@@ -372,7 +374,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def _compiled_digest(self) -> str | None:
-        """SHA-256 of the `mujoco.MjModel`, which includes settings that stepper leaves out; None without one."""
+        """SHA-256 of the study's `mujoco.MjModel`, which includes settings that stepper leaves out; None if there is no `MjModel`."""
         compiled = self.loaded[1]
         if compiled is None:
             return None

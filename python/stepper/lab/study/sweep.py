@@ -37,7 +37,7 @@ UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Sta
 
 @dataclass(frozen=True)
 class Level:
-    """Statistics of the episodes at one value of one parameter, with all other parameters nominal. Or those at the nominal point.
+    """Statistics of the episodes at one value of one parameter with all other parameters nominal, or at the nominal point.
 
     The outcome is the one with a condition of success, or otherwise the first outcome of the study.
 
@@ -83,8 +83,8 @@ class Cliff:
     Attributes:
         setting: Name of the settings.
         parameter: Name of the parameter.
-        low: Lower end of the bracket, in the parameter's unit.
-        high: Upper end of the bracket.
+        low: Lower end of the interval, in the parameter's unit.
+        high: Upper end of the interval.
         below: Fraction of successes at `low`.
         above: Fraction of successes at `high`.
     """
@@ -165,11 +165,11 @@ def sweep(
         journal: Journal of the study. Finished episodes in it are not repeated, and the results of new ones are added.
         parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters of the study.
         cliffs: Whether to locate the values at which success ends.
-        resolution: Width of a cliff's bracket as a fraction of its parameter's range, between 0 and 1.
+        resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
         tick: Progress callback with a text and the fraction done.
 
     Returns:
-        Levels and cliffs.
+        Statistics at each value of a parameter (levels), and the values at which success ends (cliffs).
 
     Raises:
         ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a later parameter overwrites the

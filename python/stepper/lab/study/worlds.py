@@ -147,7 +147,7 @@ class World:
         Args:
             qpos: Initial positions, (num_envs, nq), m and rad.
             qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
-            keyframe: Keyframe of the initial controls and activations; None is zero.
+            keyframe: Keyframe of the initial controls and activations; None sets them to 0.
             seed: Seed of the sensor errors.
         """
         raise NotImplementedError
@@ -227,7 +227,7 @@ class StepperWorld(World):
         Args:
             qpos: Initial positions, (num_envs, nq), m and rad.
             qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
-            keyframe: Keyframe of the initial controls and activations; None is zero.
+            keyframe: Keyframe of the initial controls and activations; None sets them to 0.
             seed: Seed of the sensor errors.
         """
         if keyframe is not None:
@@ -388,7 +388,7 @@ class MujocoWorld(World):
         Args:
             qpos: Initial positions, (num_envs, nq), m and rad.
             qvel: Initial velocities, (num_envs, nv), m/s and rad/s.
-            keyframe: Keyframe of the initial controls and activations; None is zero.
+            keyframe: Keyframe of the initial controls and activations; None sets them to 0.
             seed: Unused, because MuJoCo's sensors have no errors.
         """
         for data, model, q, v in zip(self._data, self._models, qpos, qvel, strict=True):

@@ -29,7 +29,8 @@ def rollout(
     Args:
         sim: The stepper, which is copied. The rollout has the model and all settings of the stepper, but starts from the given state.
         nstep: Number of steps for which each control is held.
-        parameters: Parameters to differentiate by, as selectors.
+        parameters: Selectors of the parameters that become arguments of the function, so that it can be differentiated with respect to
+            them.
         every: Number of controls between two checkpoints, see `stepper.derivatives.rollout`.
         sensors: Whether to compute readings of ideal sensors.
         **settings: Arguments of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.

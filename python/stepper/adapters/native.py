@@ -17,7 +17,7 @@ Env: TypeAlias = str | Task | type[Task]
 
 
 def with_autoreset(settings: dict[str, Any], mode: AutoresetMode, library: str) -> dict[str, Any]:
-    """Settings of environments with the autoreset mode that a library needs.
+    """Copy of settings of environments, with the autoreset mode that a library needs.
 
     Raises:
         ValueError: The settings have another mode.

@@ -37,7 +37,9 @@ class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
         super().__init__(buf)
 
     def reset(self, seed: int | None = None) -> tuple[Array, list[dict[str, Any]]]:
-        """Begins new episodes with a seed; None is the seed of the constructor at the first reset, and later continues the random numbers.
+        """Begins new episodes with a seed.
+
+        With None, the first reset uses the seed of the constructor, and later resets continue the random numbers.
 
         Returns:
             PufferLib's buffer of observations, (num_agents, n), and an empty list of infos.

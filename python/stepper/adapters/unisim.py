@@ -202,7 +202,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
         self.sim.step(ctrl.detach().numpy(), nsteps)
 
     def set_state_tensor(self, env_indices: torch.Tensor, qpos: torch.Tensor, qvel: torch.Tensor, randomization: Any = None) -> None:
-        """Resets the environments of `env_indices` (n,) int64 to states (n, nq) and (n, nv) float32.
+        """Resets the environments of `env_indices` (n,) int64 to positions (n, nq) and velocities (n, nv), float32.
 
         Raises:
             ValueError: A wrong shape, an index out of range or repeated, a number that is not finite, or a randomization.
@@ -224,7 +224,11 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
     def set_state_tensor_mask(
         self, reset_mask: torch.Tensor, qpos: torch.Tensor, qvel: torch.Tensor, randomization: Any = None, *, full_refresh: bool = False
     ) -> None:
-        """Resets the environments of a mask (num_envs,) bool to states, whose rows are (num_envs, nq) and (num_envs, nv) float32."""
+        """Resets the environments of the mask `reset_mask` (num_envs,) bool to given states.
+
+        The states are positions (num_envs, nq) and velocities (num_envs, nv), float32. Rows of other environments must be finite,
+        but are not used.
+        """
         if full_refresh:
             raise ValueError("full_refresh is True, must be False: derived quantities are always up to date")
         self._check("reset_mask", reset_mask, (self.num_envs,), torch.bool)

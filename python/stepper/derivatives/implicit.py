@@ -53,7 +53,7 @@ def where_available(
     Args:
         sim: The stepper.
         nominal: State of its environments.
-        blocks: Quantities to differentiate by. Columns of parameters are 0 and have the flag `Kink.UNSOLVED`.
+        blocks: Quantities with respect to which the step is differentiated. Columns of parameters are 0 and have the flag `Kink.UNSOLVED`.
         nstep: Number of steps.
         tolerance: Residual to which steps are solved, m/s.
         sensors: Whether derivatives of sensor readings are needed, which the theorem does not support.
@@ -112,7 +112,7 @@ def _product(
     Args:
         sim: The stepper.
         nominal: State of its environments.
-        blocks: Quantities to differentiate by.
+        blocks: Quantities with respect to which the step is differentiated.
         width: Half width of the finite differences for coordinates of order 1.
         nstep: Number of steps.
         tolerance: Residual to which steps are solved, m/s.

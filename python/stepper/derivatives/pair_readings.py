@@ -37,7 +37,7 @@ class Reader:
         sim: The stepper; it does not change.
         nominal: State of the unperturbed environments.
         blocks: Perturbed quantities.
-        end: Nominal state after the steps.
+        end: State of the unperturbed environments after the steps.
         nstep: Number of steps.
         tolerance: Residual to which copies are solved, m/s.
         sensors: Whether results include readings of ideal sensors.

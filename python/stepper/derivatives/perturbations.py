@@ -1,7 +1,7 @@
 """Perturbed quantities, the sizes of their displacements, and the difference formulas.
 
-A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. Each is displaced to
-two points, or to one with `centered=False`. Richardson's extrapolation has twice as many points.
+A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. It is
+displaced to two values, or to one with `centered=False`. With Richardson's extrapolation, it is displaced to twice as many values.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Entry point of `python -m stepper.doctor`, which does the same as `stepper doctor` without the packages of the command line."""
+"""Entry point of `python -m stepper.doctor`.
+
+It does the same as `stepper doctor`, but does not need the optional packages of the command line.
+"""
 
 import sys
 

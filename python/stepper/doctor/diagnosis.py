@@ -29,7 +29,7 @@ class Diagnosis:
         cpu: Name of the processor.
         cores: Number of cores that this process may use.
         cpu_levels: Sets of CPU instructions that this machine and this build support, slowest first.
-        cpu_level: Level that is used, or the value of the environment variable STEPPER_CPU_LEVEL.
+        cpu_level: Level that is used: the value of the environment variable STEPPER_CPU_LEVEL if it is set, otherwise the fastest level.
         level_error: Reason why the value of STEPPER_CPU_LEVEL cannot be used; empty if there is none.
         extras: Groups of optional packages.
         self_test: Result of the self-test by CPU level: the fault, or an empty string if the trajectory is as expected.

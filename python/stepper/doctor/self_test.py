@@ -24,7 +24,7 @@ DIGEST = FOLDER / "digest.txt"
 LONGEST = 120.0
 """Largest duration of the self-test at one CPU level, s. It takes 0.3 s on an idle machine."""
 _ENVS = 19
-"""Number of environments. It is no multiple of any SIMD width, so that some lanes are empty."""
+"""Number of environments of the self-test. It is no multiple of any SIMD width, so that some lanes are empty."""
 _CALLS, _STEPS = 50, 4
 
 
@@ -42,7 +42,7 @@ def trajectory_digest() -> str:
 
 
 def expected_digest() -> str:
-    """SHA-256 of the self-test's trajectories as computed by the tested build."""
+    """Expected SHA-256 of the self-test's trajectories, from the file digest.txt."""
     return DIGEST.read_text(encoding="ascii").strip()
 
 

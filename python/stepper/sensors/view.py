@@ -15,8 +15,8 @@ class FieldOfView:
     """Field of view of a camera: a pyramid in front of the camera, between two distances.
 
     Positions are in the camera's frame: x to the right, y down, z ahead. (MuJoCo's cameras look along -z; rotate them by 180 degrees about
-    x.) A "framepos" sensor with a site or body as reference measures such positions. With a delayed sensor, position and result are those
-    at the time of the frame. Orientations do not matter.
+    x.) A "framepos" sensor with a site or body as reference measures such positions. With a delayed sensor, the position
+    and therefore the result belong to the time at which the image was taken. Orientations of objects do not matter.
 
     Attributes:
         width: Angle between the left and the right edge, rad, a scalar or (num_envs,).

@@ -4,7 +4,7 @@
 - `reference`, `closed_form`: converged or exact runs, from which errors are measured
 - `candidates`: settings that are compared
 - `costs`: processor time of settings
-- `chart`, `measure`, `budget`: error against cost, within a bound of time
+- `chart`, `measure`, `budget`: error against cost, within a time budget
 - `invariants`, `distributions`: errors that stay meaningful in chaotic motion
 - `dots`, `tables`, `draw`: numbers, documents and pictures of a chart
 - `tune`: the cheapest settings within an error budget

@@ -34,7 +34,7 @@ Description = dict[str, Any]
 _BATCHES = 4
 """Number of batches of states from which the steps of a scene are timed."""
 _ROUNDS = 11
-"""Number of timed rounds."""
+"""Number of rounds in which the parts of a scene are timed."""
 _SHORTEST_ROUND = 4e-3
 """Shortest duration of a timed round, s of processor time."""
 _USED_FRICTION = 1e-9
@@ -47,7 +47,7 @@ class Part:
 
     Attributes:
         name: Name of the part.
-        share: Fraction of the step time of a batch.
+        share: Fraction of the whole scene's step time, in a batch.
         time: Processor time for a step of one environment, microseconds.
         memory: Memory of an environment, bytes.
     """

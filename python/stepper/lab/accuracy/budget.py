@@ -24,7 +24,7 @@ class Stage:
 
     @property
     def left(self) -> float:
-        """Remaining time, s; not below 0."""
+        """Remaining time of the stage, s; not below 0."""
         return max(0.0, self.end - time.time())
 
     @property
@@ -59,7 +59,7 @@ class Budget:
 
     @classmethod
     def from_seconds(cls, seconds: float) -> Budget:
-        """Budget that starts now."""
+        """Time budget of the given length, s, that starts now."""
         return cls(seconds, time.time())
 
     def stage(self, share: float) -> Stage:

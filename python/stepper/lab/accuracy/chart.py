@@ -1,4 +1,4 @@
-"""Chart of error against cost on the user's model, with errors split into parts of the solver, the time step and the model.
+"""Chart of error against cost on the user's model, with errors split into parts due to the solver, the time step and the model.
 
 Errors of single trajectories are meaningful up to the time at which the reference is converged. For longer times the chart also has errors
 of invariants, and distributions of outcomes.

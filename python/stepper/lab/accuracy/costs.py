@@ -72,7 +72,7 @@ class _Case(Timed):
 
     @property
     def cost(self) -> float:
-        """Microseconds of one core for a simulated second of one environment; NaN if the time budget ended before."""
+        """Microseconds of one core for a simulated second of one environment; NaN if the time budget ended before the first measurement."""
         times = [own for own in self.times if math.isfinite(own)]
         return 1e6 * median(times) / (self._num_envs * len(self._ctrl) * self._study.hold) if times else math.nan
 

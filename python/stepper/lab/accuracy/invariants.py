@@ -274,9 +274,10 @@ class Invariants:
         return {"m": rows[:3]} | ({"rad": 2.0 * rows[3:] / scale} if scale > 0 else {})
 
     def _work(self, trace: Trace, e: int, seen: list[_Measured]) -> Array:
-        """Work of the actuators since the start, at the start and after each control period, (1 + T,), J.
+        """Work that the actuators have done since the start of an episode, (1 + T,), J.
 
-        It does not include the energy that their damping removes.
+        The entries are for the start and for the end of each control period. The work does not include the energy that the damping of
+        actuators removes.
 
         Args:
             trace: Recorded run.

@@ -310,7 +310,7 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
 
 
 def _limits(model: Model, seen: Touching) -> list[_Cut]:
-    """Removable limits of a scene, as a list of cuts: limits of joints that never came near them."""
+    """Removable limits of a scene, as a list of cuts: joint limits that the joints never came near."""
     far = []
     for k in range(model.njnt):
         joint = model.joint(k)

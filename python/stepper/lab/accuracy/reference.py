@@ -1,13 +1,13 @@
 """Reference of a study: a run that is converged by halving the time step, with an estimate of its uncertainty.
 
-The first method is the midpoint rule, with the steps h, h/2, h/4 and so on. Three runs give an observed order,
-p = log2(|x(h) - x(h/2)| / |x(h/2) - x(h/4)|). In smooth motion p is the order of the rule, and Richardson's estimate of the last run's
-error is |x(h/2) - x(h/4)| / (2^p - 1). Across impacts, sticking and sliding the order varies, and the estimate is the difference of the
-last two runs.
+The first method is the midpoint rule, with the time steps h, h/2, h/4 and so on. Three runs x(h), x(h/2), x(h/4) give an observed order
+p = log2(|x(h) - x(h/2)| / |x(h/2) - x(h/4)|), where |...| is the distance between two runs (`Distance`). In smooth motion p is the
+order of the rule, and Richardson's estimate of the last run's error is |x(h/2) - x(h/4)| / (2^p - 1). Across impacts, sticking and sliding
+the order varies, and the estimate is the difference of the last two runs.
 
-The second method checks the first: Euler's rule, at the two finest steps, whose errors are different. If the methods differ by more than
-twice the difference of the second one's two runs, the excess is added to the uncertainty. Euler's rule diverges with stiff damping of light
-links. The implicit rule, also of first order, then replaces it.
+The second method checks the first, because its errors are different. It is Euler's rule, at the two finest time steps. Let d be the
+difference between its two runs. If the results of the two methods differ by more than 2 d, the excess is added to the uncertainty. Euler's
+rule diverges with stiff damping of light links. The implicit rule, also of first order, then replaces it.
 
 A time budget may end the computation early: with fewer halvings, without the second method, or with shorter runs. The uncertainty is then
 larger, or the known time shorter, and `Reference.words` mentions it.
@@ -41,7 +41,7 @@ _SECOND_METHODS = {"euler": "Euler's rule", "implicit": "the implicit rule"}
 _MIN_PATIENCE, _PATIENCE_PER_STEP = 2.0, 1e-4
 """Duration that is always allowed for a run, s, and additional duration per time step, s."""
 _MAX_SLOWDOWN = 3.0
-"""Largest ratio of the second method's duration to the first's."""
+"""Largest ratio of the duration of a run with the second method to that of the run with the first method."""
 _SHARE = 0.4
 """Largest fraction of the remaining time budget for one run of a reference."""
 _ROUNDING = 1e-11
@@ -62,7 +62,7 @@ class Reference:
         second: Runs with the rule of first order at the two finest time steps; empty if it does not apply.
         target: Target of the uncertainty, m or rad.
         uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.
-        orders: Observed order of every episode, (episodes,); NaN if a difference is rounding.
+        orders: Observed order of every episode, (episodes,); NaN if the differences between the runs are rounding errors.
         extrapolates: Whether Richardson's estimate applies to each episode, (episodes,).
         methods: Distance between the results of both methods, (episodes,), m or rad; NaN with one method.
         known: Time up to which the last two runs of an episode agree to the target, (episodes,), s.

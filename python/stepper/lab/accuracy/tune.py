@@ -42,7 +42,7 @@ Tests are on held-out episodes. A candidate with a similar error would fail, too
 """
 
 _BISECTIONS = 3
-"""Number of rounds of bisection between the longest time step within the budget and the next longer one."""
+"""Number of rounds of bisection between the longest time step within the error budget and the next longer one."""
 _RETIMED_RATIO = 1.25
 """Largest ratio of costs for a second timing: cost of a candidate divided by the lowest cost of all candidates within the budget."""
 OWN = "the study's own"
@@ -447,7 +447,7 @@ def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, st
 
 
 def words_of(options: Options, precision: str | None) -> str:
-    """Python expression that makes some options and a precision, without arguments that have their default values."""
+    """Python expression that creates `options`, with a precision. Arguments with default values are left out."""
     usual = Options()
     own = {f.name: getattr(options, f.name) for f in fields(Options) if getattr(options, f.name) != getattr(usual, f.name)}
     arguments = ", ".join(f"{name}={value!r}" for name, value in own.items())

@@ -106,7 +106,8 @@ def run(
     Args:
         name: Name of the engine.
         world: Environments, in their initial states.
-        controller: Controls (rows, num_envs, nu), whose last row is kept; or a function of qpos and qvel that returns controls.
+        controller: Controls (rows, num_envs, nu), one row per step; after the end, the last row is kept. Or a function of qpos and qvel
+            that returns controls.
         steps: Number of steps.
         slip: Measurement of sliding; None does not measure it.
         reward: Function of (qpos, qvel) before the step, controls, and (qpos, qvel) after it, that returns (num_envs,).

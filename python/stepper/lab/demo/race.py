@@ -34,7 +34,8 @@ class Plan:
         steps: Number of steps with random controls.
         rest: Number of steps without controls after them.
         seed: Seed of the random controls.
-        peers: Number of humanoids in MuJoCo, which is slower, with the controls of stepper's first ones. None is a quarter.
+        peers: Number of humanoids in MuJoCo. They get the controls of the first humanoids in stepper. None is a quarter of `num_envs`,
+            because MuJoCo is slower.
         hold: Number of steps for which a random control is held.
         chunk: Number of steps of one engine before the next engine's turn. States are measured at the end of a chunk.
     """
@@ -93,7 +94,8 @@ def random_control(path: str, plan: Plan) -> Array:
         plan: Settings of the race: number of steps, duration of a control, and seed.
 
     Returns:
-        Controls, (k, num_envs, nu) with k = ceil(steps / hold), uniform in the actuators' ranges, or from -1 to 1.
+        Controls, (k, num_envs, nu) with k = ceil(steps / hold), uniform in the actuators' ranges; without a range, from
+        -1 to 1.
     """
     mujoco = require("mujoco", "to read the model")
     model = mujoco.MjModel.from_xml_path(path)
@@ -102,7 +104,7 @@ def random_control(path: str, plan: Plan) -> Array:
 
 
 def _own_contacts(batch: StepperBatch, sample: int = 32) -> tuple[float, float]:
-    """Mean number of contacts and deepest overlap (m) in the first environments, by the contacts of stepper."""
+    """Mean number of contacts per environment and deepest overlap (m) in the first `sample` environments, from stepper's contacts."""
     found = [batch.sim.contacts(env)["distance"] for env in range(min(sample, batch.num_envs))]
     deepest = max(-float(np.min(distance, initial=0.0)) for distance in found)
     return sum(map(len, found)) / len(found), deepest
@@ -274,7 +276,7 @@ def demo(plan: Plan, out: Path) -> dict[str, object]:
         out: Output folder, which is created if necessary.
 
     Returns:
-        Figures and settings of `measure`.
+        Results and settings, as returned by `measure`.
     """
     require("rich", "for the demo's table")
     out.mkdir(parents=True, exist_ok=True)

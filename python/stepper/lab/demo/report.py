@@ -54,7 +54,7 @@ def _certified(figures: Figures, form: Callable[[Figures], str]) -> str:
     """Text on how well an engine solved its steps, by phase; "not reported" for MuJoCo.
 
     Args:
-        figures: Figures of the engine.
+        figures: Results of the engine.
         form: Function from the statistics of a phase to text.
     """
     return " / ".join(form(certificate) for certificate in figures.get("certificates", {}).values()) or "not reported"
@@ -87,7 +87,7 @@ def show(figures: Figures) -> None:
     """Print the table of speeds and errors, with notes on the measurement.
 
     Args:
-        figures: Figures of `stepper.lab.demo.race.measure`.
+        figures: Results of `stepper.lab.demo.race.measure`.
     """
     consoles, tables = require("rich.console", "to print the table"), require("rich.table", "to print the table")
     console = consoles.Console(highlight=False)

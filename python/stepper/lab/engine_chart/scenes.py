@@ -74,7 +74,7 @@ def chain_state() -> tuple[Array, Array]:
 
 
 def chain_reference(rtol: float = CHAIN_RTOL) -> Array:
-    """Joint angles of the chain at the end, (5,), rad.
+    """Joint angles of the chain after its duration (1 s), (5,), rad, with a relative and absolute tolerance `rtol`.
 
     SciPy's DOP853 integrates q'' = -M(q)^-1 bias(q, q'), with M and bias from MuJoCo. It uses no time stepping of either engine.
     """

@@ -317,7 +317,7 @@ def run_batch(
         world: Environments, one for each episode.
         episodes: Numbers of the episodes.
         on_control: Function that is called at the start and after every control period.
-        on_step: Function that is called after every time step; None is none.
+        on_step: Function that is called after every time step; None calls nothing.
     """
     for number, looks in enumerate(running(study, world, episodes, by_step=on_step is not None)):
         if on_step is not None and number:

@@ -55,7 +55,10 @@ def least_share(successes: int, trials: int, confidence: float = 0.95) -> float:
 
 
 def trials_for(share: float, confidence: float) -> int:
-    """Number of trials that must all succeed to prove a probability `share`: ln(1 - confidence) / ln(share), rounded up."""
+    """Number of trials that must all succeed to prove that the probability of success is at least `share`.
+
+    It is ln(1 - confidence) / ln(share), rounded up.
+    """
     return math.ceil(math.log(1 - confidence) / math.log(share))
 
 

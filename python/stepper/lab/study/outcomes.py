@@ -33,7 +33,7 @@ _QUANTITIES = {
     "sensor": ("sensor", "sensordata_ideal"),
     "force": ("body", "body_contact_force"),
 }
-"""Kind of element, and quantity of `World.read`, by the first word of a measure."""
+"""Kind of element and quantity of `World.read`, by the first word of a measure that is a text, such as "body cube z"."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -73,7 +73,7 @@ class Ranking:
         study: The study.
         setting: Name of the settings.
         ranks: Influence of each parameter, the largest total index first.
-        outcome: Fraction of successes (or mean outcome) over all independent points.
+        outcome: Fraction of successes (or mean outcome) over the independent points, those of the matrices A and B of Saltelli's design.
         interval: 95 % interval of `outcome`.
         table: Table of all episodes.
         document: The ranking as a document.

@@ -466,7 +466,13 @@ class _Scene(RapierScene):
         return found
 
     def _local(self, b: int, place: Array, turn: Array) -> Any:
-        """Frame for rapier with a position, (3,), m, and a quaternion in world axes, expressed in the frame of body b."""
+        """Frame in the coordinates of body b, as an object of rapier.
+
+        Args:
+            b: Index of the body in MuJoCo.
+            place: Position of the frame in the world, (3,), m.
+            turn: Orientation of the frame in the world, quaternion (w, x, y, z).
+        """
         back = _conjugate(self._data.xquat[b])
         return self._rp.Isometry3(_tuple(_rotate(back, place - self._data.xpos[b])), self._rotation(_product(back, turn)))
 

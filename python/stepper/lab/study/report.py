@@ -141,12 +141,15 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
 
 
 def study_of(source: Study | str | os.PathLike[str]) -> Study:
-    """Study that is given, or that is read from a given file."""
+    """Study from an argument that is a study or the path of a study file."""
     return source if isinstance(source, Study) else Study.from_file(Path(source))
 
 
 def with_peers(study: Study) -> Study:
-    """Study with added settings for MuJoCo's contact law and for the engine MuJoCo, if it has none and they can run it."""
+    """Copy of a study with settings for MuJoCo's contact law and for the engine MuJoCo.
+
+    Settings are added only if the study has no such settings, and if MuJoCo can run it.
+    """
     given = {name: study.setting(name) for name in study.settings}
     more: dict[str, dict[str, Any]] = {}
     if study.options.contact == "hard" and not any(own.get("contact") == "mujoco" for own in given.values()):

@@ -23,7 +23,7 @@ class Results:
 
     Args:
         study: The study.
-        out: Output folder; the study's folder in it has the name of the study.
+        out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
     """
 
     def __init__(self, study: Study, out: str | os.PathLike[str]):

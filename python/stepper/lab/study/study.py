@@ -94,10 +94,10 @@ class Study(metaclass=Hinting):
         settings: Alternative settings for the same episodes, by name: attributes of `Options` and "precision". Or {"engine": "mujoco"} with
             MuJoCo's integrator, cone, solver, impratio, noslip_iterations, iterations, tolerance, timestep.
         seconds: Length of an episode, s.
-        control: Control period, s, for any time step; None is the multiple of the model's time step that is nearest to 20 ms.
+        control: Control period, s, which all settings share. None is the multiple of the model's time step that is nearest to 20 ms.
         episodes: Number of episodes at each point (set of parameter values).
         seed: Seed of all random numbers. Episode k has the same initial state, random controls and sensor errors at every point.
-        start: Function that returns the initial states; None is the keyframe or the model's reference.
+        start: Function that returns the initial states. None starts at the keyframe, or without a keyframe at the reference pose.
         keyframe: Keyframe of the initial state, by name or index.
         exact: Closed-form solution, if known: a function of a `World` at the start and of times (T,), s. It returns
             qpos (T, num_envs, nq) and qvel (T, num_envs, nv). `chart` and `tune` use it as the reference instead of a converged run.
@@ -110,7 +110,7 @@ class Study(metaclass=Hinting):
         batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
             because sensor errors depend on the index in a batch.
         threads: Number of threads that step; 0 is all cores.
-        ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The rows are the same.
+        ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The results are the same.
     """
 
     model: Any

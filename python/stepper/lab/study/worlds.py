@@ -130,7 +130,7 @@ class World:
         return Rng(self._streams.fork(name), np.arange(self.num_envs))
 
     def seed_episodes(self, seed: int, episodes: Sequence[int], period: float) -> None:
-        """Set the numbers of the episodes and time 0, and seed `rng`.
+        """Set the numbers of the episodes, reset the time to 0, and seed `rng`.
 
         Args:
             seed: Seed of the study.

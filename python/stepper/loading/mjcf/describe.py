@@ -1,7 +1,7 @@
 """A compiled `mujoco.MjModel` as a plain description: the fields of the Rust crate's `Description` (crates/model/src/description.rs).
 
-Each kind of element has a function. `stepper.loading.mjcf.omissions` lists elements without a description. Its table marks every field of
-MjModel as used, without effect on the motion, or left out.
+Each kind of element has a function. `stepper.loading.mjcf.omissions` lists elements without a description. The table in that
+module marks every field of MjModel as used, without effect on the motion, or left out.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Elements of a compiled `mujoco.MjModel` that its description leaves out.
 
 `FIELDS` classifies every field of MuJoCo 4's MjModel; a test compares the table with the installed version. An omission that changes the
-motion is an error, except with `stepper.load(..., strict=False)`. The Rust crate adds elements of the description that it does not
-simulate.
+motion is an error, except with `stepper.load(..., strict=False)`. The Rust crate adds to the list those elements of the
+description that it does not simulate.
 """
 
 from __future__ import annotations
@@ -97,7 +97,9 @@ FLAGS = {
         "speculative": (7, "stepper always finds contacts that may close within a step in advance", False),
     },
 }
-"""Flags of MuJoCo without effect in stepper, by kind and name: bit, stepper's behaviour, whether that changes the motion.
+"""Flags of MuJoCo without effect in stepper, by kind and name.
+
+Each has its bit, a text on stepper's behaviour, and whether that behaviour changes the motion.
 
 Models with such a flag list it as an omission. `stepper.loading.mjcf.source.DISABLE` has the flags that take effect; a test compares both
 tables with the installed version of MuJoCo.

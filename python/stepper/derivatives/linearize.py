@@ -146,7 +146,7 @@ def linearize(
 ) -> Linearization:
     """Derivatives of the state after `nstep` steps, in all environments of a stepper.
 
-    `Stepper.linearize` has the same arguments, and documents them.
+    `Stepper.linearize` has the same arguments, such as controls (num_envs, nu) or (nu,), and documents them.
     """
     if method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")

@@ -117,7 +117,7 @@ class HeightField:
                 the position in the model.
             places: World x and y of the points, m: (num_envs, n, 2), or (n, 2) for all environments; without a stepper (..., 2).
             beyond: Value returned for points beyond the border of the field, m.
-            out: Array to which the heights are written, float64, with the shape of the result. None creates a new array.
+            out: Array to which the heights are written, float64, m, with the shape of the result, (..., n). None creates a new array.
 
         Returns:
             Heights, float64, m: (num_envs, n); without a stepper (...), the shape of `places` without its last axis.
@@ -147,7 +147,7 @@ class HeightField:
             body: Name or index of the body.
             offsets: Positions of the points relative to the body's origin, ahead and to the left, (n, 2), m.
             beyond: Value returned for points beyond the border of the field, m.
-            out: Array to which the heights are written, float64, with the shape of the result. None creates a new array.
+            out: Array to which the heights are written, (num_envs, n) float64, m. None creates a new array.
 
         Returns:
             Heights in the world, (num_envs, n) float64, m. Subtract `sim.xpos` of the body for heights relative to it.
@@ -171,7 +171,7 @@ class HeightField:
             angles: Headings about the z axis, (n,), rad.
             offsets: Positions relative to the centres, ahead and to the left, (k, 2), m.
             beyond: Value returned for points beyond the border of the field, m.
-            out: Array to which the heights are written, float64, with the shape of the result. None creates a new array.
+            out: Array to which the heights are written, (n, k) float64, m. None creates a new array.
 
         Returns:
             Heights, (n, k) float64, m.

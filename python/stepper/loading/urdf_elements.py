@@ -175,7 +175,7 @@ def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
     Args:
         element: The element.
         path: Path of the element from the root, such as "robot/link/inertial".
-        owner: Name of the link or joint that contains the element; "" if none does.
+        owner: Name of the link or joint that contains the element, or "" if the element is outside of links and joints.
     """
     for attribute in element.attrib:
         if attribute not in READ[path]:

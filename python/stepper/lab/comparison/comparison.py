@@ -153,7 +153,10 @@ def compare(
 
 
 def _load(source: Any) -> tuple[Model, Any]:
-    """Model of a source, and its `mujoco.MjModel`, which is None without MuJoCo or for saved models."""
+    """Model of a source, and its `mujoco.MjModel`.
+
+    The latter is None if MuJoCo is not installed, or if the source is a `Model` or a saved model.
+    """
     if isinstance(source, Model):
         return source, None
     if importlib.util.find_spec("mujoco") is None:

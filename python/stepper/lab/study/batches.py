@@ -87,7 +87,7 @@ def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
     groups: dict[str, list[Point]] = {}
     noisy = together(study)
     for point in {_name(point): point for point in points}.values():
-        # Sensor errors depend on the place in the batch. Every point is then one batch, so that an episode has the same errors at every
+        # Sensor errors depend on the index in the batch. Every point is then one batch, so that an episode has the same errors at every
         # point, and episodes differ in their errors.
         key = _name(point) if noisy else group_of(study, point)
         groups.setdefault(key, []).append(point)

@@ -138,7 +138,7 @@ def cliffs_of(sweep: Sweep) -> Any | None:
             row = settings.index(cliff.setting)
             colour, middle = COLOURS[row % len(COLOURS)], (cliff.low + cliff.high) / 2
             panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
-            # The text is above the bracket, which may be wider than the text.
+            # The text is above the error bar, which may be wider than the text.
             panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
         for row, setting in enumerate(settings):
             if not any(cliff.setting == setting for cliff in own[name]):

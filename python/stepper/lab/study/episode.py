@@ -88,8 +88,8 @@ class Episodes:
         """Run the episodes step by step, and repeat them without end.
 
         Yields:
-            None after the start and after every step but the last. After the last step, the outcomes of the selected episodes by name;
-            NaN where an episode diverged.
+            None after the start and after every step except the last. After the last step, the outcomes of the selected episodes by
+            name; NaN for episodes that diverged.
         """
         outcomes = tuple(self.study.all_outcomes)
         while True:

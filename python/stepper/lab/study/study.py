@@ -91,8 +91,9 @@ class Study(metaclass=Hinting):
             keeps the controls of the keyframe, or 0.
         outcomes: Measured results of an episode, of which at most one has a condition of success. `chart` and `tune` need no outcome.
         parameters: Uncertain parameters by name.
-        settings: Alternative settings for the same episodes, by name: attributes of `Options` and "precision". Or {"engine": "mujoco"} with
-            MuJoCo's integrator, cone, solver, impratio, noslip_iterations, iterations, tolerance, timestep.
+        settings: Alternative settings for the same episodes, by name. Each entry has attributes of `Options` and "precision". An entry with
+            {"engine": "mujoco"} runs in MuJoCo. It has MuJoCo's settings instead: integrator, cone, solver, impratio, noslip_iterations,
+            iterations, tolerance, timestep.
         seconds: Length of an episode, s.
         control: Control period, s, which all settings share. None is the multiple of the model's time step that is nearest to 20 ms.
         episodes: Number of episodes at each point (set of parameter values).

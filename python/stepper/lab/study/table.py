@@ -21,10 +21,10 @@ class Table:
     Columns:
 
     * "setting", "episode", "seed": name of the settings, number and seed of the episode
-    * "parameters.NAME": value of a parameter; NaN or "" if the model's number was not changed
+    * "parameters.NAME": value of a parameter; NaN (or "" among texts) if the parameter did not change the model's number
     * "outcome.NAME": value of an outcome
     * "success": 1, 0, or -1 if the study has no condition of success
-    * "cause", in tables of `report`: cause of a failure, as in the report; "" for a success or an unexamined failure of MuJoCo
+    * "cause", in tables of `report`: cause of a failure; "" for a success, and for a failure in MuJoCo that was not examined
     * "status": flags of `stepper.Status` over the episode
     * "residual" (m/s), "max_penetration" (m), "max_limit_violation" (rad or m), "max_equality_violation" (m or rad): largest in the episode
     * "settings.NAME": setting of the engine

@@ -274,7 +274,7 @@ class StepperWorld(World):
     def certificate(self) -> dict[str, NDArray[Any]]:
         """Quality of the steps of the episode so far, by name, (num_envs,) each.
 
-        "status" has all flags of `Status`. "residual" (m/s), "max_penetration" (m), "max_limit_violation" (m, rad) and
+        "status" has flags of `Status`. "residual" (m/s), "max_penetration" (m), "max_limit_violation" (m, rad) and
         "max_equality_violation" (m, rad) are the largest values at the ends of control periods.
         """
         return self._worst

@@ -116,9 +116,13 @@ class Run:
         self.steps, self.iteration, self.seconds, self.processor = 0, 0, 0.0, 0.0
         self.episodes, self.recent = 0, deque[tuple[float, int]](maxlen=100)
 
+    def observed_std(self) -> Array:
+        """Standard deviations by which the observations are divided, (n,), in their units."""
+        return np.sqrt(self.observed.var + self.settings.min_std**2)
+
     def normal(self, observation: Array) -> Tensor:
         """Observations normalised by their running mean and standard deviation, and clipped to +-10: (num_envs, n) float32 tensor."""
-        scaled = (observation - self.observed.mean) / np.sqrt(self.observed.var + 1e-8)
+        scaled = (observation - self.observed.mean) / self.observed_std()
         return torch.from_numpy(np.clip(scaled, -10.0, 10.0).astype(np.float32))
 
     @torch.no_grad()
@@ -221,7 +225,7 @@ class Run:
         training = dataclasses.asdict(self.settings) | {"seconds": round(self.seconds, 1), "torch": torch.__version__}
         return Policy(
             mean=self.observed.mean,
-            std=np.sqrt(self.observed.var + 1e-8),
+            std=self.observed_std(),
             clip=10.0,
             layers=layers,
             activation="tanh",

@@ -48,6 +48,8 @@ class Settings:
         value: Weight of the loss of the critic.
         max_grad_norm: Largest norm of the gradient; larger gradients are scaled down.
         initial_std: Initial standard deviation of the actions, as a fraction of half their range.
+        min_std: Lower bound of the standard deviation by which an observation is divided. It keeps rows that hardly vary small, such as
+            a height scan on flat ground.
         threads: Number of threads of the physics and of the learner.
         values: Arguments of the environment by name, such as fields of its task: roughness=0.1. Repeat the option for more.
 
@@ -74,6 +76,7 @@ class Settings:
     value: float = 1.0
     max_grad_norm: float = 1.0
     initial_std: float = 0.6
+    min_std: float = 1e-4
     threads: int = 2
     values: Mapping[str, Any] = field(default_factory=dict)
 
@@ -117,8 +120,11 @@ ROUGH: Mapping[str, Any] = {
     "hidden": 256,
     "entropy": 0.005,
     "initial_std": 0.5,
+    "min_std": 0.05,
 }
-"""Settings of mjlab for its velocity tasks on rough terrain, with smaller networks."""
+"""Settings of mjlab for its velocity tasks on rough terrain, with smaller networks.
+
+Without `min_std`, the 187 nearly equal heights of a scan of flat ground dominate the first layer, and the robot learns to stand still."""
 
 
 TASKS: Mapping[str, Mapping[str, Any]] = {

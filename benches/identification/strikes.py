@@ -282,7 +282,7 @@ def _table(count: int, run: Callable[[Strike, int], Followed]) -> str:
 
 
 def rows(scene: Strike, runs: list[Followed]) -> list[str]:
-    """Table rows of a scene from its runs, two for each mark (sample after which estimates are compared)."""
+    """Table rows of a scene from its runs: two for each sample number in the scene's marks, after which the estimates are compared."""
     lines = []
     for k, (mark, what) in enumerate(scene.marks.items()):
         for j, parameter in enumerate(scene.parameters):

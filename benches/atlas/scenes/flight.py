@@ -99,9 +99,9 @@ def _spun(inside: str, engine: Engine, dt: float) -> Array:
 
 
 def fixed_child(engine: Engine, dt: float) -> float:
-    """Error of scene 9: relative difference after 10,000 steps of the angular velocities of a body and of one with a fixed child.
+    """Error of scene 9: relative difference of the angular velocities of two bodies after 10,000 steps.
 
-    Both have the same total inertia.
+    One of them has a fixed child. Both have the same total inertia, so that the exact difference is zero.
     """
     merged, nested = _spun("{}", engine, dt), _spun('<body name="child">{}</body>', engine, dt)
     return float(np.linalg.norm(nested - merged) / np.linalg.norm(merged))

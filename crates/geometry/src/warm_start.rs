@@ -44,10 +44,10 @@ enum Candidate {
     Edges(Facing, f64),
 }
 
-/// Largest separation of two hulls, if a facet of the Minkowski difference A - B near the cached normal is certainly the nearest to the
-/// origin. `None` otherwise, and for other shapes.
+/// Separation of two hulls, the largest along any direction, if the search near the cached normal finds it.
 ///
-/// If `limits` exclude a contact, the result may be a lower bound.
+/// The result is `None` if it is uncertain whether another facet of the Minkowski difference A - B is nearer to the origin, and for shapes
+/// other than hulls. The search stops at a lower bound of the separation that makes `limits` exclude a contact.
 pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, limits: &SearchLimits) -> Option<Facing> {
     let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
     let hulls: [&Hull; 2] = [a, b];

@@ -260,8 +260,10 @@ fn rounding(iterate: &Iterate<f64>) -> f64 {
     4.0 * f64::EPSILON * iterate.contacts.iter().map(|l| l[0]).chain(iterate.scalars.iter().copied()).sum::<f64>()
 }
 
-/// Whether rows are fewer than coordinates and, except for copies, far from dependent. Then a motion exists for any targets. Fewer rows
-/// alone do not suffice: limits of two coordinates can forbid the target of a contact that touches both.
+/// Whether the problem has a solution for any target velocities.
+///
+/// The condition is that there are fewer rows than coordinates, and that no row is nearly a combination of others, except for duplicates.
+/// The limits of two coordinates, for example, determine the velocity of a contact that moves with both.
 fn has_an_answer(case: &Case) -> bool {
     let contacts = case.contacts.iter().map(|c| c.y.iter().map(|y| y[0]).collect::<Vec<f64>>());
     let mut rows: Vec<Vec<f64>> = case.limits.iter().map(|l| l.0.clone()).chain(contacts).collect();

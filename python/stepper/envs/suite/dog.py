@@ -50,7 +50,11 @@ class Dog(SuiteTask):
     fetch: bool = False
 
     def model(self) -> Model:
-        """Model of the scene. Without a ball, the half side of the floor is the distance covered in an episode at the rewarded speed."""
+        """Model of the scene.
+
+        In tasks without a ball, the floor is as large as the distance that the robot can cover in an episode at the rewarded speed, in each
+        direction.
+        """
         return _scene(None if self.fetch else _EPISODE * (self.move_speed or 1.0))
 
     def observations(self) -> tuple[Observation, ...]:

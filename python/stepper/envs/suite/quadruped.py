@@ -52,7 +52,11 @@ class Quadruped(SuiteTask):
     fetch: bool = False
 
     def model(self) -> Model:
-        """Model without terrain and range finders. Without a ball, the half side of the floor is the distance covered in an episode."""
+        """Model of the scene, without terrain and range finders.
+
+        In tasks without a ball, the floor is as large as the distance that the robot can cover in an episode at the rewarded speed, in each
+        direction.
+        """
         return _scene(None if self.fetch else self.move_speed * _EPISODE)
 
     def observations(self) -> tuple[Observation, ...]:

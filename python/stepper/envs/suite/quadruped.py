@@ -54,8 +54,7 @@ class Quadruped(SuiteTask):
     def model(self) -> Model:
         """Model of the scene, without terrain and range finders.
 
-        In tasks without a ball, the floor is as large as the distance that the robot can cover in an episode at the rewarded speed, in each
-        direction.
+        In tasks without a ball, half the side of the floor is the distance that the robot covers in an episode at the rewarded speed.
         """
         return _scene(None if self.fetch else self.move_speed * _EPISODE)
 

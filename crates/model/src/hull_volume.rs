@@ -43,6 +43,9 @@ impl Model {
             let (Shape::Mesh { concave: false, .. }, Some(mesh), Some(hull)) = (shape, self.mesh_index(shape), self.hull_of(shape)) else {
                 continue;
             };
+            if self.meshes[mesh].faces.is_empty() {
+                continue; // The mesh is its convex hull.
+            }
             let ratio = *known.entry(mesh).or_insert_with(|| volume_ratio(&self.meshes[mesh], hull));
             let moving = moves[group[self.geoms[geom].body]];
             if ratio >= if moving { WIDE } else { WIDE_FIXED } {

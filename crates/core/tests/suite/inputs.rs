@@ -183,6 +183,16 @@ proptest! {
     }
 }
 
+/// A mesh without faces is its convex hull, so that the hull is not larger than the mesh.
+#[test]
+fn a_mesh_without_faces_has_no_wide_hull() {
+    let corners: Vec<[f64; 3]> = (0..8).map(|k| [0, 1, 2].map(|axis| f64::from(k >> axis & 1))).collect();
+    let mut scene = Model::builder("points");
+    scene.mesh("corners", &corners, &[]);
+    scene.geom(0, GeomBuilder::mesh("cube", "corners"));
+    assert!(scene.finish().unwrap().wide_hulls().is_empty());
+}
+
 /// Calls of a builder: what is added, and two numbers that say where and by which name.
 fn build(calls: &[(u8, usize, usize)]) -> Result<Model, ModelError> {
     let mut scene = Model::builder("any");

@@ -103,7 +103,7 @@ fn accelerated(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64)
 
 fn newton(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
     let (mut left, mut taken) = (residual(problem, iterate), 0.0);
-    let search = Search { steps: STEPS, tolerance: TOLERANCE, terms: Terms::HeldThenExact };
+    let search = Search { steps: STEPS, tolerance: TOLERANCE, terms: Terms::ConstantThenExact };
     Newton::default().solve(problem, iterate, search, true, [&mut left, &mut taken]);
     (left, taken)
 }

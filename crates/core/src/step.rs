@@ -8,7 +8,7 @@ use crate::integrators::devices::Devices;
 use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
-use crate::integrators::observation::{hold_outputs, observe, pass_controls};
+use crate::integrators::observation::{observe, run_actuator_pipelines, write_outputs_after_step};
 use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
 use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
 use crate::integrators::step_outcome::{StepOutcome, record};
@@ -50,11 +50,11 @@ fn run_stages<R: Real>(
     if options.poison {
         s.poison();
     }
-    s.evaluation.poses.begin();
+    s.evaluation.collision.begin_step();
     // 1 actuate: the actuator pipelines convert the user's controls.
     probe.span(Span::ActuatorPipelines, || {
         let Workspace { state, user_controls, inputs, alive, .. } = s;
-        pass_controls(compiled, options, state, user_controls, inputs, *alive, devices);
+        run_actuator_pipelines(compiled, options, state, user_controls, inputs, *alive, devices);
     });
     let outcome = match options.contact {
         ContactLaw::Hard => solve_step(compiled, options, s, probe),
@@ -68,7 +68,7 @@ fn run_stages<R: Real>(
     });
     // 9 sense
     let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
-    hold_outputs(compiled, inputs, devices);
+    write_outputs_after_step(compiled, inputs, devices);
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
     // 10 record

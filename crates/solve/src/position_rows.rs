@@ -31,7 +31,7 @@ impl<R: Real> PositionRows<R> {
         make_kinds!(Self {} [count: capacity] => Rows::with_capacity(count))
     }
 
-    /// Copies the rows of a problem. Their targets are those of the velocity solve until [`PositionRows::exchange_targets`].
+    /// Copies the rows of a problem. Their targets are those of the velocity solve until [`PositionRows::exchange_offsets`].
     #[inline(always)]
     pub fn copy(&mut self, problem: &Problem<R>) {
         each_kind!([own: &mut self] [set: &problem] => own.copy(set.rows()));
@@ -72,7 +72,7 @@ impl<R: Real> PositionRows<R> {
 
     /// Position target of the normal row of contact `i`, m/s. The index counts contacts with three rows, then those with six.
     #[inline(always)]
-    pub fn normal_target(&self, i: usize) -> R {
+    pub fn normal_offset(&self, i: usize) -> R {
         match i.checked_sub(self.contacts.items.len()) {
             None => self.contacts.items[i].position_g[0],
             Some(i) => self.rolling_contacts.items[i].position_g[0],
@@ -83,7 +83,7 @@ impl<R: Real> PositionRows<R> {
     ///
     /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
-    pub fn replace_normal_target(&mut self, i: usize, lanes: R::Mask, target: impl FnOnce(R) -> R) {
+    pub fn replace_normal_offset(&mut self, i: usize, lanes: R::Mask, target: impl FnOnce(R) -> R) {
         let own = match i.checked_sub(self.contacts.items.len()) {
             None => &mut self.contacts.items[i].position_g[0],
             Some(i) => &mut self.rolling_contacts.items[i].position_g[0],
@@ -93,8 +93,8 @@ impl<R: Real> PositionRows<R> {
 
     /// Exchanges the velocity target of every row, with which it is solved, and its position target.
     #[inline(always)]
-    pub fn exchange_targets(&mut self) {
-        each_kind!([own: &mut self] => own.exchange_targets());
+    pub fn exchange_offsets(&mut self) {
+        each_kind!([own: &mut self] => own.exchange_offsets());
     }
 
     /// Damps the targets of the rows by a compliance. It acts on the difference from the impulses of `iterate`, which therefore cause no

@@ -162,10 +162,10 @@ impl<R: Real> Problem<R> {
     ///
     /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
-    pub fn normal_target_mut(&mut self, i: usize) -> &mut R {
+    pub fn normal_offset_mut(&mut self, i: usize) -> &mut R {
         match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.normal_target_mut(i),
-            Some(i) => self.rolling_contacts.normal_target_mut(i),
+            None => self.contacts.normal_offset_mut(i),
+            Some(i) => self.rolling_contacts.normal_offset_mut(i),
         }
     }
 

@@ -192,8 +192,8 @@ impl<R: Real> ActuatorForces<R> {
             found_sum_saturated: never(compiled.actuator_force_ranges.len()),
             arms: zeros(compiled.wrench_arms[0]),
             lengths: zeros(compiled.wrench_arms[1]),
-            bounded_forces: vec![BoundedForce::default(); compiled.actuator_dynamics],
-            trial_bounded_forces: vec![BoundedForce::default(); compiled.actuator_dynamics],
+            bounded_forces: vec![BoundedForce::default(); compiled.num_actuator_dynamics],
+            trial_bounded_forces: vec![BoundedForce::default(); compiled.num_actuator_dynamics],
             active_bounds_unknown: true,
             losses: vec![zero(); if compiled.lossy { compiled.frictions.len() } else { 0 }],
         }

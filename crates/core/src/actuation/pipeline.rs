@@ -165,7 +165,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Parameters of the actuator dynamics of all actuators in one lane.
     pub fn read(&self, compiled: &ModelStructure<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
-        let mut actuator_dynamics = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
+        let mut actuator_dynamics = vec![ActuatorDynamics::default(); compiled.num_actuator_dynamics];
         for pipeline in &self.pipelines {
             let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
             let number = |n: Number| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
@@ -232,7 +232,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     }
 
     /// Writes the outputs of the pipelines at the end of a step to `ctrl` and `actuator_dynamics`, and stores them in the memory.
-    pub fn hold_outputs<R: Real<Scalar = S>>(
+    pub fn write_outputs_after_step<R: Real<Scalar = S>>(
         &self,
         compiled: &ModelStructure<S>,
         group: usize,

@@ -6,7 +6,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::collision::detection::GeomPoses;
+use crate::collision::detection::CollisionWorkspace;
 use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -39,17 +39,17 @@ pub struct OutOfRange {
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let compiled: CompiledModel<f64> = CompiledModel::new(model);
     let lanes: LaneModel<f64> = LaneModel::new(&compiled);
-    let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&lanes));
+    let (mut kinematics, mut collision) = (Kinematics::new(&compiled), CollisionWorkspace::new(&lanes));
     for m in &compiled.mocap {
         kinematics.pos[m.frame] = m.pos;
         kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
     }
     kinematics.update(&lanes, &model.qpos0);
-    poses.begin();
+    collision.begin_step();
     let mut contacts = Contacts::new(compiled.contact_points);
     let rest = vec![0.0; compiled.nv];
     let alive = <f64 as Real>::Mask::splat(true);
-    detect(&lanes, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut poses, &mut contacts, NoProbe);
+    detect(&lanes, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut collision, &mut contacts, NoProbe);
     let mut found: Vec<Overlap> = Vec::new();
     for k in 0..contacts.count[0] {
         let depth = -contacts.data[k].point.distance;

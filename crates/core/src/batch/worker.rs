@@ -333,7 +333,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         visit(&mut self.step);
         // Reset everything that the visitor may have changed, so that later steps do not depend on it.
         self.step.finish();
-        self.step.workspace.evaluation.poses.exchange(&mut group.separation_cache);
+        self.step.workspace.evaluation.collision.swap_separation_cache(&mut group.separation_cache);
     }
 
     fn forget_state(&mut self) {
@@ -363,13 +363,13 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if call.part.from == 0 {
             clear_call_totals::<R>(group);
         }
-        s.evaluation.poses.exchange(&mut group.separation_cache);
+        s.evaluation.collision.swap_separation_cache(&mut group.separation_cache);
     }
 
     /// Stores the results of the call in the state of the group.
     fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
         let s = &mut self.step.workspace;
-        s.evaluation.poses.exchange(&mut group.separation_cache);
+        s.evaluation.collision.swap_separation_cache(&mut group.separation_cache);
         if call.part.to > call.part.from {
             remember(group, s);
             store_state(group, s);

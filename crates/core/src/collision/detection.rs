@@ -18,8 +18,8 @@ use crate::math::spatial::*;
 
 /// Collision detection for a group of environments: poses of the colliding geoms, pairs that can touch, and workspaces of the searches.
 #[derive(Clone, Debug)]
-pub struct GeomPoses<R: Real> {
-    pub(crate) placed: Placed<R>,
+pub struct CollisionWorkspace<R: Real> {
+    pub(crate) poses: GeomPoses<R>,
     /// Distance that gravity covers in a step, m.
     pub(crate) slack: R,
     /// Ranges of listed pairs that follow each other and have the same first geom and margin, as indices of the compiled model. Pairs with
@@ -55,7 +55,7 @@ fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
 
 /// Poses of the geoms in world axes, and upper bounds of their displacements within a step.
 #[derive(Clone, Debug)]
-pub(crate) struct Placed<R: Real> {
+pub(crate) struct GeomPoses<R: Real> {
     pub(crate) pos: Vec<V3<R>>,
     /// Orientation matrix of each geom. For geoms of which only the axis is used (balls, capsules, planes), only the z axis is current.
     pub(crate) mat: Vec<M3<R>>,
@@ -95,19 +95,18 @@ impl Search {
     }
 
     /// Begins a step: the separating planes in `found` become those of the last step, in `known`.
-    pub(crate) fn exchange(&mut self) {
+    pub(crate) fn begin_step(&mut self) {
         if !self.known.is_empty() {
             std::mem::swap(&mut self.known, &mut self.found);
         }
     }
 }
 
-impl<R: Real> GeomPoses<R> {
+impl<R: Real> CollisionWorkspace<R> {
     /// Workspace for a compiled model. Geoms that are fixed to the world get the poses of the model.
     pub fn new(compiled: &LaneModel<R>) -> Self {
-        let placed = Placed::new(compiled);
-        let mut poses = Self {
-            placed,
+        let mut workspace = Self {
+            poses: GeomPoses::new(compiled),
             statics: StaticSearch::new(compiled),
             may_tunnel: vec![false; compiled.geoms.len()],
             slack: R::zero(),
@@ -120,28 +119,28 @@ impl<R: Real> GeomPoses<R> {
             reduction: ContactReduction::default(),
             search: Search::new(compiled, R::LANES),
         };
-        poses.update_static_poses(compiled);
-        poses
+        workspace.update_static_poses(compiled);
+        workspace
     }
 
     /// Swaps the separating planes of the workspace with those in the state of a group, before and after the group's steps.
-    pub(crate) fn exchange(&mut self, separation_cache: &mut SeparationCache) {
+    pub(crate) fn swap_separation_cache(&mut self, separation_cache: &mut SeparationCache) {
         if !separation_cache.is_empty() {
             std::mem::swap(&mut self.search.found, separation_cache);
         }
     }
 
     /// Begins a step: the separating planes that were found become those of the last step, from which the searches start.
-    pub(crate) fn begin(&mut self) {
-        self.search.exchange();
+    pub(crate) fn begin_step(&mut self) {
+        self.search.begin_step();
     }
 
     /// Updates the poses of geoms that are fixed to the world, which may differ between environments.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.placed.place_static(compiled, i);
+            self.poses.place_static(compiled, i);
         }
-        self.statics.update_tree(compiled, &self.placed.pos, &self.placed.mat);
+        self.statics.update_tree(compiled, &self.poses.pos, &self.poses.mat);
     }
 
     /// Finds the static pairs (a moving geom and one fixed to the world) whose bounding boxes overlap in any of the lanes `alive`.
@@ -153,33 +152,33 @@ impl<R: Real> GeomPoses<R> {
         compiled: &LaneModel<R>,
         alive: R::Mask,
         checks_passing: bool,
-        travel: impl Fn(&Placed<R>) -> &[R],
+        travel: impl Fn(&GeomPoses<R>) -> &[R],
     ) {
         if !compiled.static_pairs.is_empty() {
-            let Self { placed, statics, slack, may_tunnel, .. } = self;
+            let Self { poses, statics, slack, may_tunnel, .. } = self;
             may_tunnel.fill(false);
             if checks_passing {
                 R::vectorize(
                     #[inline(always)]
                     || {
                         for m in &compiled.static_pairs.moving {
-                            may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, placed.displacement[m.geom]).and(alive).any();
+                            may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, poses.displacement[m.geom]).and(alive).any();
                         }
                     },
                 );
             }
-            statics.find(compiled, alive.bits(), (&placed.pos, &placed.mat), |g| (travel(placed)[g] + *slack, may_tunnel[g]));
+            statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (travel(poses)[g] + *slack, may_tunnel[g]));
             if checks_passing {
                 statics.pairs.retain_mut(|(number, lanes)| {
                     let pair = compiled.pairs.get(*number as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));
-                    *lanes &= pair.map_or(u32::MAX, |pair| placed.balls_touch(pair, *slack).bits());
+                    *lanes &= pair.map_or(u32::MAX, |pair| poses.balls_touch(pair, *slack).bits());
                     *lanes != 0
                 });
             }
         }
     }
 
-    /// Merges the listed pairs that the search for static pairs ([`GeomPoses::find_static`]) found into `near`.
+    /// Merges the listed pairs that the search for static pairs ([`CollisionWorkspace::find_static`]) found into `near`.
     pub(crate) fn add_static(&mut self, compiled: &LaneModel<R>) {
         let listed = self.statics.listed_pairs(compiled.pairs.len());
         merge(listed, &mut self.near, self.near_count);
@@ -187,13 +186,13 @@ impl<R: Real> GeomPoses<R> {
     }
 
     /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in `dynamic`. They include those from
-    /// [`GeomPoses::find_static`].
+    /// [`CollisionWorkspace::find_static`].
     ///
     /// `travel` returns the upper bound of the displacement of every geom, m.
-    pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, travel: impl Fn(&Placed<R>) -> &[R]) {
+    pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, travel: impl Fn(&GeomPoses<R>) -> &[R]) {
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
-            let Self { placed, slack, broad, statics, .. } = self;
-            broad.find(compiled, dynamic_pairs, alive.bits(), &placed.pos, travel(placed), *slack);
+            let Self { poses, slack, broad, statics, .. } = self;
+            broad.find(compiled, dynamic_pairs, alive.bits(), &poses.pos, travel(poses), *slack);
             broad.add(statics.dynamic_pairs(compiled.pairs.len()));
         }
     }
@@ -204,7 +203,7 @@ impl<R: Real> GeomPoses<R> {
     /// stay in registers.
     #[inline(always)]
     pub(crate) fn find_near(&mut self, compiled: &LaneModel<R>, alive: R::Mask) {
-        let Self { placed: Placed { balls, mat, .. }, slack, runs, near, .. } = self;
+        let Self { poses: GeomPoses { balls, mat, .. }, slack, runs, near, .. } = self;
         let mut count = 0;
         for run in &*runs {
             let CompiledPair { geoms: [a, _], margin, .. } = compiled.pairs[run.start];
@@ -223,7 +222,7 @@ impl<R: Real> GeomPoses<R> {
     }
 }
 
-impl<R: Real> Placed<R> {
+impl<R: Real> GeomPoses<R> {
     pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
         let zeros = || vec![R::zero(); compiled.geoms.len()];
         Self {
@@ -336,7 +335,7 @@ pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
 pub(crate) struct Scene<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
-    pub(crate) poses: &'a Placed<R>,
+    pub(crate) poses: &'a GeomPoses<R>,
     /// Time step, s.
     pub(crate) h: R,
     /// Distance that gravity covers in a step, plus a micrometre, m.

@@ -11,7 +11,7 @@ use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::collision::detection::{Placed, Scene, Search};
+use crate::collision::detection::{GeomPoses, Scene, Search};
 use crate::compile::{CompiledPair, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -30,10 +30,10 @@ pub(crate) struct Path<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     /// Poses of the geoms at the start of the path.
-    pub(crate) start: &'a Placed<R>,
+    pub(crate) start: &'a GeomPoses<R>,
     /// Duration of the path, s.
     pub(crate) time: R,
-    /// Distance that gravity covers in a step, plus a micrometre, m, see [`super::detection::GeomPoses::slack`].
+    /// Distance that gravity covers in a step, plus a micrometre, m, see [`super::detection::CollisionWorkspace::slack`].
     pub(crate) slack: R,
     /// Index of the pair in the compiled model.
     pub(crate) index: usize,
@@ -53,7 +53,7 @@ pub(crate) struct Gap<R> {
 #[derive(Clone, Debug)]
 pub(crate) struct SweptPair<R: Real> {
     /// Poses at the current time of the path. Only the poses of the tested pair are current.
-    placed: Placed<R>,
+    poses: GeomPoses<R>,
     search: Search,
     contacts: Contacts<R>,
 }
@@ -61,13 +61,13 @@ pub(crate) struct SweptPair<R: Real> {
 impl<R: Real> SweptPair<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
-        Self { placed: Placed::new(compiled), search: Search::new(compiled, R::LANES), contacts: Contacts::new(MAX_PAIR_POINTS) }
+        Self { poses: GeomPoses::new(compiled), search: Search::new(compiled, R::LANES), contacts: Contacts::new(MAX_PAIR_POINTS) }
     }
 
     /// Sets the velocities of all links from the generalized velocity `v`. They determine the paths.
     #[inline(always)]
     pub(crate) fn set_velocity(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
-        kinematics.velocities(compiled, v, &mut self.placed.velocity);
+        kinematics.velocities(compiled, v, &mut self.poses.velocity);
     }
 
     /// First touch of the pair on its path in the lanes `lanes`, see [`find_touch`]. `gap` is the distance at the start of the path.
@@ -89,7 +89,7 @@ impl<R: Real> SweptPair<R> {
     /// Spatial velocity of the link with frame number `frame`.
     #[inline(always)]
     pub(super) fn velocity_of(&self, frame: usize) -> V6<R> {
-        self.placed.velocity[frame - 1]
+        self.poses.velocity[frame - 1]
     }
 
     /// Lanes in which a body of the pair rotates by more than [`MAX_ROTATION`] on the path.
@@ -97,7 +97,7 @@ impl<R: Real> SweptPair<R> {
     fn exceeds_max_rotation(&self, path: &Path<'_, R>) -> R::Mask {
         let mut far = R::Mask::splat(false);
         for geom in path.pair.geoms {
-            if let Some([turn, _]) = self.placed.frame_motion(path, path.compiled.geoms[geom].frame) {
+            if let Some([turn, _]) = self.poses.frame_motion(path, path.compiled.geoms[geom].frame) {
                 far = far.or((norm(turn) * path.time).gt(R::of(MAX_ROTATION)));
             }
         }
@@ -111,9 +111,9 @@ impl<R: Real> SweptPair<R> {
         for geom in pair.geoms {
             self.place(path, geom, time);
         }
-        let Self { placed, search, contacts, .. } = self;
+        let Self { poses, search, contacts, .. } = self;
         contacts.clear();
-        let scene = Scene { compiled, kinematics, poses: placed, h: path.time, slack, displacement_time: R::zero(), checks_passing: false };
+        let scene = Scene { compiled, kinematics, poses, h: path.time, slack, displacement_time: R::zero(), checks_passing: false };
         scene.test_pair(index, &pair, lanes, search, contacts);
         search.found.clear();
         let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
@@ -122,7 +122,7 @@ impl<R: Real> SweptPair<R> {
             let there = R::Mask::from_bits(contacts.lanes_of(k));
             let nearer = there.and(point.distance.lt(least.distance));
             least.distance = R::select(nearer, point.distance, least.distance);
-            least.rate = R::select(nearer, self.placed.normal_velocity(path, point, time), least.rate);
+            least.rate = R::select(nearer, self.poses.normal_velocity(path, point, time), least.rate);
         }
         least
     }
@@ -132,19 +132,19 @@ impl<R: Real> SweptPair<R> {
     fn place(&mut self, path: &Path<'_, R>, geom: usize, time: R) {
         let (start, kinematics) = (path.start, path.kinematics);
         let frame = path.compiled.geoms[geom].frame;
-        let Some([turn, velocity]) = self.placed.frame_motion(path, frame) else {
-            self.placed.pos[geom] = start.pos[geom];
-            self.placed.mat[geom] = start.mat[geom];
-            self.placed.travel[geom] = R::zero();
+        let Some([turn, velocity]) = self.poses.frame_motion(path, frame) else {
+            self.poses.pos[geom] = start.pos[geom];
+            self.poses.mat[geom] = start.mat[geom];
+            self.poses.travel[geom] = R::zero();
             return;
         };
         let rotation = quat_to_mat(quat_exp(scale(turn, time)));
         let arm = rotate(&rotation, sub(start.pos[geom], kinematics.pos[frame]));
-        self.placed.pos[geom] = add(add_scaled(kinematics.pos[frame], velocity, time), arm);
-        self.placed.mat[geom] = mat_mul(&rotation, &start.mat[geom]);
+        self.poses.pos[geom] = add(add_scaled(kinematics.pos[frame], velocity, time), arm);
+        self.poses.mat[geom] = mat_mul(&rotation, &start.mat[geom]);
         let reach = norm(arm) + path.compiled.params.bounding_radius(geom);
         let swing = R::select(norm(turn).gt(R::zero()), norm(turn) * reach, R::zero());
-        self.placed.travel[geom] = (norm(velocity) + swing) * (path.time + path.time);
+        self.poses.travel[geom] = (norm(velocity) + swing) * (path.time + path.time);
     }
 }
 
@@ -200,7 +200,7 @@ pub(crate) fn find_touch<R: Real>(
     Touch { lanes: hits, time: at, overlap }
 }
 
-impl<R: Real> Placed<R> {
+impl<R: Real> GeomPoses<R> {
     /// Angular velocity of a frame, rad/s, and linear velocity of its origin, m/s, in world axes. `None` for the world.
     #[inline(always)]
     fn frame_motion(&self, path: &Path<'_, R>, frame: usize) -> Option<[V3<R>; 2]> {

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use stepper_geometry::{Narrow, Pose, Solid, SolidMotion};
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::detection::{GeomPoses, Placed, Scene};
+use crate::collision::detection::{CollisionWorkspace, GeomPoses, Scene};
 use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
@@ -37,18 +37,18 @@ pub fn may_have_passed<R: Real>(
     kinematics: &Kinematics<R>,
     step: TakenStep<'_, R>,
     alive: R::Mask,
-    poses: &mut GeomPoses<R>,
+    collision: &mut CollisionWorkspace<R>,
 ) -> R::Mask {
     if !compiled.can_tunnel {
         return R::Mask::splat(false);
     }
-    let slack = poses.slack;
-    if step.is_free && poses.placed.moved_little(compiled, alive) {
+    let slack = collision.slack;
+    if step.is_free && collision.poses.moved_little(compiled, alive) {
         return R::Mask::splat(false);
     }
     let [moved, beyond_search] = R::vectorize(
         #[inline(always)]
-        || poses.placed.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack),
+        || collision.poses.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack),
     );
     if moved.and(alive).none() {
         return R::Mask::splat(false);
@@ -57,12 +57,12 @@ pub fn may_have_passed<R: Real>(
     // dynamic ones are searched again.
     let within_search = beyond_search.and(alive).none();
     if !within_search && compiled.dynamic_pairs.is_some() {
-        poses.find_static(compiled, alive, false, |placed| &placed.displacement);
-        poses.find_dynamic(compiled, alive, |placed| &placed.displacement);
+        collision.find_static(compiled, alive, false, |poses| &poses.displacement);
+        collision.find_dynamic(compiled, alive, |poses| &poses.displacement);
     }
-    let GeomPoses { placed, near, near_count, broad, search, .. } = poses;
-    let placed = &*placed;
-    let paths = Path { compiled, kinematics, placed, step, slack };
+    let CollisionWorkspace { poses, near, near_count, broad, search, .. } = collision;
+    let poses = &*poses;
+    let paths = Path { compiled, kinematics, poses, step, slack };
     R::vectorize(
         #[inline(always)]
         || {
@@ -102,7 +102,7 @@ fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Sca
 struct Path<'a, R: Real> {
     compiled: &'a LaneModel<R>,
     kinematics: &'a Kinematics<R>,
-    placed: &'a Placed<R>,
+    poses: &'a GeomPoses<R>,
     step: TakenStep<'a, R>,
     slack: R,
 }
@@ -111,7 +111,7 @@ impl<R: Real> Path<'_, R> {
     /// Lanes of `passed`, together with the lanes of `alive` in which one geom of the pair may pass through the other.
     #[inline(always)]
     fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {
-        let suspected = self.placed.may_get_past(self.compiled, pair).and(alive).and_not(passed);
+        let suspected = self.poses.may_get_past(self.compiled, pair).and(alive).and_not(passed);
         if suspected.none() {
             return passed;
         }
@@ -124,12 +124,11 @@ impl<R: Real> Path<'_, R> {
     /// Limbs that move in the same direction have a small relative displacement.
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, narrow: &mut Narrow) -> R::Mask {
-        let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
-        let scene =
-            Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, displacement_time: step.h, checks_passing: false };
+        let (Self { compiled, kinematics, poses, step, slack }, [a, b]) = (self, pair.geoms);
+        let scene = Scene { compiled, kinematics, poses, h: step.h, slack: *slack, displacement_time: step.h, checks_passing: false };
         let displacement = scene.relative_displacement(a, b).min(scene.relative_displacement(b, a))
-            + placed.arc_deviation(compiled, a, step.h)
-            + placed.arc_deviation(compiled, b, step.h);
+            + poses.arc_deviation(compiled, a, step.h)
+            + poses.arc_deviation(compiled, b, step.h);
         displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair, lanes, displacement, narrow)))
     }
 
@@ -159,15 +158,15 @@ impl<R: Real> Path<'_, R> {
 
     /// Motion of a geom in lane `lane` during the step.
     fn motion_of(&self, geom: usize, lane: usize) -> SolidMotion {
-        let Self { compiled, kinematics, placed, .. } = self;
+        let Self { compiled, kinematics, poses, .. } = self;
         let own = &compiled.geoms[geom];
-        let (pos, mut mat) = (of_lane(&placed.pos[geom], lane), of_lane(&placed.mat[geom], lane));
+        let (pos, mut mat) = (of_lane(&poses.pos[geom], lane), of_lane(&poses.mat[geom], lane));
         if !own.full_orientation {
             // A round geom has a current axis only.
             let [z, x, y] = contact_frame(column(&mat, 2));
             mat = [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
         }
-        let arm_from = |origin: V3<R>| sub(placed.pos[geom], origin);
+        let arm_from = |origin: V3<R>| sub(poses.pos[geom], origin);
         let [angular, root_velocity, linear] = match own.frame.checked_sub(compiled.links.len() + 1) {
             _ if own.frame == 0 => [zero(); 3],
             Some(mocap) => {
@@ -175,7 +174,7 @@ impl<R: Real> Path<'_, R> {
                 [angular(motion), linear(motion), cross(angular(motion), arm_from(kinematics.pos[own.frame]))]
             }
             None => {
-                let (motion, tree) = (&placed.displacing_velocity[own.frame - 1], compiled.links[own.frame - 1].tree);
+                let (motion, tree) = (&poses.displacing_velocity[own.frame - 1], compiled.links[own.frame - 1].tree);
                 let root_velocity = self.velocity_of_root(tree);
                 [angular(motion), root_velocity, sub(velocity_at(motion, arm_from(kinematics.origin[tree])), root_velocity)]
             }
@@ -192,14 +191,14 @@ impl<R: Real> Path<'_, R> {
             let first = self.compiled.links[*link].joints.start;
             matches!(self.compiled.joints.get(first), Some(CompiledJoint { kind: JointKind::Free | JointKind::Slide, .. }))
         };
-        root.filter(floats).map_or_else(zero, |link| linear(&self.placed.displacing_velocity[link]))
+        root.filter(floats).map_or_else(zero, |link| linear(&self.poses.displacing_velocity[link]))
     }
 }
 
-impl<R: Real> Placed<R> {
+impl<R: Real> GeomPoses<R> {
     /// Whether in the lanes `alive` no geom moves by more than half its inscribed radius in a step at the free velocity.
     ///
-    /// The test compares [`Placed::travel`], the displacement over two steps, with the whole radius.
+    /// The test compares [`GeomPoses::travel`], the displacement over two steps, with the whole radius.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
         R::vectorize(
             #[inline(always)]

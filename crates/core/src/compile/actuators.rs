@@ -138,14 +138,14 @@ pub(super) struct Drives<S> {
     pub(super) arms: usize,
     pub(super) wrenches: usize,
     /// Number of actuators whose dynamics act within a step.
-    pub(super) actuator_dynamics: usize,
+    pub(super) num_actuator_dynamics: usize,
 }
 
 impl<S: Scalar> Drives<S> {
     /// Compiles the actuators of the model. `specs` has the actuator dynamics of every actuator, or is empty.
     pub(super) fn new(scene: Scene<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = scene.model;
-        let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, actuator_dynamics: 0 };
+        let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, num_actuator_dynamics: 0 };
         let mut na = 0;
         for (i, actuator) in model.actuators.iter().enumerate() {
             let spec = specs.get(i).and_then(Option::as_ref);
@@ -227,8 +227,8 @@ impl<S: Scalar> Drives<S> {
         };
         let (servo, motor, limited) = (spec.is_continuous_servo(), spec.curve(), spec.is_limited());
         let acts = servo || motor.is_some() || limited || losses.is_some();
-        self.actuator_dynamics += usize::from(acts);
-        acts.then(|| CompiledActuatorDynamics { index: self.actuator_dynamics - 1, servo, motor, limited, losses })
+        self.num_actuator_dynamics += usize::from(acts);
+        acts.then(|| CompiledActuatorDynamics { index: self.num_actuator_dynamics - 1, servo, motor, limited, losses })
     }
 
     fn force_range(&self, dof: usize, range: [f64; 2]) -> CompiledForceRange<S> {

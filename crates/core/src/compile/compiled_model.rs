@@ -121,7 +121,7 @@ pub struct ModelStructure<S: Scalar> {
     /// Number of moment arms of all wrenches on sites, and number of wrenches.
     pub wrench_arms: [usize; 2],
     /// Number of actuator dynamics that act within a step.
-    pub actuator_dynamics: usize,
+    pub num_actuator_dynamics: usize,
     /// Whether any actuator dynamics have friction losses.
     pub lossy: bool,
     /// Sensors of the model.

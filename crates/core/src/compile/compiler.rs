@@ -85,7 +85,7 @@ impl<S: Scalar> CompiledModel<S> {
             explicit_damping: model.explicit_damping,
             servos_are_bounded: drives.servos_are_bounded(),
             wrench_arms: [drives.arms, drives.wrenches],
-            actuator_dynamics: drives.actuator_dynamics,
+            num_actuator_dynamics: drives.num_actuator_dynamics,
             lossy,
             actuators: drives.actuators,
             servos: drives.servos,

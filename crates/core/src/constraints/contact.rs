@@ -95,7 +95,7 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.contacts.set_compliance(compliance);
         }
         // The position solve replaces g of the normal row. For the tangents it adds to g, so that later changes of g apply in both solves.
-        self.problem.rows.contacts.set_position_target([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
+        self.problem.rows.contacts.set_position_offset([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.contacts.last_is_immovable();
         let waiting = deferred.lanes.and_not(immovable);

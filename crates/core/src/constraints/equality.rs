@@ -412,7 +412,7 @@ impl<R: Real> Assembler<'_, R> {
             }
             self.problem.rows.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
-                self.problem.rows.scalars.set_position_target(g[k][1]);
+                self.problem.rows.scalars.set_position_offset(g[k][1]);
             }
             self.builder.sizes.push(rows.size);
             if block.hard {
@@ -460,7 +460,7 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(lengths) = lengths {
             self.set_trace_ratio(law.compliance, lengths.before[0], lengths.after[0]);
         }
-        self.problem.rows.scalars.set_position_target(g[0][1]);
+        self.problem.rows.scalars.set_position_offset(g[0][1]);
     }
 
     /// Sets the factor by which the residual of the last added row is scaled. `whole` and `rest` are its squared lengths before and after

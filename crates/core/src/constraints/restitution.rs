@@ -254,7 +254,7 @@ impl<R: Real> ConstraintProblem<R> {
                 continue;
             }
             let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
-            let offset = rows.normal_target_mut(i);
+            let offset = rows.normal_offset_mut(i);
             let inelastic = if *resolves_impacts { *offset * (R::one() / impact.normal_factor) } else { *offset - impact.rebound };
             if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
                 contact.bias = R::select(lanes, contact.bias + (inelastic - *offset), contact.bias);
@@ -317,7 +317,7 @@ impl<R: Real> ImpactStep<'_, R> {
         let change = rows.normal_velocity(i, &impulses.w) - g;
         let distance = contacts.data[slot].point.distance;
         let gap = distance.max(R::zero());
-        positions.replace_normal_target(
+        positions.replace_normal_offset(
             i,
             lanes.and(distance.ge(-R::of(slop))),
             #[inline(always)]
@@ -345,7 +345,7 @@ impl<R: Real> ImpactStep<'_, R> {
                     }
                     let slot = problem.slot_of(i);
                     let tunnelling_distance = tunnelling_distance(compiled, contacts, slot, there.bits());
-                    let end = positions.normal_target(i) * h;
+                    let end = positions.normal_offset(i) * h;
                     let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
                     positions.leave_out_contact(i, there.and(harmless));
                 }

@@ -51,7 +51,7 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(ratio) = trace_ratio {
             self.problem.rows.scalars.set_trace_ratio(ratio);
         }
-        self.problem.rows.scalars.set_position_target(g[1]);
+        self.problem.rows.scalars.set_position_offset(g[1]);
         self.warm_start(impulse_index, active);
         self.problem.impulse_indices.push(impulse_index);
         self.problem.constrained = self.problem.constrained.or(active);

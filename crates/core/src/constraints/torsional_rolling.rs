@@ -107,7 +107,7 @@ impl<R: Real> Assembler<'_, R> {
         // As in `add_contact`: for all rows except the normal one, the position solve adds to g.
         let change = |[velocity, position]: [R; 2]| position - velocity;
         let [spin, roll, other] = turns.map(change);
-        self.problem.rows.rolling_contacts.set_position_target([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
+        self.problem.rows.rolling_contacts.set_position_offset([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         // The solver has no rows for an immovable contact, and could not activate them.

@@ -161,7 +161,7 @@ impl<R: Real> HardNominal<R> {
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
         match recomputed {
             Recomputed::Configuration => {
-                evaluation.poses.begin();
+                evaluation.collision.begin_step();
                 locate(input, evaluation, free, NoProbe);
                 self.scheme = evaluation.scheme;
                 evaluation.match_contacts(compiled, &mut state.contacts);
@@ -244,7 +244,7 @@ impl<R: Real> HardNominal<R> {
     pub(super) fn rows_by(&self, compiled: &LaneModel<R>, recomputed: Recomputed) -> Recomputed {
         let plain = compiled.equalities.is_empty() && compiled.tendons.iter().all(|tendon| tendon.spring.is_none());
         match recomputed {
-            _ if compiled.actuator_dynamics > 0 || compiled.lossy => Recomputed::Configuration,
+            _ if compiled.num_actuator_dynamics > 0 || compiled.lossy => Recomputed::Configuration,
             Recomputed::Velocity if self.scheme.implicit_forces => Recomputed::Configuration,
             Recomputed::Forces if self.scheme.implicit_forces && !compiled.servos.is_empty() => Recomputed::Configuration,
             Recomputed::Velocity if plain && !compiled.has_contact_springs && !any_elastic(&self.contacts) => Recomputed::Forces,

@@ -136,7 +136,7 @@ impl<R: Real> Nominal<R> {
             }
             Law::Mujoco(solution) => {
                 if recomputed == Recomputed::Configuration {
-                    s.evaluation.poses.begin();
+                    s.evaluation.collision.begin_step();
                 }
                 mujoco::respond_step(compiled, settings, s, solution, recomputed);
                 recomputed

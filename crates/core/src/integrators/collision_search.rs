@@ -4,7 +4,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::collision::detection::GeomPoses;
+use crate::collision::detection::CollisionWorkspace;
 use crate::collision::packed_pairs::{Item, gather_scalars};
 use crate::collision::packed_sweep::{PackedSweep, is_packed};
 use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch};
@@ -160,7 +160,7 @@ impl<R: Real> CandidatePair<R> {
 pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
-    pub(crate) poses: &'a GeomPoses<R>,
+    pub(crate) collision: &'a CollisionWorkspace<R>,
     pub(crate) contacts: &'a Contacts<R>,
     pub(crate) options: &'a StepSettings,
     /// Lanes to search.
@@ -257,10 +257,10 @@ impl<R: Real> CollisionSearch<R> {
     /// Tests the path of each candidate. Its lanes become those in which it collides, and collides first if the order matters.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
-        let CollisionQuery { compiled, kinematics, poses, .. } = *query;
+        let CollisionQuery { compiled, kinematics, collision, .. } = *query;
         let Self { swept, rates, pairs, packed, .. } = self;
         let time = problem.closing_time;
-        let path = |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time, slack: poses.slack, index, pair };
+        let path = |index: usize, pair| Path { compiled, kinematics, start: &collision.poses, time, slack: collision.slack, index, pair };
         packed.clear();
         for (k, candidate) in pairs.iter_mut().enumerate() {
             let pair = compiled.pair(candidate.pair);
@@ -324,9 +324,16 @@ impl<R: Real> CollisionSearch<R> {
     /// of the paths, s.
     #[inline(always)]
     fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, closing_time: R) {
-        let CollisionQuery { compiled, kinematics, poses, .. } = *query;
-        let path =
-            |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time: closing_time, slack: poses.slack, index, pair };
+        let CollisionQuery { compiled, kinematics, collision, .. } = *query;
+        let path = |index: usize, pair| Path {
+            compiled,
+            kinematics,
+            start: &collision.poses,
+            time: closing_time,
+            slack: collision.slack,
+            index,
+            pair,
+        };
         let window = closing_time * R::of(SIMULTANEOUS_FRACTION);
         for evaluation in 0..MAX_EVALUATIONS {
             self.find_uncertain(compiled, several, window);

@@ -56,7 +56,7 @@ pub(crate) fn activate_colliding<R: Real>(
     collisions: &mut CollisionSearch<R>,
     motion: SweptMotion,
 ) -> R::Mask {
-    let Place { input: StepInput { compiled, options, alive, .. }, evaluation: Evaluation { kinematics, contacts, poses, .. } } = place;
+    let Place { input: StepInput { compiled, options, alive, .. }, evaluation: Evaluation { kinematics, contacts, collision, .. } } = place;
     if problem.deferred_lanes(alive).none() {
         return R::Mask::splat(false);
     }
@@ -64,7 +64,7 @@ pub(crate) fn activate_colliding<R: Real>(
         SweptMotion::Predicted => (PREDICTED_MARGIN, overlap_error(problem, velocity), false),
         SweptMotion::Solved { ignores_order } => (0.0, R::zero(), ignores_order),
     };
-    let query = CollisionQuery { compiled, kinematics, poses, contacts, options, lanes: alive, margin, error, ignores_order };
+    let query = CollisionQuery { compiled, kinematics, collision, contacts, options, lanes: alive, margin, error, ignores_order };
     if !collisions.list_candidates(&query, problem, &velocity.impulses.w) {
         return R::Mask::splat(false);
     }

@@ -18,7 +18,7 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
     probe.span(Span::Actuate, || {
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
     });
-    probe.span(Span::MassMatrix, || free.smooth.assemble_mass(compiled, kinematics, scheme.joints(compiled)));
+    probe.span(Span::MassMatrix, || free.smooth.assemble_mass(compiled, kinematics, scheme.joint_weights(compiled)));
     probe.span(Span::Actuate, || actuate_at_velocity_before(place, free));
     probe.span(Span::MassFactors, || {
         let FreeMotion { smooth, actuator_forces, .. } = free;
@@ -27,7 +27,7 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
     probe.span(Span::Acceleration, || free.accelerate(compiled, kinematics, &state.v, &state.v));
     if compiled.lossy {
         let FreeMotion { smooth, actuator_forces, .. } = free;
-        let expected = Some((scheme.servos(false), &smooth.acc[..]));
+        let expected = Some((scheme.implicit_servos(), &smooth.acc[..]));
         probe.span(Span::Actuate, || actuator_forces.dissipate(compiled, &inputs.actuator_dynamics, expected));
     }
     probe.span(Span::Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
@@ -57,7 +57,7 @@ pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: 
 
 /// Whether the model has servos with bounds whose forces are implicit. Their active bounds then change the mass matrix.
 pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>) -> bool {
-    compiled.servos_are_bounded && (scheme.implicit_forces || compiled.actuator_dynamics > 0)
+    compiled.servos_are_bounded && (scheme.implicit_forces || compiled.num_actuator_dynamics > 0)
 }
 
 /// Computes the actuator and spring forces (stage 1), with all velocity-dependent forces at the velocity before the step.
@@ -66,7 +66,7 @@ fn actuate_at_velocity_before<R: Real>(place: Place<'_, R>, free: &mut FreeMotio
     if (scheme.in_the_middle || compiled.servos_are_bounded) && !compiled.servos.is_empty() {
         free.actuator_forces.compute_effective_inertia(compiled, &free.smooth.inertia, &state.impulse);
     }
-    actuate(compiled, &place.forces_at(&state.v), Some(scheme.servos(false)), &mut free.actuator_forces);
+    actuate(compiled, &place.forces_at(&state.v), Some(scheme.implicit_servos()), &mut free.actuator_forces);
 }
 
 /// Implicit terms that the scheme adds to the mass matrix: those of joints and implicit servos. With `implicit_forces`, also the drag of
@@ -77,6 +77,6 @@ pub(crate) fn implicit<'a, R: Real>(
     actuator_forces: &'a ActuatorForces<R>,
     v: &'a [R],
 ) -> Implicit<'a, R> {
-    let servos: &[R] = if scheme.implicit_forces || compiled.actuator_dynamics > 0 { &actuator_forces.added_inertia } else { &[] };
-    Implicit { weights: scheme.joints(compiled), servos, arms: &actuator_forces.arms, drag_at: scheme.implicit_forces.then_some(v) }
+    let servos: &[R] = if scheme.implicit_forces || compiled.num_actuator_dynamics > 0 { &actuator_forces.added_inertia } else { &[] };
+    Implicit { weights: scheme.joint_weights(compiled), servos, arms: &actuator_forces.arms, drag_at: scheme.implicit_forces.then_some(v) }
 }

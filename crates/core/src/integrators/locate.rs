@@ -54,9 +54,9 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
         free.actuator_forces.reset_active_bounds();
     }
     compute_free_motion(Place { input, evaluation }, free, probe);
-    let Evaluation { scheme, kinematics, poses, contacts, .. } = evaluation;
+    let Evaluation { scheme, kinematics, collision, contacts, .. } = evaluation;
     let StepInput { compiled, state, alive, .. } = input;
-    detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, poses, contacts, probe)
+    detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, collision, contacts, probe)
 }
 
 /// Computes configuration, poses and actuator transmissions at the evaluation point, the time in the step at which forces are evaluated.

@@ -21,7 +21,7 @@ use crate::stages::s09_sense::sense;
 
 /// Computes the actuators' controls from the user's controls by the actuator pipelines (delay, lag ...), as part of stage 1. The pipelines
 /// read the state before the step.
-pub(crate) fn pass_controls<R: Real>(
+pub(crate) fn run_actuator_pipelines<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     state: &State<R>,
@@ -38,10 +38,10 @@ pub(crate) fn pass_controls<R: Real>(
 }
 
 /// Writes the outputs of the actuator pipelines at the end of the step to `inputs`, for sensors and derived quantities of the new state.
-pub(crate) fn hold_outputs<R: Real>(compiled: &LaneModel<R>, inputs: &mut Inputs<R>, devices: &mut Devices<'_, R::Scalar>) {
+pub(crate) fn write_outputs_after_step<R: Real>(compiled: &LaneModel<R>, inputs: &mut Inputs<R>, devices: &mut Devices<'_, R::Scalar>) {
     if let Some(actuators) = &mut devices.actuators {
         let outputs = (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]);
-        actuators.pipelines.hold_outputs(compiled, devices.group, actuators.memory, outputs);
+        actuators.pipelines.write_outputs_after_step(compiled, devices.group, actuators.memory, outputs);
     }
 }
 

@@ -74,7 +74,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     corrected: CorrectedLanes<R>,
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
-    let Evaluation { scheme, kinematics, poses, impacts, .. } = evaluation;
+    let Evaluation { scheme, kinematics, collision, impacts, .. } = evaluation;
     let PositionSolution { impact_displacement: motion, correction, .. } = position;
     let is_free = !outcome.impulses_act && !scheme.predicts();
     let rebounding = corrected.all.and(corrected.rebounding);
@@ -88,7 +88,7 @@ pub(crate) fn find_tunnelling<R: Real>(
         &*motion
     };
     let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
-    let passed = may_have_passed(input.compiled, kinematics, step, input.alive, poses);
+    let passed = may_have_passed(input.compiled, kinematics, step, input.alive, collision);
     // Each time step checks the path from its evaluation point to the expected one of the next step. The search for an impact may have
     // moved the evaluation point later, so that the path from the beginning of the step to it is checked here.
     let moved = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
@@ -96,7 +96,7 @@ pub(crate) fn find_tunnelling<R: Real>(
         return passed;
     }
     let flight = TakenStep { velocity: &input.state.v, is_free: false, h: scheme.time_before, contacts_at_end: true };
-    passed.or(may_have_passed(input.compiled, kinematics, flight, moved, poses))
+    passed.or(may_have_passed(input.compiled, kinematics, flight, moved, collision))
 }
 
 /// Replaces the configuration after the step by the corrected one. If contradictory constraints make the correction of an island

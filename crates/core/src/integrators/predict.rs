@@ -70,7 +70,9 @@ pub(crate) fn correct_free_velocity<R: Real>(
     blend(&state.v, v_expected, scheme.velocity_weight, v_mean);
     // Without servos, no force of stage 1 depends on the velocity. With servos, their explicit parts do.
     if !compiled.servos.is_empty() {
-        probe.span(Span::Actuate, || actuate(compiled, &place.forces_at(v_mean), Some(scheme.servos(true)), actuator_forces));
+        probe.span(Span::Actuate, || {
+            actuate(compiled, &place.forces_at(v_mean), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
+        });
     }
     probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, v_mean));
     advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
@@ -127,7 +129,7 @@ fn leave_out_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion
             }
         },
     );
-    actuate(compiled, &place.forces_at(v_forces), Some(scheme.servos(true)), actuator_forces);
+    actuate(compiled, &place.forces_at(v_forces), Some(scheme.implicit_servos_at_prediction()), actuator_forces);
     zero_velocity.fill(R::zero());
     smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, zero_velocity);
     R::vectorize(

@@ -57,13 +57,19 @@ impl<R: Real> Scheme<R> {
     }
 
     /// Selection of the servos with implicit forces in stage 1: all servos with `implicit_forces`, otherwise only those of actuator
-    /// dynamics. If `predicted` is true, explicit forces use the predicted velocity at [`Scheme::velocity_weight`].
-    pub(crate) fn servos(&self, predicted: bool) -> ImplicitServos<R> {
-        ImplicitServos { weights: self.weights, h: self.h, all: self.implicit_forces, predicted }
+    /// dynamics. Explicit forces use the velocity before the step.
+    pub(crate) fn implicit_servos(&self) -> ImplicitServos<R> {
+        ImplicitServos { weights: self.weights, h: self.h, all: self.implicit_forces, predicted: false }
+    }
+
+    /// Selection of [`Scheme::implicit_servos`], after the velocity after the step was predicted. Explicit forces then use a velocity between
+    /// that before and that after the step ([`Scheme::velocity_weight`]).
+    pub(crate) fn implicit_servos_at_prediction(&self) -> ImplicitServos<R> {
+        ImplicitServos { predicted: true, ..self.implicit_servos() }
     }
 
     /// Weights of implicit joint damping and stiffness. Without `implicit_forces`, damping is explicit in models that select it.
-    pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
+    pub(crate) fn joint_weights(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
         let explicit = compiled.explicit_damping && !self.implicit_forces;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }

@@ -105,7 +105,7 @@ fn update_active_bounds<R: Real>(
     }
     let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *free;
     advance(&velocity.v, &state.v, -R::one(), velocity_change);
-    let bounds_at = scheme.servos(false);
+    let bounds_at = scheme.implicit_servos();
     actuator_forces.update_active_bounds(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change).and(alive)
 }
 

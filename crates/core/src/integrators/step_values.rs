@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::actuation::forces::{ActuatorForces, ForceState};
 use crate::collision::contact_set::Contacts;
-use crate::collision::detection::GeomPoses;
+use crate::collision::detection::CollisionWorkspace;
 use crate::compile::LaneModel;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::dynamics::kinematics::Kinematics;
@@ -81,7 +81,7 @@ pub(crate) struct Evaluation<R: Real> {
     /// Poses at `q`.
     pub(crate) kinematics: Kinematics<R>,
     /// Poses of the geoms, and the workspace of collision detection.
-    pub(crate) poses: GeomPoses<R>,
+    pub(crate) collision: CollisionWorkspace<R>,
     /// Contacts at `q`.
     pub(crate) contacts: Contacts<R>,
     /// Impacts within the step.
@@ -101,7 +101,7 @@ impl<R: Real> Evaluation<R> {
             q_ahead: zeros(compiled.nq),
             act: zeros(compiled.na),
             kinematics: Kinematics::new(compiled),
-            poses: GeomPoses::new(compiled),
+            collision: CollisionWorkspace::new(compiled),
             contacts,
             impacts: Impacts::new(compiled),
             solved_overlaps: None,

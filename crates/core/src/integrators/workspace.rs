@@ -71,7 +71,7 @@ impl<R: Real> Workspace<R> {
             state: State { q: q(), v: v(), act: act(), contacts: contacts(), impulse: v(), time: vec![0.0; R::LANES], elapsed: 0.0 },
             inputs: Inputs {
                 ctrl: zeros(compiled.actuators.len()),
-                actuator_dynamics: vec![ActuatorDynamics::default(); compiled.actuator_dynamics],
+                actuator_dynamics: vec![ActuatorDynamics::default(); compiled.num_actuator_dynamics],
                 qfrc: Vec::with_capacity(compiled.nv),
                 xfrc: Vec::with_capacity(6 * compiled.bodies.len()),
                 mocap_trajectories: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
@@ -100,7 +100,7 @@ impl<R: Real> Workspace<R> {
 
     /// Updates the poses of geoms that are fixed to the world, after a change of their parameters.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
-        self.evaluation.poses.update_static_poses(compiled);
+        self.evaluation.collision.update_static_poses(compiled);
     }
 
     /// Fills the vectors that a step must compute before it reads them with NaN, as Drake's `icf_data.h` does.

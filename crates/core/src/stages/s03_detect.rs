@@ -15,7 +15,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::collision::detection::{GeomPoses, Scene, slack};
+use crate::collision::detection::{CollisionWorkspace, Scene, slack};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::probe::{Counter, Probe, Span};
@@ -30,24 +30,24 @@ pub fn detect<R: Real>(
     [v, v_free]: [&[R]; 2],
     [h, time_before]: [R; 2],
     alive: R::Mask,
-    poses: &mut GeomPoses<R>,
+    collision: &mut CollisionWorkspace<R>,
     contacts: &mut Contacts<R>,
     probe: impl Probe,
 ) -> R::Mask {
     contacts.clear();
-    poses.search.found.clear();
+    collision.search.found.clear();
     if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
     let checks_passing = compiled.can_tunnel && time_before.gt(R::zero()).any();
-    probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, [v, v_free], [h, time_before], checks_passing, alive, poses));
-    if poses.near_count == 0 && compiled.dynamic_pairs.is_none() {
+    probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, [v, v_free], [h, time_before], checks_passing, alive, collision));
+    if collision.near_count == 0 && compiled.dynamic_pairs.is_none() {
         return R::Mask::splat(false);
     }
-    probe.count(Counter::NearPairs, || (poses.near_count + poses.broad.pairs.len()) as f64);
+    probe.count(Counter::NearPairs, || (collision.near_count + collision.broad.pairs.len()) as f64);
     probe.span(Span::NarrowPhase, || {
-        let too_far = find_contacts(compiled, kinematics, v, [h, time_before], checks_passing, poses, contacts);
-        poses.reduction.reduce(compiled, contacts);
+        let too_far = find_contacts(compiled, kinematics, v, [h, time_before], checks_passing, collision, contacts);
+        collision.reduction.reduce(compiled, contacts);
         too_far
     })
 }
@@ -64,24 +64,24 @@ fn find_pairs<R: Real>(
     [h, time_before]: [R; 2],
     checks_passing: bool,
     alive: R::Mask,
-    poses: &mut GeomPoses<R>,
+    collision: &mut CollisionWorkspace<R>,
 ) {
     let checks_static = checks_passing && !compiled.static_pairs.is_empty();
     R::vectorize(
         #[inline(always)]
         || {
-            poses.slack = slack(compiled, h);
-            poses.placed.update_poses(compiled, kinematics);
-            poses.placed.update_travel(compiled, kinematics, v_free, h + h);
+            collision.slack = slack(compiled, h);
+            collision.poses.update_poses(compiled, kinematics);
+            collision.poses.update_travel(compiled, kinematics, v_free, h + h);
             if checks_static {
-                poses.placed.update_displacement(compiled, kinematics, v, time_before);
+                collision.poses.update_displacement(compiled, kinematics, v, time_before);
             }
-            poses.find_near(compiled, alive);
+            collision.find_near(compiled, alive);
         },
     );
-    poses.find_static(compiled, alive, checks_static, |placed| &placed.travel);
-    poses.add_static(compiled);
-    poses.find_dynamic(compiled, alive, |placed| &placed.travel);
+    collision.find_static(compiled, alive, checks_static, |poses| &poses.travel);
+    collision.add_static(compiled);
+    collision.find_dynamic(compiled, alive, |poses| &poses.travel);
 }
 
 /// Narrow phase: finds the contacts of the pairs from [`find_pairs`].
@@ -94,23 +94,23 @@ fn find_contacts<R: Real>(
     v: &[R],
     [h, time_before]: [R; 2],
     checks_passing: bool,
-    poses: &mut GeomPoses<R>,
+    collision: &mut CollisionWorkspace<R>,
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
-    let GeomPoses { placed, slack, near, near_count, broad, dynamic, packed, search, .. } = poses;
+    let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, search, .. } = collision;
     let (near, slack) = (&near[..*near_count], *slack);
     let is_thin = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
     let checks_passing = checks_passing && (compiled.dynamic_pairs.is_some() || near.iter().any(is_thin));
     if checks_passing && compiled.static_pairs.is_empty() {
         R::vectorize(
             #[inline(always)]
-            || placed.update_displacement(compiled, kinematics, v, time_before),
+            || poses.update_displacement(compiled, kinematics, v, time_before),
         );
     }
     R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { compiled, kinematics, poses: placed, h, slack, displacement_time: time_before, checks_passing };
+            let scene = Scene { compiled, kinematics, poses, h, slack, displacement_time: time_before, checks_passing };
             packed.clear();
             for &(index, lanes) in near {
                 packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);

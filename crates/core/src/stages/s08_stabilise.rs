@@ -143,7 +143,7 @@ pub fn limit_baumgarte<R: Real>(
         #[inline(always)]
         || {
             position.rows.copy(rows);
-            position.rows.exchange_targets();
+            position.rows.exchange_offsets();
         },
     );
     let VelocitySolution { impulses, v, newton, worst, saved_impulses, .. } = &mut *velocity;
@@ -252,7 +252,7 @@ pub(crate) fn damp_rows<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            rows.exchange_targets();
+            rows.exchange_offsets();
             find_unconstrained_mobility(compiled, input, unconstrained_mobility);
             rows.damp(&input.problem.rows, impulses, damping, unconstrained_mobility, reference);
         },

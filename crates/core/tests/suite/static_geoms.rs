@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::shapes::{cases, simple, vector};
 use proptest::prelude::*;
 use stepper_core::internals::collision::contact_set::Contacts;
-use stepper_core::internals::collision::detection::GeomPoses;
+use stepper_core::internals::collision::detection::CollisionWorkspace;
 use stepper_core::internals::dynamics::kinematics::Kinematics;
 use stepper_core::internals::probe::NoProbe;
 use stepper_core::internals::stages::s03_detect::detect;
@@ -61,8 +61,8 @@ fn contacts(ground: &[(V3<f64>, ConvexShape)], bodies: &[Body], posed: bool, mar
         kinematics.mat[m.frame] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     }
     kinematics.update(compiled, &q);
-    let mut poses = GeomPoses::new(compiled);
-    detect(compiled, &kinematics, [&v, &v], [STEP, 0.0], true, &mut poses, &mut contacts, NoProbe);
+    let mut collision = CollisionWorkspace::new(compiled);
+    detect(compiled, &kinematics, [&v, &v], [STEP, 0.0], true, &mut collision, &mut contacts, NoProbe);
     let of = |k: usize| (contacts.ids[k][0].0, contacts.data[k].point.distance);
     (0..contacts.count[0]).map(of).collect()
 }

@@ -6,7 +6,7 @@ use crate::shapes::{cases, simple, unit, vector};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
 use stepper_core::internals::collision::contact_set::Contacts;
-use stepper_core::internals::collision::detection::GeomPoses;
+use stepper_core::internals::collision::detection::CollisionWorkspace;
 use stepper_core::internals::dynamics::kinematics::Kinematics;
 use stepper_core::internals::probe::NoProbe;
 use stepper_core::internals::stages::s03_detect::detect;
@@ -56,8 +56,8 @@ fn detected(sim: &Simulation, time_before: f64) -> (bool, Contacts<f64>) {
     let mut kinematics = Kinematics::new(compiled);
     kinematics.update(compiled, &qpos);
     let velocities = [&qvel[..], &qvel[..]];
-    let mut poses = GeomPoses::new(compiled);
-    let unreliable = detect(compiled, &kinematics, velocities, [STEP, time_before], true, &mut poses, &mut contacts, NoProbe);
+    let mut collision = CollisionWorkspace::new(compiled);
+    let unreliable = detect(compiled, &kinematics, velocities, [STEP, time_before], true, &mut collision, &mut contacts, NoProbe);
     (unreliable, contacts)
 }
 

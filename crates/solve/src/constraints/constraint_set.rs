@@ -37,9 +37,9 @@ impl<T: Row> Rows<T> {
 
     /// Exchanges the velocity target and the position target of every row.
     #[inline(always)]
-    pub(crate) fn exchange_targets(&mut self) {
+    pub(crate) fn exchange_offsets(&mut self) {
         for row in &mut self.items {
-            row.exchange_targets();
+            row.exchange_offsets();
         }
     }
 
@@ -108,7 +108,7 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
 /// Rows of one constraint, with a velocity target and a position target.
 pub trait Row: Copy {
     /// Exchanges the velocity target, with which the row is solved, and the position target.
-    fn exchange_targets(&mut self);
+    fn exchange_offsets(&mut self);
 }
 
 /// Lanes that take part in a sweep (one Gauss-Seidel iteration).

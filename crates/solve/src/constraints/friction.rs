@@ -315,7 +315,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     ///
     /// The first number is the target of the normal row. The others are added to the velocity targets `g` of the tangential rows.
     #[inline(always)]
-    pub fn set_position_target(&mut self, position_g: [R; N]) {
+    pub fn set_position_offset(&mut self, position_g: [R; N]) {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.position_g = position_g;
         }
@@ -363,7 +363,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Velocity target of the normal row of contact `i`, m/s.
     #[inline(always)]
-    pub(crate) fn normal_target_mut(&mut self, i: usize) -> &mut R {
+    pub(crate) fn normal_offset_mut(&mut self, i: usize) -> &mut R {
         &mut self.rows.items[i].g[0]
     }
 
@@ -532,7 +532,7 @@ fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) 
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row for FrictionContact<R, N, L> {
     #[inline(always)]
-    fn exchange_targets(&mut self) {
+    fn exchange_offsets(&mut self) {
         let Self { g, position_g, .. } = self;
         std::mem::swap(&mut g[0], &mut position_g[0]);
         for k in 1..N {
@@ -647,7 +647,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
         let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
         self.push(&saved.support, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
-        self.set_position_target(std::array::from_fn(|k| R::of(saved.position_g[k])));
+        self.set_position_offset(std::array::from_fn(|k| R::of(saved.position_g[k])));
         self.set_trace_ratio(R::of(saved.trace_ratio));
         if saved.compliance > 0.0 {
             self.set_compliance(R::of(saved.compliance));

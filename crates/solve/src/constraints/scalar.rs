@@ -211,7 +211,7 @@ impl<R: Real> ScalarRows<R> {
 
     /// Sets the target g of the position solve of the last row of the list, m/s or rad/s. By default it is that of the velocity solve.
     #[inline(always)]
-    pub fn set_position_target(&mut self, position_g: R) {
+    pub fn set_position_offset(&mut self, position_g: R) {
         if let Some(row) = self.rows.items.last_mut() {
             row.position_g = position_g;
         }
@@ -315,7 +315,7 @@ impl<R: Real> ScalarRows<R> {
 
 impl<R: Real> Row for ScalarRow<R> {
     #[inline(always)]
-    fn exchange_targets(&mut self) {
+    fn exchange_offsets(&mut self) {
         std::mem::swap(&mut self.g, &mut self.position_g);
     }
 }
@@ -428,7 +428,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             self.mark_eliminated();
         }
         self.set_compliance(R::of(saved.compliance));
-        self.set_position_target(R::of(saved.position_g[0]));
+        self.set_position_offset(R::of(saved.position_g[0]));
         if let Some(row) = self.rows.items.last_mut() {
             (row.trace_ratio, row.mobility) = (R::of(saved.trace_ratio), R::of(saved.mobility));
             (row.damping_deficit, row.immovable) = (R::of(saved.damping_deficit), immovable);

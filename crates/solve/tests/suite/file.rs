@@ -25,12 +25,12 @@ fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
     let row: Vec<f64> = (0..N).map(|_| number()).collect();
     problem.scalars.push(&all[1..], |c| row[c], 1.0, true, number(), [0.0, f64::INFINITY]);
     problem.scalars.set_compliance(0.3);
-    problem.scalars.set_position_target(number());
+    problem.scalars.set_position_offset(number());
     for k in 0..2 {
         let y: Vec<[f64; 3]> = (0..N).map(|_| [number(), number(), number()]).collect();
         problem.push_contact(&all[1..], |c| y[c], true, 0.5, [number(), number(), number()]);
         problem.contacts.set_trace_ratio(1.25);
-        problem.contacts.set_position_target([number(), 0.0, number()]);
+        problem.contacts.set_position_offset([number(), 0.0, number()]);
         if k == 1 {
             problem.contacts.set_compliance(0.1);
         }

@@ -135,9 +135,9 @@ impl<R: Real> Acceleration<'_, R> {
     /// Computes stage 3: contacts at the configuration of `stage`. If the step is being differentiated, contacts that will close soon are
     /// found too.
     fn find_contacts(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, probe: impl Probe) {
-        let Evaluation { kinematics, poses, contacts, solved_overlaps, .. } = &mut *self.evaluation;
+        let Evaluation { kinematics, collision, contacts, solved_overlaps, .. } = &mut *self.evaluation;
         let ahead = R::of(if solved_overlaps.is_some() { LOOK_AHEAD } else { 0.0 });
-        detect(input.compiled, kinematics, [&stage.v; 2], [ahead, R::zero()], input.alive, poses, contacts, probe);
+        detect(input.compiled, kinematics, [&stage.v; 2], [ahead, R::zero()], input.alive, collision, contacts, probe);
         probe.span(Span::WarmStart, || contacts.choose_tangents());
         probe.count(Counter::Contacts, || contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     }

@@ -61,8 +61,8 @@ pub(crate) fn solve_step<R: Real>(
     free.unresolved = none;
     let contacts_at_end = options.integrator == Integrator::Rk4;
     let step = TakenStep { velocity: &velocity.v, is_free: false, h: R::of(options.timestep), contacts_at_end };
-    let Evaluation { kinematics, poses, .. } = evaluation;
-    let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, poses));
+    let Evaluation { kinematics, collision, .. } = evaluation;
+    let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, collision));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, energy_unresolved: none }

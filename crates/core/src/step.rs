@@ -4,15 +4,16 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
 use crate::integrators::acceptance::{accept, store_joint_impulse};
+use crate::integrators::controls::{run_actuator_pipelines, write_outputs_after_step};
 use crate::integrators::devices::Devices;
 use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
-use crate::integrators::observation::{observe, run_actuator_pipelines, write_outputs_after_step};
+use crate::integrators::observation::observe;
 use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
 use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::{StepOutcome, record};
-use crate::integrators::step_values::{Place, StepInput};
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, Span};
@@ -88,27 +89,27 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     probe.span(Span::WarmStart, || evaluation.match_contacts(compiled, &mut state.contacts));
     probe.count(Counter::Contacts, || evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     let input = StepInput { compiled, options, state, inputs, alive };
-    let place = Place { input, evaluation };
+    let context = StepContext { input, evaluation };
     // 4 assemble, 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
     // After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
-    let (solver, inelastic) = solve_velocities(place, free, problem, velocity, builder, collisions, probe);
-    let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
+    let (solver, inelastic) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
+    let mut outcome = bound_velocities(context, free, problem, velocity, position, solver, probe);
     // With the Runge-Kutta method, the solution of lanes without constraints is replaced below.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
-    outcome.energy_unresolved = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded)).or(inelastic);
+    outcome.energy_unresolved = probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, guard, excluded)).or(inelastic);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
     }
     // 7 integrate position
-    integrate_positions(Place { input, evaluation }, velocity, position, probe);
+    integrate_positions(StepContext { input, evaluation }, velocity, position, probe);
     // The impulses of the step are stored here, because stage 8 solves again and overwrites them.
     probe.span(Span::IntegrateVelocity, || {
         store_impulses(problem, velocity, &mut evaluation.contacts);
         store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);
     });
     // 8 stabilise
-    let corrected = probe.span(Span::Stabilise, || correct_positions(Place { input, evaluation }, free, problem, velocity, position));
+    let corrected = probe.span(Span::Stabilise, || correct_positions(StepContext { input, evaluation }, free, problem, velocity, position));
     outcome.infeasible = outcome.infeasible.or(corrected.infeasible);
     outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, position, corrected, &outcome));
     probe.span(Span::Stabilise, || accept_corrections(input, evaluation, problem, position, corrected));
@@ -118,9 +119,9 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     if let Some(rk4) = &mut s.rk4 {
         // Resolved lanes without constraints get the result of the Runge-Kutta method.
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));
-        probe.span(Span::Rk4, || rk4.replace_step(Place { input, evaluation }, lanes, velocity, position));
+        probe.span(Span::Rk4, || rk4.replace_step(StepContext { input, evaluation }, lanes, velocity, position));
     }
-    probe.span(Span::GuardEnergy, || limit_energy(Place { input, evaluation }, free, velocity, position, guard, outcome.limited));
+    probe.span(Span::GuardEnergy, || limit_energy(StepContext { input, evaluation }, free, velocity, position, guard, outcome.limited));
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     outcome
 }

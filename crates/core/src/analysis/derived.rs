@@ -6,7 +6,7 @@ use crate::analysis::smooth_dynamics::SmoothDynamics;
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::integrators::observation::read_actuator_forces;
-use crate::integrators::step_values::StepInput;
+use crate::integrators::step_input::StepInput;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::model::{MIN_VALUE, Model};

@@ -12,7 +12,7 @@ use crate::compile::LaneModel;
 use crate::compile::sensing::Needs;
 use crate::integrators::devices::Devices;
 use crate::integrators::observation::{apply_errors, read_sensors};
-use crate::integrators::step_values::StepInput;
+use crate::integrators::step_input::StepInput;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::probe::Probe;

@@ -14,7 +14,7 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::collision::contact_set::Contacts;
 use crate::constraints::assembler::Assembler;
 use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::constraints::equality::RowInput;
+use crate::constraints::row_input::RowInput;
 use crate::constraints::velocity_solution::VelocitySolution;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;

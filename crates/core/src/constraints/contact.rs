@@ -8,7 +8,7 @@ use crate::constraints::approaching::resting_speed;
 use crate::constraints::assembler::Assembler;
 use crate::constraints::constraint_problem::DeferredContact;
 use crate::constraints::elimination::SquaredLengths;
-use crate::constraints::equality::RowInput;
+use crate::constraints::row_input::RowInput;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;

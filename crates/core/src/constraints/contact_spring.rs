@@ -7,8 +7,9 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::equality::{RowInput, RowLaw, SpringRow, spring_law};
+use crate::constraints::equality::{RowLaw, SpringRow, spring_law};
 use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::row_input::RowInput;
 
 /// Terms of the normal row of a contact with soft surfaces (spring and damper).
 pub(crate) struct CompliantRow<R: Real> {

@@ -20,7 +20,7 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::constraints::assembler::{Assembler, AssemblyInput};
-use crate::constraints::equality::RowInput;
+use crate::constraints::row_input::RowInput;
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
 

@@ -18,8 +18,8 @@ use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows,
 use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::constraints::elimination::trace_ratio;
 use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::row_input::RowInput;
 use crate::dynamics::inertia::MassMatrix;
-use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::options::{Stabilization, StepSettings};
 use crate::tuning::{CORRECTION_ARM, DAMPING, NEGLIGIBLE_ERROR};
@@ -33,16 +33,6 @@ pub(crate) struct EqualityJacobian<R: Real> {
     size: R,
     /// Inverse inertia of the two bodies along the rows if no other constraint acted, for rows of points, 1/kg.
     bodies: R,
-}
-
-/// Inputs of the assembly of rows: model, settings, poses, mass matrix, and velocities.
-#[derive(Clone, Copy)]
-pub(crate) struct RowInput<'a, R: Real> {
-    pub(crate) compiled: &'a LaneModel<R>,
-    pub(crate) options: &'a StepSettings,
-    pub(crate) kinematics: &'a Kinematics<R>,
-    pub(crate) mass: &'a MassMatrix<R>,
-    pub(crate) assembly: &'a AssemblyInput<'a, R>,
 }
 
 impl<R: Real> RowBuilder<R> {

@@ -7,8 +7,8 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::constraints::equality::RowInput;
 use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::row_input::RowInput;
 use crate::dynamics::inertia::{MassMatrix, is_above};
 use crate::math::spatial::*;
 

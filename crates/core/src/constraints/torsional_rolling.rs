@@ -10,8 +10,8 @@ use crate::constraints::assembler::Assembler;
 use crate::constraints::constraint_problem::DeferredContact;
 use crate::constraints::contact::SlidingRows;
 use crate::constraints::elimination::trace_ratio;
-use crate::constraints::equality::RowInput;
 use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::row_input::RowInput;
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {

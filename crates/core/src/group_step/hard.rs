@@ -12,14 +12,15 @@ use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{advance, displace};
 use crate::group_step::rule::{ConstraintNames, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Solve};
 use crate::integrators::assemble::assemble_problem;
-use crate::integrators::free_motion::recompute_free_motion;
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::{FreeMotion, recompute_free_motion};
 use crate::integrators::locate::locate;
 use crate::integrators::positions::integrate_positions;
 use crate::integrators::predict::correct_free_velocity;
 use crate::integrators::recomputed::Recomputed;
 use crate::integrators::scheme;
 use crate::integrators::scheme::Scheme;
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::options::{Stabilization, StepSettings};
@@ -169,25 +170,25 @@ impl<R: Real> HardNominal<R> {
             }
             Recomputed::Velocity | Recomputed::Forces => recompute_free_motion(input, evaluation, free),
         }
-        let place = Place { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
+        let context = StepContext { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
         if recomputed == Recomputed::Forces {
             advance(&free.v, &self.v_free, -R::one(), &mut self.change);
             shift_offsets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
         } else {
             // Stage 4, with those contacts active that the nominal step has.
-            assemble_problem(place, free, problem, velocity, builder, NoProbe);
+            assemble_problem(context, free, problem, velocity, builder, NoProbe);
             problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }
         if self.scheme.predicts() {
             pass.find_step_impulses(Solve::Prediction, options, problem, velocity, &evaluation.contacts, rule);
-            correct_free_velocity(place, free, problem, velocity, NoProbe);
+            correct_free_velocity(context, free, problem, velocity, NoProbe);
         }
         self.v_free.copy_from_slice(&free.v);
         pass.find_step_impulses(Solve::Velocity, options, problem, velocity, &evaluation.contacts, rule);
         integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
-        integrate_positions(place, velocity, position, NoProbe);
+        integrate_positions(context, velocity, position, NoProbe);
         if self.split {
-            self.correct_positions(place, free, problem, velocity, position, pass, rule);
+            self.correct_positions(context, free, problem, velocity, position, pass, rule);
         }
     }
 
@@ -195,7 +196,7 @@ impl<R: Real> HardNominal<R> {
     #[expect(clippy::too_many_arguments, reason = "the values of a step, one by one")]
     fn correct_positions(
         &mut self,
-        place: Place<'_, R>,
+        context: StepContext<'_, R>,
         free: &FreeMotion<R>,
         problem: &ConstraintProblem<R>,
         velocity: &mut VelocitySolution<R>,
@@ -203,7 +204,7 @@ impl<R: Real> HardNominal<R> {
         pass: Pass,
         rule: &mut dyn ImpulseRule<R>,
     ) {
-        let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { contacts, .. } } = place;
+        let StepContext { input: StepInput { compiled, options, .. }, evaluation: Evaluation { contacts, .. } } = context;
         if pass == Pass::Nominal {
             // Equality errors that are zero, and not corrected in the step, are nonzero at a displaced state.
             let ConstraintProblem { needs_position_solve, constrained, .. } = problem;

@@ -8,7 +8,10 @@ use crate::compile::LaneModel;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, State, StepInput};
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::state::State;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::stages::s05_solve::solve_to;
@@ -20,13 +23,13 @@ use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 /// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses nearly cancel. Even at a small residual, the work of such
 /// impulses exceeds the kinetic energy ([`stepper_solve::energy_is_ambiguous`]).
 pub(crate) fn ambiguous<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &VelocitySolution<R>,
     residual: R,
 ) -> R::Mask {
-    let StepInput { options, alive, .. } = place.input;
+    let StepInput { options, alive, .. } = context.input;
     R::vectorize(
         #[inline(always)]
         || {
@@ -43,16 +46,16 @@ pub(crate) fn ambiguous<R: Real>(
 /// In jammed bodies, impulses a million times the load nearly cancel. Their residual must be smaller by that factor.
 #[inline(always)]
 pub(crate) fn resolve_ambiguous<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     outcome: &mut Outcome<R>,
 ) {
-    let tolerance = R::of(place.input.options.tolerance);
-    let lanes = ambiguous(place, free, problem, velocity, outcome.residual).and(outcome.residual.le(tolerance));
+    let tolerance = R::of(context.input.options.tolerance);
+    let lanes = ambiguous(context, free, problem, velocity, outcome.residual).and(outcome.residual.le(tolerance));
     if lanes.any() {
-        solve_further(place, free, problem, velocity, lanes, outcome);
+        solve_further(context, free, problem, velocity, lanes, outcome);
     }
 }
 
@@ -63,22 +66,22 @@ pub(crate) fn resolve_ambiguous<R: Real>(
 #[cold]
 #[inline(never)]
 fn solve_further<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     lanes: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
-    let StepInput { compiled, options, .. } = place.input;
-    let goal = residual_for_energy(place, free, problem, velocity);
+    let StepInput { compiled, options, .. } = context.input;
+    let goal = residual_for_energy(context, free, problem, velocity);
     let ([_, steps], Outcome { residual, newton_steps, .. }) = (options.effort(), &mut *outcome);
     let VelocitySolution { impulses, newton, .. } = &mut *velocity;
     newton.solve_least_norm(&problem.rows, impulses, steps, goal, lanes, [residual, newton_steps]);
-    let left = lanes.and(ambiguous(place, free, problem, velocity, outcome.residual));
+    let left = lanes.and(ambiguous(context, free, problem, velocity, outcome.residual));
     if left.any() {
-        let tolerance = residual_for_energy(place, free, problem, velocity);
-        let repeated = solve_to(options, tolerance, left, problem, velocity, &place.evaluation.contacts);
+        let tolerance = residual_for_energy(context, free, problem, velocity);
+        let repeated = solve_to(options, tolerance, left, problem, velocity, &context.evaluation.contacts);
         outcome.replace(&repeated, left);
     }
     integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
@@ -87,12 +90,12 @@ fn solve_further<R: Real>(
 /// Residual at which the solver's error changes the kinetic energy only a little, m/s. It is above the rounding of velocities, and at most
 /// the tolerance.
 fn residual_for_energy<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &VelocitySolution<R>,
 ) -> R {
-    let options = place.input.options;
+    let options = context.input.options;
     R::vectorize(
         #[inline(always)]
         || {

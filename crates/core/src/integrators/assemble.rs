@@ -1,10 +1,12 @@
 //! Assembly of the constraint problem (stage 4) at the evaluation point, the time in the step at which contacts are found.
 
 use crate::constraints::assembler::{Assembler, AssemblyInput};
-use crate::constraints::equality::RowInput;
 use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::row_input::RowInput;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s04_assemble::assemble;
 use stepper_real::{Mask, Real};
@@ -13,14 +15,14 @@ use stepper_real::{Mask, Real};
 /// which the solver starts.
 #[inline(always)]
 pub(crate) fn assemble_problem<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     builder: &mut RowBuilder<R>,
     probe: impl Probe,
 ) {
-    let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation } = place;
+    let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = context;
     let Evaluation { scheme, at_start, q, kinematics, contacts, impacts, solved_overlaps, .. } = evaluation;
     let assembly = AssemblyInput {
         q,

@@ -12,7 +12,9 @@ use stepper_solve::residual;
 
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::integrators::collision_search::{CollisionQuery, CollisionSearch};
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 
@@ -29,7 +31,7 @@ pub(crate) enum SweptMotion {
 /// Activates the deferred contacts that collide in the predicted motion, and repeats the prediction of the impulses with them.
 #[inline(always)]
 pub(crate) fn predict_collisions<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
@@ -37,11 +39,11 @@ pub(crate) fn predict_collisions<R: Real>(
     (predictor, lanes): (&ImpulsePredictor<R>, R::Mask),
 ) {
     for _ in 0..MAX_PREDICTIONS {
-        let colliding = activate_colliding(place, free, problem, velocity, collisions, SweptMotion::Predicted);
+        let colliding = activate_colliding(context, free, problem, velocity, collisions, SweptMotion::Predicted);
         if colliding.none() {
             return;
         }
-        predictor.repeat(place.input.options, colliding.and(lanes), problem, velocity);
+        predictor.repeat(context.input.options, colliding.and(lanes), problem, velocity);
     }
 }
 
@@ -49,14 +51,15 @@ pub(crate) fn predict_collisions<R: Real>(
 /// such a contact.
 #[inline(always)]
 pub(crate) fn activate_colliding<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     collisions: &mut CollisionSearch<R>,
     motion: SweptMotion,
 ) -> R::Mask {
-    let Place { input: StepInput { compiled, options, alive, .. }, evaluation: Evaluation { kinematics, contacts, collision, .. } } = place;
+    let StepContext { input: StepInput { compiled, options, alive, .. }, evaluation: Evaluation { kinematics, contacts, collision, .. } } =
+        context;
     if problem.deferred_lanes(alive).none() {
         return R::Mask::splat(false);
     }

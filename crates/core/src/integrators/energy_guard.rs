@@ -4,21 +4,23 @@ use stepper_real::{Mask, Real};
 
 use crate::constraints::{PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::displace;
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::StepResolution;
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 
 /// Lanes in which the error of the midpoint rule adds kinetic energy, before positions are corrected.
 ///
 /// The lanes `excluded` are not tested, because the Runge-Kutta scheme replaces their step.
 #[inline(always)]
 pub(crate) fn find_energy_gain<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     velocity: &VelocitySolution<R>,
     guard: &mut StepResolution<R>,
     excluded: R::Mask,
 ) -> R::Mask {
-    let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, q, kinematics, .. } } = place;
+    let StepContext { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, q, kinematics, .. } } = context;
     if !scheme.predicts() || !scheme.in_the_middle {
         return R::Mask::splat(false);
     }
@@ -36,7 +38,7 @@ pub(crate) fn find_energy_gain<R: Real>(
 /// Limits the kinetic energy after the step in the lanes `limited`, to that before it plus the work of forces.
 #[inline(always)]
 pub(crate) fn limit_energy<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     velocity: &mut VelocitySolution<R>,
     position: &PositionSolution<R>,
@@ -46,7 +48,7 @@ pub(crate) fn limit_energy<R: Real>(
     if limited.none() {
         return;
     }
-    let Place { input: StepInput { compiled, state, .. }, evaluation } = place;
+    let StepContext { input: StepInput { compiled, state, .. }, evaluation } = context;
     let (before, after) = ([&state.q[..], &state.v[..]], [&position.q[..], &velocity.v[..]]);
     guard.limit_energy(compiled, &evaluation.kinematics, limited, before, after, &free.v);
     std::mem::swap(&mut velocity.v, &mut guard.v_limited);

@@ -1,25 +1,126 @@
 //! Free motion: stages 1 and 2, which compute the velocity after the step without constraints.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::compile::LaneModel;
-use crate::dynamics::kinematics::advance;
+use crate::dynamics::kinematics::{Kinematics, advance};
+use crate::integrators::evaluation::Evaluation;
 use crate::integrators::scheme::Scheme;
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::{actuate, advance_activation};
+use crate::stages::s02_smooth::Smooth;
+
+/// Free motion of the step (without constraints), the forces that cause it, and the predicted effect of the constraints.
+#[derive(Clone, Debug)]
+pub(crate) struct FreeMotion<R: Real> {
+    /// Mass matrix, bias forces and acceleration.
+    pub(crate) smooth: Smooth<R>,
+    /// Forces of actuators and joint springs.
+    pub(crate) actuator_forces: ActuatorForces<R>,
+    /// Generalized forces that the user applied, nv.
+    pub(crate) applied: Vec<R>,
+    /// Velocity after the step without constraints, nv.
+    pub(crate) v: Vec<R>,
+    /// Predicted velocity after the step, nv. Velocity-dependent forces are evaluated between this and the velocity before the step
+    /// ([`Scheme::velocity_weight`]).
+    pub(crate) v_expected: Vec<R>,
+    /// Generalized impulse of the constraints in this step, nv.
+    pub(crate) impulse: Vec<R>,
+    /// Lanes whose motion is too fast for the time step.
+    pub(crate) unresolved: R::Mask,
+    /// Lanes whose motion is so fast that the error of the time step may add energy.
+    pub(crate) may_gain: R::Mask,
+    /// Buffers of the functions that compute the free motion.
+    pub(crate) scratch: Scratch<R>,
+}
+
+/// Scratch buffers of the free motion, each named after its usual content, nv. A function fills a buffer before it reads it.
+#[derive(Clone, Debug)]
+pub(crate) struct Scratch<R: Real> {
+    /// Change of the velocity by constraint impulses.
+    pub(crate) velocity_by_impulses: Vec<R>,
+    /// Change of the velocity by the whole step, nv.
+    pub(crate) velocity_change: Vec<R>,
+    /// Generalized impulses.
+    pub(crate) impulse: Vec<R>,
+    /// Velocity at which velocity-dependent forces are evaluated.
+    pub(crate) v_mean: Vec<R>,
+    /// Mean velocity of the step; in lanes without inertial forces the velocity before the step.
+    pub(crate) v_forces: Vec<R>,
+    /// Free velocity with recomputed forces.
+    pub(crate) v_free_corrected: Vec<R>,
+    /// Difference between the recomputed and the previous free velocity.
+    pub(crate) free_change: Vec<R>,
+    /// Free velocity after the first half of the step, or at an impact.
+    pub(crate) v_half: Vec<R>,
+    /// Velocity before impacts, or its change.
+    pub(crate) before_impact: Vec<R>,
+}
+
+impl<R: Real> Scratch<R> {
+    /// Fills all buffers with NaN, for tests.
+    pub(crate) fn poison(&mut self) {
+        let Self { velocity_by_impulses, velocity_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
+            self;
+        [velocity_by_impulses, velocity_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact]
+            .into_iter()
+            .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+    }
+}
+
+impl<R: Real> FreeMotion<R> {
+    /// Workspace for a compiled model.
+    pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
+        let (v, none) = (|| vec![R::zero(); compiled.nv], R::Mask::splat(false));
+        Self {
+            smooth: Smooth::new(compiled),
+            actuator_forces: ActuatorForces::new(compiled),
+            applied: v(),
+            v: v(),
+            v_expected: v(),
+            impulse: v(),
+            unresolved: none,
+            may_gain: none,
+            scratch: Scratch {
+                velocity_by_impulses: v(),
+                velocity_change: v(),
+                impulse: v(),
+                v_mean: v(),
+                v_forces: v(),
+                v_free_corrected: v(),
+                free_change: v(),
+                v_half: v(),
+                before_impact: v(),
+            },
+        }
+    }
+
+    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
+    pub(super) fn poison(&mut self) {
+        let Self { applied, v, v_expected, impulse, scratch, .. } = self;
+        [applied, v, v_expected, impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        scratch.poison();
+    }
+
+    /// Computes the acceleration by all forces (see [`Smooth::acceleration`]). `v` is the velocity before the step, `v_bias` the velocity
+    /// at which inertial forces are evaluated.
+    pub(crate) fn accelerate(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], v_bias: &[R]) {
+        self.smooth.acceleration(compiled, kinematics, [&self.actuator_forces.tau, &self.applied], v, v_bias);
+    }
+}
 
 /// Computes stages 1 and 2: forces, mass matrix and free velocity at the evaluation point. The forces use the velocity before the step.
 #[inline(always)]
-pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, probe: impl Probe) {
-    let Place { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
+pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>, probe: impl Probe) {
+    let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     probe.count(Counter::Evaluations, || 1.0);
     probe.span(Span::Actuate, || {
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
     });
     probe.span(Span::MassMatrix, || free.smooth.assemble_mass(compiled, kinematics, scheme.joint_weights(compiled)));
-    probe.span(Span::Actuate, || actuate_at_velocity_before(place, free));
+    probe.span(Span::Actuate, || actuate_at_velocity_before(context, free));
     probe.span(Span::MassFactors, || {
         let FreeMotion { smooth, actuator_forces, .. } = free;
         smooth.complete_mass(compiled, kinematics, implicit(compiled, scheme, actuator_forces, &state.v));
@@ -39,7 +140,7 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     advance_activations(input, evaluation);
     let scheme = evaluation.scheme;
     free.actuator_forces.transmit(compiled, &evaluation.kinematics, &state.v, scheme.time_ahead);
-    actuate_at_velocity_before(Place { input, evaluation }, free);
+    actuate_at_velocity_before(StepContext { input, evaluation }, free);
     free.accelerate(compiled, &evaluation.kinematics, &state.v, &state.v);
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
 }
@@ -61,12 +162,12 @@ pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Sche
 }
 
 /// Computes the actuator and spring forces (stage 1), with all velocity-dependent forces at the velocity before the step.
-fn actuate_at_velocity_before<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
-    let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, .. } } = place;
+fn actuate_at_velocity_before<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
+    let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, .. } } = context;
     if (scheme.in_the_middle || compiled.servos_are_bounded) && !compiled.servos.is_empty() {
         free.actuator_forces.compute_effective_inertia(compiled, &free.smooth.inertia, &state.impulse);
     }
-    actuate(compiled, &place.forces_at(&state.v), Some(scheme.implicit_servos()), &mut free.actuator_forces);
+    actuate(compiled, &context.forces_at(&state.v), Some(scheme.implicit_servos()), &mut free.actuator_forces);
 }
 
 /// Implicit terms that the scheme adds to the mass matrix: those of joints and implicit servos. With `implicit_forces`, also the drag of

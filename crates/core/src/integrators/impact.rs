@@ -15,8 +15,10 @@ use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::acceptance::ambiguous;
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::{FreeMotion, Scratch};
 use crate::integrators::impact_set::Impacts;
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::spatial::*;
 use crate::stages::s04_assemble::shift_offsets;
 use crate::tuning::{
@@ -104,7 +106,7 @@ fn normal_velocities<R: Real>(
 /// already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the
 /// tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the next solve.
 pub(crate) fn drop_restitution<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
@@ -114,11 +116,11 @@ pub(crate) fn drop_restitution<R: Real>(
     if problem.impacts.is_empty() {
         return R::Mask::splat(false);
     }
-    let tolerance = R::of(place.input.options.tolerance);
+    let tolerance = R::of(context.input.options.tolerance);
     let failed = R::select(inelastic, tolerance, tolerance * R::of(MAX_IMPACT_RESIDUAL));
-    let unsolved = ambiguous(place, free, problem, velocity, residual).or(residual.gt(failed));
+    let unsolved = ambiguous(context, free, problem, velocity, residual).or(residual.gt(failed));
     let FreeMotion { v, smooth, scratch: Scratch { free_change: scratch, .. }, .. } = free;
-    let energy = smooth.mass.kinetic_energy(place.input.compiled, v, scratch);
+    let energy = smooth.mass.kinetic_energy(context.input.compiled, v, scratch);
     let lanes = problem.drop_restitution(&velocity.impulses, [energy, R::of(MAX_TRUSTED_RESIDUAL)], [unsolved, inelastic]);
     if lanes.any() {
         velocity.impulses.clear_contacts(&problem.rows, lanes, scratch);
@@ -134,14 +136,14 @@ pub(crate) fn drop_restitution<R: Real>(
 /// evaluated in its middle. `impulses` are those of the velocity solution; the function removes the impulses of impacts from them.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     impulses: &mut Iterate<R>,
     position: &mut PositionSolution<R>,
 ) -> R::Mask {
-    let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, contacts, impacts, .. } } =
-        place;
+    let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, contacts, impacts, .. } } =
+        context;
     let lanes = impacts.lanes.or(problem.midpoint_impact_lanes()).and(alive);
     if problem.needs_position_solve.or(lanes).none() {
         return lanes;
@@ -186,16 +188,16 @@ pub(crate) fn prepare_position_solve<R: Real>(
 /// the mean of those at both velocities. The first solution evaluates them at the mean velocity. At an impact, that is an error of first
 /// order in momentum and energy. `first` is true in the first call of a step.
 pub(crate) fn correct_impact_forces<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     v_next: &[R],
     first: bool,
 ) -> R::Mask {
-    let lanes = lanes_with_impacts(place, free, problem, v_next, first);
+    let lanes = lanes_with_impacts(context, free, problem, v_next, first);
     if lanes.any() {
-        compute_inertial_forces(place, free, problem, v_next);
-        update_free_velocity(place, free, problem, v_next, (lanes, first));
+        compute_inertial_forces(context, free, problem, v_next);
+        update_free_velocity(context, free, problem, v_next, (lanes, first));
     }
     lanes
 }
@@ -206,13 +208,13 @@ pub(crate) fn correct_impact_forces<R: Real>(
 /// If `first` is true, the inertial forces were evaluated at the mean velocity instead of half at each. Lanes in which constraints made the
 /// velocity jump then count too.
 fn lanes_with_impacts<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     v_next: &[R],
     first: bool,
 ) -> R::Mask {
-    let Place { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = context;
     R::vectorize(
         #[inline(always)]
         || {
@@ -239,8 +241,8 @@ fn lanes_with_impacts<R: Real>(
 ///
 /// Each of the two acts for half of the step. In lanes with an impact, the first acts before the impact and the second after it. Only
 /// inertial forces are recomputed. The forces of stage 1 are still those at the predicted mean velocity.
-fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
-    let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = place;
+fn compute_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
+    let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = context;
     let half = scheme.h * R::of(0.5);
     let times = [scheme.time_before, scheme.time_after].map(|time| R::select(impacts.lanes, time, half));
     free.accelerate(compiled, kinematics, &state.v, &state.v);
@@ -268,13 +270,13 @@ fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R
 /// The rows of impacts depend on the velocity before the impact. With `first`, this velocity has inertial forces at the velocity before the
 /// step. Later calls do not change it.
 fn update_free_velocity<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     v_next: &[R],
     (lanes, first): (R::Mask, bool),
 ) {
-    let compiled = place.input.compiled;
+    let compiled = context.input.compiled;
     let FreeMotion { v, v_expected, smooth, scratch: Scratch { v_free_corrected, free_change, before_impact, .. }, .. } = free;
     R::vectorize(
         #[inline(always)]

@@ -4,10 +4,11 @@ use stepper_real::{Mask, Real};
 
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
-use crate::integrators::free_motion::{advance_activations, compute_free_motion};
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::{FreeMotion, advance_activations, compute_free_motion};
 use crate::integrators::impact::move_to_first_impacts;
 use crate::integrators::scheme;
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s03_detect::detect;
 use crate::tuning::MAX_PLACEMENTS;
@@ -53,7 +54,7 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
     if evaluation.solved_overlaps.is_none() {
         free.actuator_forces.reset_active_bounds();
     }
-    compute_free_motion(Place { input, evaluation }, free, probe);
+    compute_free_motion(StepContext { input, evaluation }, free, probe);
     let Evaluation { scheme, kinematics, collision, contacts, .. } = evaluation;
     let StepInput { compiled, state, alive, .. } = input;
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, collision, contacts, probe)

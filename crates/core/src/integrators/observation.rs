@@ -1,16 +1,13 @@
-//! Devices around a step: actuator pipelines that convert the user's controls before it, and sensor readings after it (parts of stages 1
-//! and 9).
+//! Sensor readings after a step, with the error models of sensors (part of stage 9).
 
 use stepper_real::{Real, Scalar};
 
 use crate::actuation::forces::{ActuatorForces, ForceState};
-use crate::compile::LaneModel;
 use crate::constraints::VelocitySolution;
 use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap;
 use crate::integrators::devices::{Devices, SensorDevices};
-use crate::integrators::inputs::Inputs;
-use crate::integrators::step_values::{State, StepInput};
+use crate::integrators::step_input::StepInput;
 use crate::integrators::workspace::Sensors;
 use crate::options::StepSettings;
 use crate::sensing::SensorInput;
@@ -18,32 +15,6 @@ use crate::sensing::errors::{Errors, Slots};
 use crate::sensing::memory::Memory;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
-
-/// Computes the actuators' controls from the user's controls by the actuator pipelines (delay, lag ...), as part of stage 1. The pipelines
-/// read the state before the step.
-pub(crate) fn run_actuator_pipelines<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    state: &State<R>,
-    user_controls: &[R],
-    inputs: &mut Inputs<R>,
-    alive: R::Mask,
-    devices: &mut Devices<'_, R::Scalar>,
-) {
-    if let Some(actuators) = &mut devices.actuators {
-        let (state, outputs) = ([&state.q[..], &state.v[..]], (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]));
-        let (group, h) = (devices.group, options.timestep);
-        actuators.pipelines.advance(compiled, group, user_controls, state, alive, h, actuators.memory, outputs);
-    }
-}
-
-/// Writes the outputs of the actuator pipelines at the end of the step to `inputs`, for sensors and derived quantities of the new state.
-pub(crate) fn write_outputs_after_step<R: Real>(compiled: &LaneModel<R>, inputs: &mut Inputs<R>, devices: &mut Devices<'_, R::Scalar>) {
-    if let Some(actuators) = &mut devices.actuators {
-        let outputs = (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]);
-        actuators.pipelines.write_outputs_after_step(compiled, devices.group, actuators.memory, outputs);
-    }
-}
 
 /// Computes stage 9: the acceleration of the step, sensor readings if they are requested, and their error models.
 ///

@@ -4,10 +4,12 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::tunnelling::{TakenStep, may_have_passed};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::impact::prepare_position_solve;
 use crate::integrators::overlap_progress::revert_ineffective_corrections;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
@@ -16,12 +18,12 @@ use crate::stages::s08_stabilise::{PositionInput, stabilise};
 /// Computes stage 7: integrates positions with the velocity after the step, and advances the actuator activations.
 #[inline(always)]
 pub(crate) fn integrate_positions<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     velocity: &VelocitySolution<R>,
     position: &mut PositionSolution<R>,
     probe: impl Probe,
 ) {
-    let Place { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, q, act, .. } } = place;
+    let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, q, act, .. } } = context;
     probe.span(Span::IntegratePosition, || {
         integrate_position(compiled, q, &velocity.v, scheme.time_after, &mut position.q);
         advance_activation(compiled, &state.act, act, &inputs.ctrl, scheme.h, &mut position.act);
@@ -43,14 +45,14 @@ pub(crate) struct CorrectedLanes<R: Real> {
 /// lanes.
 #[inline(always)]
 pub(crate) fn correct_positions<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     position: &mut PositionSolution<R>,
 ) -> CorrectedLanes<R> {
-    let Place { input, evaluation } = place;
-    let impacts = prepare_position_solve(place, free, problem, &mut velocity.impulses, position);
+    let StepContext { input, evaluation } = context;
+    let impacts = prepare_position_solve(context, free, problem, &mut velocity.impulses, position);
     let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.euler_impact_lanes.or(impacts));
     if lanes.none() {
         return CorrectedLanes { all: lanes, rebounding, infeasible: lanes };

@@ -7,9 +7,11 @@ use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend};
 use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::contact_activation::predict_collisions;
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::{FreeMotion, Scratch};
 use crate::integrators::scheme::Scheme;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::assess_corrector;
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s04_assemble::shift_offsets;
@@ -21,14 +23,14 @@ use crate::tuning::MAX_IMPACT_ROTATION;
 /// Because the prediction includes impulses, a robot at rest gets no forces of a motion that its contacts prevent. In moving lanes the
 /// prediction depends on the previous impulses only within its tolerance.
 pub(crate) fn predict<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     collisions: &mut CollisionSearch<R>,
     probe: impl Probe,
 ) {
-    let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = context;
     if !scheme.predicts() {
         return;
     }
@@ -37,10 +39,10 @@ pub(crate) fn predict<R: Real>(
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || {
             predictor.make(options, constrained, problem, velocity);
-            predict_collisions(place, free, problem, velocity, collisions, (&predictor, constrained));
+            predict_collisions(context, free, problem, velocity, collisions, (&predictor, constrained));
         });
     }
-    correct_free_velocity(place, free, problem, velocity, probe);
+    correct_free_velocity(context, free, problem, velocity, probe);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || predictor.choose_start(constrained, problem, velocity));
         if problem.has_doubtful_contacts() {
@@ -55,13 +57,13 @@ pub(crate) fn predict<R: Real>(
 /// The implicit rule evaluates these forces at the velocity after the step instead of the mean. One such correction keeps the second order
 /// of the midpoint rule. The offsets g of `problem` are updated with the free velocity.
 pub(crate) fn correct_free_velocity<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &VelocitySolution<R>,
     probe: impl Probe,
 ) {
-    let Place { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
+    let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, scratch, .. } = &mut *free;
     let Scratch { velocity_by_impulses, v_mean, v_free_corrected, free_change, .. } = scratch;
     velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
@@ -71,7 +73,7 @@ pub(crate) fn correct_free_velocity<R: Real>(
     // Without servos, no force of stage 1 depends on the velocity. With servos, their explicit parts do.
     if !compiled.servos.is_empty() {
         probe.span(Span::Actuate, || {
-            actuate(compiled, &place.forces_at(v_mean), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
+            actuate(compiled, &context.forces_at(v_mean), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
         });
     }
     probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, v_mean));
@@ -84,7 +86,7 @@ pub(crate) fn correct_free_velocity<R: Real>(
     let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);
     [free.unresolved, free.may_gain] = lanes.map(|lanes| lanes.and(alive));
     if free.unresolved.any() {
-        leave_out_inertial_forces(place, free);
+        leave_out_inertial_forces(context, free);
     }
     std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
     let everywhere = R::Mask::splat(true);
@@ -115,8 +117,8 @@ fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut 
 }
 
 /// Computes the free velocity without velocity-dependent inertial forces in the lanes whose motion is too fast for the time step.
-fn leave_out_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
-    let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
+fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
+    let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
     let Scratch { v_mean: zero_velocity, v_forces, v_free_corrected, free_change, .. } = scratch;
     // The forces in the other lanes must remain those at their mean velocity, to the bit, because further solutions read them.
@@ -129,7 +131,7 @@ fn leave_out_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion
             }
         },
     );
-    actuate(compiled, &place.forces_at(v_forces), Some(scheme.implicit_servos_at_prediction()), actuator_forces);
+    actuate(compiled, &context.forces_at(v_forces), Some(scheme.implicit_servos_at_prediction()), actuator_forces);
     zero_velocity.fill(R::zero());
     smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, zero_velocity);
     R::vectorize(

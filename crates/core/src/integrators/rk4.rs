@@ -6,10 +6,11 @@ use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::{PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{Kinematics, displace};
+use crate::integrators::evaluation::Evaluation;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::midpoint;
 use crate::integrators::scheme::Scheme;
-use crate::integrators::step_values::{Evaluation, Place, StepInput};
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
@@ -152,12 +153,12 @@ impl<R: Real> Rk4<R> {
     /// Replaces the midpoint step by a Runge-Kutta step in the lanes `lanes`, which have no active constraint.
     pub(crate) fn replace_step(
         &mut self,
-        place: Place<'_, R>,
+        context: StepContext<'_, R>,
         lanes: R::Mask,
         velocity: &mut VelocitySolution<R>,
         position: &mut PositionSolution<R>,
     ) {
-        let Place { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
+        let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
         self.step(compiled, kinematics, inputs, [&state.q, &state.v, &state.act], scheme.h);
         R::vectorize(
             #[inline(always)]

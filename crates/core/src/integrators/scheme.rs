@@ -62,8 +62,8 @@ impl<R: Real> Scheme<R> {
         ImplicitServos { weights: self.weights, h: self.h, all: self.implicit_forces, predicted: false }
     }
 
-    /// Selection of [`Scheme::implicit_servos`], after the velocity after the step was predicted. Explicit forces then use a velocity between
-    /// that before and that after the step ([`Scheme::velocity_weight`]).
+    /// Selection of [`Scheme::implicit_servos`], after the velocity after the step was predicted. Explicit forces then use a velocity
+    /// between that before and that after the step ([`Scheme::velocity_weight`]).
     pub(crate) fn implicit_servos_at_prediction(&self) -> ImplicitServos<R> {
         ImplicitServos { predicted: true, ..self.implicit_servos() }
     }

@@ -10,12 +10,13 @@ use crate::integrators::acceptance::{ambiguous, resolve_ambiguous};
 use crate::integrators::assemble::assemble_problem;
 use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::contact_activation::{SweptMotion, activate_colliding};
-use crate::integrators::free_motion::{compute_free_motion, has_bounded_servos};
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::{FreeMotion, Scratch, compute_free_motion, has_bounded_servos};
 use crate::integrators::impact::{correct_impact_forces, drop_restitution};
 use crate::integrators::predict::predict;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{diverging, limit_joint_rates};
-use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
@@ -34,7 +35,7 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// impacts made inelastic. A shorter step resolves them.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
@@ -42,7 +43,7 @@ pub(crate) fn solve_velocities<R: Real>(
     collisions: &mut CollisionSearch<R>,
     probe: impl Probe,
 ) -> (Outcome<R>, R::Mask) {
-    let Place { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = context;
     let none = R::Mask::splat(false);
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     // Each assembly resets these variables; the number of reassemblies below is kept.
@@ -50,11 +51,11 @@ pub(crate) fn solve_velocities<R: Real>(
     let (mut begins, mut reassemblies) = (true, 0);
     let disagrees = loop {
         if begins {
-            assemble_problem(place, free, problem, velocity, builder, probe);
-            probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
+            assemble_problem(context, free, problem, velocity, builder, probe);
+            probe.span(Span::CorrectForces, || predict(context, free, problem, velocity, collisions, probe));
             (lanes, inelastic, passes, impacts) = (problem.constrained, none, 0, 0);
         }
-        let solved = probe.span(Span::Solve, || solve_lanes(place, lanes, problem, velocity));
+        let solved = probe.span(Span::Solve, || solve_lanes(context, lanes, problem, velocity));
         // The effort of earlier assemblies is not counted, because another lane may have caused them.
         if begins {
             outcome = solved;
@@ -64,28 +65,28 @@ pub(crate) fn solve_velocities<R: Real>(
         begins = false;
         probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
         let motion = SweptMotion::Solved { ignores_order: passes >= ORDERED_PASSES };
-        lanes = probe.span(Span::Solve, || activate_colliding(place, free, problem, velocity, collisions, motion));
+        lanes = probe.span(Span::Solve, || activate_colliding(context, free, problem, velocity, collisions, motion));
         passes += 1;
         if lanes.none() && scheme.in_the_middle && impacts < IMPACT_PASSES {
-            lanes = probe.span(Span::SolveImpacts, || correct_impact_forces(place, free, problem, &velocity.v, impacts == 0));
+            lanes = probe.span(Span::SolveImpacts, || correct_impact_forces(context, free, problem, &velocity.v, impacts == 0));
             (passes, impacts) = (0, impacts + 1);
         }
         if lanes.none() {
-            lanes = drop_restitution(place, free, problem, velocity, outcome.residual, inelastic);
+            lanes = drop_restitution(context, free, problem, velocity, outcome.residual, inelastic);
             (passes, inelastic) = (0, inelastic.or(lanes));
         }
         if lanes.none() {
-            let changed = update_active_bounds(place, free, velocity, reassemblies < SATURATION_PASSES);
+            let changed = update_active_bounds(context, free, velocity, reassemblies < SATURATION_PASSES);
             if changed.none() || reassemblies == SATURATION_PASSES {
                 break changed;
             }
-            compute_free_motion(place, free, probe);
+            compute_free_motion(context, free, probe);
             // All lanes are solved again. Lanes in which no active bound changed get the same bits.
             (begins, reassemblies) = (true, reassemblies + 1);
         }
     };
     problem.activate_satisfied(velocity);
-    probe.span(Span::Solve, || resolve_ambiguous(place, free, problem, velocity, &mut outcome));
+    probe.span(Span::Solve, || resolve_ambiguous(context, free, problem, velocity, &mut outcome));
     count_effort(&outcome, problem, probe);
     (outcome, inelastic.or(disagrees))
 }
@@ -94,12 +95,12 @@ pub(crate) fn solve_velocities<R: Real>(
 ///
 /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
 fn update_active_bounds<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     velocity: &VelocitySolution<R>,
     may_change: bool,
 ) -> R::Mask {
-    let Place { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    let StepContext { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = context;
     if !has_bounded_servos(compiled, scheme) {
         return R::Mask::splat(false);
     }
@@ -114,12 +115,12 @@ fn update_active_bounds<R: Real>(
 /// If jammed bodies cannot reach the target velocities, the impulses of the first solve diverge. The second solve therefore starts from
 /// zero impulses.
 fn solve_lanes<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     lanes: R::Mask,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
 ) -> Outcome<R> {
-    let Place { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = place;
+    let StepContext { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = context;
     let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
     let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
     let [_, newton_steps] = options.effort();
@@ -137,7 +138,7 @@ fn solve_lanes<R: Real>(
 /// energy.
 #[inline(always)]
 pub(crate) fn bound_velocities<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
@@ -145,12 +146,12 @@ pub(crate) fn bound_velocities<R: Real>(
     mut outcome: Outcome<R>,
     probe: impl Probe,
 ) -> StepOutcome<R> {
-    let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = place;
+    let StepContext { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = context;
     let impulses_act = velocity.impulses.changes_velocity();
     let (lanes, rebounding) = (problem.needs_position_solve, problem.euler_impact_lanes);
     let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
     let infeasible = probe.span(Span::Stabilise, || limit_baumgarte(compiled, options, &rows, &free.v, velocity, position, &mut outcome));
-    let [ambiguous, limited] = probe.span(Span::GuardEnergy, || limit_speed(place, free, problem, velocity, outcome.residual));
+    let [ambiguous, limited] = probe.span(Span::GuardEnergy, || limit_speed(context, free, problem, velocity, outcome.residual));
     let none = R::Mask::splat(false);
     StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
 }
@@ -161,14 +162,14 @@ pub(crate) fn bound_velocities<R: Real>(
 /// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits their energy after stage 8.
 #[inline(always)]
 fn limit_speed<R: Real>(
-    place: Place<'_, R>,
+    context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     residual: R,
 ) -> [R::Mask; 2] {
-    let Place { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
-    let ambiguous = ambiguous(place, free, problem, velocity, residual);
+    let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = context;
+    let ambiguous = ambiguous(context, free, problem, velocity, residual);
     if scheme.predicts() && problem.constrained.any() {
         free.unresolved = free.unresolved.or(alive.and(diverging(compiled, [&state.v, &free.v], &velocity.v, scheme.h)));
     }

@@ -5,7 +5,8 @@ use stepper_solve::{Outcome, System};
 
 use crate::constraints::ConstraintProblem;
 use crate::constraints::equality_violation::max_equality_violation;
-use crate::integrators::step_values::{FreeMotion, StepInput};
+use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::step_input::StepInput;
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, depth, limit_overshoot};
 
 /// Outcome of the solver in a step, and sets of lanes with problems.

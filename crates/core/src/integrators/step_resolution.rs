@@ -20,8 +20,8 @@ use stepper_real::{Mask, Real};
 use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::inertia::{NewtonEuler, link_forces};
 use crate::dynamics::kinematics::{Kinematics, blend, kinetic_energy};
+use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::scheme::Scheme;
-use crate::integrators::step_values::FreeMotion;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::tuning::{

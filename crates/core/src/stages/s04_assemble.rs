@@ -20,8 +20,8 @@ use crate::compile::LaneModel;
 use crate::constraints::ConstraintProblem;
 use crate::constraints::assembler::Assembler;
 use crate::constraints::contact::least_mobility;
-use crate::constraints::equality::RowInput;
 use crate::constraints::restitution::any_elastic;
+use crate::constraints::row_input::RowInput;
 use crate::constraints::torsional_rolling::rolling_lanes;
 use crate::dynamics::inertia::MassMatrix;
 

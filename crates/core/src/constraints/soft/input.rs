@@ -3,7 +3,7 @@
 use stepper_real::Real;
 
 use crate::compile::CompiledSoftness;
-use crate::constraints::equality::RowInput;
+use crate::constraints::row_input::RowInput;
 use crate::constraints::soft::effective_mass::EffectiveMass;
 
 /// Inputs of the assembly of rows with MuJoCo's contact law.

@@ -8,7 +8,7 @@ use crate::constraints::soft::EffectiveMass;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::stages::RungeKuttaStages;
 use crate::integrators::mujoco::unsymmetric::Unsymmetric;
-use crate::integrators::step_values::State;
+use crate::integrators::state::State;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 
 /// State at which the acceleration is evaluated: the state before the step, or a Runge-Kutta stage.

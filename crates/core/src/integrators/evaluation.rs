@@ -1,0 +1,74 @@
+//! Evaluation point of a step: the time in the step at which forces, contacts and rows are evaluated.
+
+use stepper_real::{Mask, Real};
+
+use crate::collision::contact_set::Contacts;
+use crate::collision::detection::CollisionWorkspace;
+use crate::compile::LaneModel;
+use crate::constraints::solved_overlaps::SolvedOverlaps;
+use crate::dynamics::kinematics::Kinematics;
+use crate::integrators::impact_set::Impacts;
+use crate::integrators::scheme;
+use crate::integrators::scheme::Scheme;
+use crate::math::spatial::*;
+use crate::options::StepSettings;
+
+/// Evaluation point of a step: the time at which forces, contacts and rows are evaluated, and the poses there.
+#[derive(Clone, Debug)]
+pub(crate) struct Evaluation<R: Real> {
+    /// Scheme of the step, with the evaluation time of each lane.
+    pub(crate) scheme: Scheme<R>,
+    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are fast.
+    pub(crate) at_start: R::Mask,
+    /// Configuration at the evaluation point, nq.
+    pub(crate) q: Vec<R>,
+    /// Configuration at which springs and servos are evaluated, nq. The implicit scheme evaluates them later in the step than other forces.
+    pub(crate) q_ahead: Vec<R>,
+    /// Activations at the evaluation point, na.
+    pub(crate) act: Vec<R>,
+    /// Poses at `q`.
+    pub(crate) kinematics: Kinematics<R>,
+    /// Poses of the geoms, and the workspace of collision detection.
+    pub(crate) collision: CollisionWorkspace<R>,
+    /// Contacts at `q`.
+    pub(crate) contacts: Contacts<R>,
+    /// Impacts within the step.
+    pub(crate) impacts: Impacts<R>,
+    /// Overlaps of the step that is being differentiated; `None` in a normal step.
+    pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
+}
+
+impl<R: Real> Evaluation<R> {
+    /// Workspace for a compiled model.
+    pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, contacts: Contacts<R>) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        Self {
+            scheme: scheme(options),
+            at_start: R::Mask::splat(false),
+            q: zeros(compiled.nq),
+            q_ahead: zeros(compiled.nq),
+            act: zeros(compiled.na),
+            kinematics: Kinematics::new(compiled),
+            collision: CollisionWorkspace::new(compiled),
+            contacts,
+            impacts: Impacts::new(compiled),
+            solved_overlaps: None,
+        }
+    }
+
+    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
+    pub(super) fn poison(&mut self) {
+        let Self { q, q_ahead, act, .. } = self;
+        [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+    }
+
+    /// Prepares the contacts of a step.
+    ///
+    /// The function chooses their tangents, and copies the impulses of the same contacts from `last`, the contacts of the last step. In
+    /// single precision, it sets gaps within rounding to zero. `last` is overwritten.
+    #[inline(always)]
+    pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
+        self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);
+        self.contacts.prepare(last);
+    }
+}

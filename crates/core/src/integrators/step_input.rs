@@ -1,0 +1,37 @@
+//! Input of a step, and the same input together with the evaluation point.
+
+use stepper_real::Real;
+
+use crate::actuation::forces::ForceState;
+use crate::compile::LaneModel;
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::inputs::Inputs;
+use crate::integrators::state::State;
+use crate::options::StepSettings;
+
+/// Input of a step: model, settings, state and user inputs. After the step is accepted, `state` is the next state.
+#[derive(Clone, Copy)]
+pub(crate) struct StepInput<'a, R: Real> {
+    pub(crate) compiled: &'a LaneModel<R>,
+    pub(crate) options: &'a StepSettings,
+    pub(crate) state: &'a State<R>,
+    pub(crate) inputs: &'a Inputs<R>,
+    /// Lanes that have an environment.
+    pub(crate) alive: R::Mask,
+}
+
+/// Input of a step together with its evaluation point (the time at which forces and contacts are evaluated). Stages 4 to 8 do not move it.
+#[derive(Clone, Copy)]
+pub(crate) struct StepContext<'a, R: Real> {
+    pub(crate) input: StepInput<'a, R>,
+    pub(crate) evaluation: &'a Evaluation<R>,
+}
+
+impl<'a, R: Real> StepContext<'a, R> {
+    /// Inputs of the force computation at the evaluation point. Explicit velocity-dependent forces use the velocity `v_at`.
+    pub(crate) fn forces_at(&self, v_at: &'a [R]) -> ForceState<'a, R> {
+        let StepContext { input: StepInput { state, inputs, .. }, evaluation: Evaluation { scheme, q, q_ahead, act, .. } } = *self;
+        let Inputs { ctrl, actuator_dynamics, .. } = inputs;
+        ForceState { q: scheme.springs_at(q, q_ahead), v: &state.v, v_at, act, ctrl, actuator_dynamics }
+    }
+}

@@ -92,11 +92,12 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let context = StepContext { input, evaluation };
     // 4 assemble, 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
     // After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
-    let (solver, inelastic) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
+    let (solver, inconsistent) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
     let mut outcome = bound_velocities(context, free, problem, velocity, position, solver, probe);
     // With the Runge-Kutta method, the solution of lanes without constraints is replaced below.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
-    outcome.energy_unresolved = probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, guard, excluded)).or(inelastic);
+    outcome.energy_unresolved =
+        probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, guard, excluded)).or(inconsistent);
     if options.poison {
         free.scratch.poison();
         collisions.poison();

@@ -29,7 +29,7 @@ pub(super) struct PairOverrides<'a> {
 struct Overridden {
     geom: &'static str,
     pair: &'static str,
-    own: Vec<f64>,
+    present: Vec<f64>,
 }
 
 impl<'a> PairOverrides<'a> {
@@ -40,8 +40,8 @@ impl<'a> PairOverrides<'a> {
         }
         let overridden = |name: &str| OVERRIDES.iter().find(|(geom, _)| *geom == name);
         let fields = names.into_iter().filter_map(overridden).map(|&(geom, pair)| {
-            let own = model.field(geom).expect("a field of the model").1;
-            Overridden { geom, pair, own }
+            let present = model.field(geom).expect("a field of the model").1;
+            Overridden { geom, pair, present }
         });
         let filter = Filter::new(model);
         let collides = |k: &usize| {
@@ -59,10 +59,10 @@ impl<'a> PairOverrides<'a> {
     /// [`ModelError::Invalid`] with the first geom whose number has no effect, its pair and the remedy.
     pub(super) fn check(&self, given: &[(&str, &[f64])]) -> Result<(), ModelError> {
         let values_of = |name: &str| given.iter().find(|(given, _)| *given == name).map(|(_, values)| *values);
-        for Overridden { geom, pair, own } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {
+        for Overridden { geom, pair, present } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {
             let Some(values) = values_of(geom) else { continue };
-            let width = own.len() / self.model.geoms.len().max(1);
-            let changes = |g: usize| (g * width..(g + 1) * width).any(|k| own[k].to_bits() != values[k].to_bits());
+            let width = present.len() / self.model.geoms.len().max(1);
+            let changes = |g: usize| (g * width..(g + 1) * width).any(|k| present[k].to_bits() != values[k].to_bits());
             for &k in self.pairs.iter().filter(|&&k| *geom != "geom_friction" || self.model.pairs[k].condim > 1) {
                 if let Some(&g) = self.model.pairs[k].geoms.iter().find(|&&g| changes(g)) {
                     return Err(self.refusal(k, g, geom, pair));
@@ -110,8 +110,8 @@ mod tests {
             for part in ["geom \"paired\"", geom, "explicit pair \"#0\"", "\"floor\"", &format!("give {pair} too")] {
                 assert!(error.contains(part), "{part} in {error}");
             }
-            let own = model.field(pair).unwrap().1;
-            assert_eq!(model.replace_all(&[(geom, &values), (pair, &own)]).unwrap().pairs, model.pairs);
+            let present = model.field(pair).unwrap().1;
+            assert_eq!(model.replace_all(&[(geom, &values), (pair, &present)]).unwrap().pairs, model.pairs);
         }
     }
 

@@ -117,12 +117,11 @@ impl<'a> Variants<'a> {
     /// A field whose entry is `None` gets the values of the base model, which are in `own` in the same order.
     ///
     /// # Errors
-    /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a value needs a constraint row or a force term that the base model does
-    /// not have.
-    pub fn with(&mut self, values: &[Option<&[f64]>], own: &[Vec<f64>]) -> Result<&Model, ModelError> {
+    /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a number would add rows or terms that the base does not have.
+    pub fn with(&mut self, values: &[Option<&[f64]>], base_values: &[Vec<f64>]) -> Result<&Model, ModelError> {
         let mut given = Vec::with_capacity(values.len());
-        for ((field, values), own) in self.fields.iter().zip(values).zip(own) {
-            write(self.model.trusted_mut(), field, values.unwrap_or(own))?;
+        for ((field, values), base_values) in self.fields.iter().zip(values).zip(base_values) {
+            write(self.model.trusted_mut(), field, values.unwrap_or(base_values))?;
             given.extend(values.map(|values| (field.name, values)));
         }
         self.overrides.check(&given)?;

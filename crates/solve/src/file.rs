@@ -79,7 +79,7 @@ pub struct LoadedProblem<R: Real> {
 impl<R: Real> System<'_, R> {
     /// Problem of one lane as bytes, with the impulses of `iterate` and the limits of its solve. [`Problem::from_bytes`] reads them.
     pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
-        let (dimension, redundant) = (self.problem.dimension(), self.problem.redundant.bits() >> lane & 1 == 1);
+        let (dimension, redundant) = (self.problem.dimension(), self.problem.newly_loaded.bits() >> lane & 1 == 1);
         let Settings { sweeps, newton_steps, tolerance, newton_threshold } = *settings;
         let [tolerance, newton_threshold] = [tolerance, newton_threshold].map(|x| x.lane(lane).to_f64());
         let payload = make_kinds!(Payload { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, }
@@ -153,7 +153,7 @@ impl Payload {
                 Impulse::<R>::flatten_mut(own).iter_mut().zip(&saved.impulse).for_each(|(to, &x)| *to = R::of(x));
             }
         });
-        problem.redundant = R::Mask::splat(redundant);
+        problem.newly_loaded = R::Mask::splat(redundant);
         iterate.compute_w(&problem);
         let settings = Settings { sweeps, newton_steps, tolerance: R::of(tolerance), newton_threshold: R::of(newton_threshold) };
         Ok(LoadedProblem { problem, iterate, settings })

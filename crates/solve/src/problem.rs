@@ -19,7 +19,7 @@ by_kind! {
         /// first.
         ///
         /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example.
-        pub redundant: R::Mask,
+        pub newly_loaded: R::Mask,
         /// Mobility of a contact along its normal below which the contact is immovable, 1/kg, for the contacts that are appended from now
         /// on.
         pub least_mobility: R,
@@ -63,15 +63,15 @@ impl<R: Real> Problem<R> {
 
     /// Empty problem with memory for this capacity.
     pub fn new(capacity: &Capacity) -> Self {
-        let (dimension, redundant, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
-        make_kinds!(Self { dimension, redundant, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
+        let (dimension, newly_loaded, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
+        make_kinds!(Self { dimension, newly_loaded, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
     }
 
     /// Removes all rows.
     #[inline(always)]
     pub fn clear(&mut self) {
         each_kind!([set: &mut self] => set.clear());
-        self.redundant = R::Mask::splat(false);
+        self.newly_loaded = R::Mask::splat(false);
     }
 
     /// Number of coordinates of the scaled velocity change w.

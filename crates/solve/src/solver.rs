@@ -105,22 +105,22 @@ fn solve_system<R: Real>(
 ) -> Outcome<R> {
     let Settings { sweeps, newton_steps, tolerance, newton_threshold } = settings;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    let (mut rest, redundant) = (lanes, lanes.and(system.problem.redundant));
-    if newton_steps > 0 && redundant.any() {
+    let (mut rest, newly_loaded) = (lanes, lanes.and(system.problem.newly_loaded));
+    if newton_steps > 0 && newly_loaded.any() {
         let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
         let (left, slip) = R::vectorize(
             #[inline(always)]
             || {
-                iterate.solve_eliminated(system, redundant);
+                iterate.solve_eliminated(system, newly_loaded);
                 (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
             },
         );
-        outcome.residual = masked(redundant, left);
-        let redistributed = redundant.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
+        outcome.residual = masked(newly_loaded, left);
+        let redistributed = newly_loaded.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
         newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A redundant lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
         // There sweeps bring the motion to rest, and hardly change the distribution of the load.
-        rest = lanes.and_not(redundant.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
+        rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     let wide = !<R::Scalar as Scalar>::IS_SINGLE;
     let first_sweeps = if newton_steps > 0 && wide { sweeps.min(FIRST_SWEEPS) } else { sweeps };
@@ -133,7 +133,7 @@ fn solve_system<R: Real>(
     let sweeps = SweepSettings { sweeps, tolerance };
     newton.solve(system, iterate, search(Terms::ConstantThenExact), left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
-    left = left.and_not(redundant);
+    left = left.and_not(newly_loaded);
     let passes = match newton_steps {
         LEAST_EXACT.. => PASSES,
         // The next step corrects the remaining error of a correction.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
 
 /// Memory of the actuator dynamics of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -56,7 +56,7 @@ impl<S: Scalar> Memory<S> {
     }
 
     /// Copies `part`, the memory of `n` lanes, to the lanes `to`, out of `lanes`.
-    pub(crate) fn set_part(&mut self, lanes: usize, to: Target, n: usize, part: &Self) {
+    pub(crate) fn set_part(&mut self, lanes: usize, to: DestinationLanes, n: usize, part: &Self) {
         set_lane_bits(&mut self.waiting, to, n, part.waiting);
         set_columns(&mut self.numbers, lanes, to, n, &part.numbers);
         set_columns(&mut self.applied, lanes, to, n, &part.applied);

@@ -10,14 +10,14 @@ use crate::model::actuator_spec::ActuatorSpec;
 
 /// Parameter of an actuator pipeline that may differ between environments. The order is that of the parameter table.
 #[derive(Clone, Copy)]
-enum Number {
+enum Parameter {
     /// Delay of the control, in steps.
     Delay,
     /// Fraction of a deviation from the input that remains at the end of a step of the lag. `Mean` is the mean fraction over the step.
     Decay,
     Mean,
-    Low,
-    High,
+    MinForce,
+    MaxForce,
     Kp,
     /// Integral gain of the servo times the sampling period.
     Ki,
@@ -25,15 +25,15 @@ enum Number {
     IntegralLimit,
     Period,
     /// Lower bound of a servo's effort, below which its integral does not decrease. `Most` is the upper bound.
-    Least,
-    Most,
+    MinEffort,
+    MaxEffort,
     Stall,
     Drag,
     Efficiency,
     Friction,
 }
 
-const NUMBERS: usize = 16;
+const PARAMETERS: usize = 16;
 
 /// Kind of servo in an actuator's pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,13 +89,13 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 Some(_) => Servo::Sampled,
             };
             let line = if longest > 0 { longest + 2 } else { 0 };
-            let (memory, table, lagged) = (all.memory, all.pipelines.len() * NUMBERS, any_nonzero(&spec.lag));
+            let (memory, table, lagged) = (all.memory, all.pipelines.len() * PARAMETERS, any_nonzero(&spec.lag));
             let pipeline = ActuatorPipeline { actuator, servo, lagged, line, delay: None, memory, cursor: all.lines, table };
             all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
             all.lines += usize::from(line > 0);
             all.pipelines.push(pipeline);
         }
-        all.tables = vec![vec![S::default(); all.pipelines.len() * NUMBERS * lanes]; num_envs.div_ceil(lanes)];
+        all.tables = vec![vec![S::default(); all.pipelines.len() * PARAMETERS * lanes]; num_envs.div_ceil(lanes)];
         all.assign(specs, &(0..num_envs).collect::<Vec<_>>(), h);
         all
     }
@@ -120,7 +120,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     row[alike.clone()].fill(S::from_f64(x));
                 }
             }
-            let at = (pipeline.table + Number::Delay as usize) * lanes;
+            let at = (pipeline.table + Parameter::Delay as usize) * lanes;
             let first = self.tables[0][at];
             let shared = self.tables.iter().all(|table| table[at..at + lanes].iter().all(|x| *x == first));
             pipeline.delay = shared.then(|| parts(first.to_f64(), pipeline.servo == Servo::Sampled));
@@ -145,18 +145,18 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 for pipeline in &self.pipelines {
                     let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
                     let table = &self.tables[group][pipeline.table * R::LANES..];
-                    let number = |n: Number| get::<R>(table, n as usize);
+                    let number = |n: Parameter| get::<R>(table, n as usize);
                     actuator_dynamics[dynamics.index] = ActuatorDynamics {
                         slope: R::zero(),
                         rate: R::zero(),
-                        limits: [number(Number::Low), number(Number::High)],
-                        stall: number(Number::Stall),
-                        drag: number(Number::Drag),
-                        efficiency: number(Number::Efficiency),
-                        friction: number(Number::Friction),
+                        limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
+                        stall: number(Parameter::Stall),
+                        drag: number(Parameter::Drag),
+                        efficiency: number(Parameter::Efficiency),
+                        friction: number(Parameter::Friction),
                     };
                     if dynamics.servo {
-                        pipeline.set_gains(table, Number::Decay, &mut actuator_dynamics[dynamics.index]);
+                        pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
                     }
                 }
             },
@@ -168,16 +168,16 @@ impl<S: Scalar> ActuatorPipelines<S> {
         let mut actuator_dynamics = vec![ActuatorDynamics::default(); compiled.num_actuator_dynamics];
         for pipeline in &self.pipelines {
             let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
-            let number = |n: Number| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
-            let share = if dynamics.servo { 1.0 - number(Number::Decay) } else { 0.0 };
+            let number = |n: Parameter| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
+            let share = if dynamics.servo { 1.0 - number(Parameter::Decay) } else { 0.0 };
             actuator_dynamics[dynamics.index] = ActuatorDynamics {
-                slope: -share * number(Number::Kp),
-                rate: -share * number(Number::Kd),
-                limits: [number(Number::Low), number(Number::High)],
-                stall: number(Number::Stall),
-                drag: number(Number::Drag),
-                efficiency: number(Number::Efficiency),
-                friction: number(Number::Friction),
+                slope: -share * number(Parameter::Kp),
+                rate: -share * number(Parameter::Kd),
+                limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
+                stall: number(Parameter::Stall),
+                drag: number(Parameter::Drag),
+                efficiency: number(Parameter::Efficiency),
+                friction: number(Parameter::Friction),
             };
         }
         actuator_dynamics
@@ -186,7 +186,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// Advances the pipelines before a step from the state (q, v): converts the user's controls `given` to those of the step.
     ///
     /// If a control of a lane is not finite, the lane stores none of its controls. Its controls become NaN, so that the step is rejected.
-    #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
+    #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,
         compiled: &ModelStructure<S>,
@@ -222,7 +222,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     if pipeline.lagged {
                         u = pipeline.lag(table, actuator, u, [q, v], [taken, start], &mut memory.numbers);
                         if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
-                            pipeline.set_gains(table, Number::Mean, &mut actuator_dynamics[dynamics.index]);
+                            pipeline.set_gains(table, Parameter::Mean, &mut actuator_dynamics[dynamics.index]);
                         }
                     }
                     ctrl[pipeline.actuator] = R::select(taken, u, R::of(f64::NAN));
@@ -247,9 +247,9 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     let effort: R = get(&memory.numbers, pipeline.lag_at());
                     ctrl[pipeline.actuator] = effort;
                     if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
-                        let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Number::Decay as usize));
+                        let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
                         ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
-                        pipeline.set_gains(table, Number::Decay, &mut actuator_dynamics[dynamics.index]);
+                        pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
                     }
                 }
                 for (i, u) in ctrl.iter().enumerate() {
@@ -275,36 +275,36 @@ fn parts(steps: f64, staircase: bool) -> (usize, f64) {
 }
 
 /// Table row with the parameters of environment `env`. `h` is the time step, s.
-fn numbers(t: &ActuatorSpec, env: usize, h: f64) -> [f64; NUMBERS] {
+fn numbers(t: &ActuatorSpec, env: usize, h: f64) -> [f64; PARAMETERS] {
     let of = |x: &[f64]| x[env % x.len()];
     let (low, high, lag) = (of(&t.low), of(&t.high), of(&t.lag));
     // e^(-h/lag), and the mean of e^(-t/lag) over the step.
     let (decay, mean) = if lag > 0.0 { ((-h / lag).exp(), -lag / h * (-h / lag).exp_m1()) } else { (0.0, 0.0) };
-    let mut row = [0.0; NUMBERS];
-    let mut set = |n: Number, x: f64| row[n as usize] = x;
-    set(Number::Delay, t.steps(env, h));
-    set(Number::Decay, decay);
-    set(Number::Mean, mean);
-    set(Number::Low, low);
-    set(Number::High, high);
-    set(Number::Friction, of(&t.friction));
+    let mut row = [0.0; PARAMETERS];
+    let mut set = |n: Parameter, x: f64| row[n as usize] = x;
+    set(Parameter::Delay, t.steps(env, h));
+    set(Parameter::Decay, decay);
+    set(Parameter::Mean, mean);
+    set(Parameter::MinForce, low);
+    set(Parameter::MaxForce, high);
+    set(Parameter::Friction, of(&t.friction));
     let (mut least, mut most) = (low, high);
-    set(Number::Efficiency, t.motor.as_ref().map_or(1.0, |m| of(&m.efficiency)));
+    set(Parameter::Efficiency, t.motor.as_ref().map_or(1.0, |m| of(&m.efficiency)));
     if let Some(m) = t.motor.as_ref().filter(|m| !m.stall_torque.is_empty()) {
         let stall = of(&m.stall_torque) * m.gear;
-        set(Number::Stall, stall);
-        set(Number::Drag, stall * m.gear / of(&m.no_load_speed));
+        set(Parameter::Stall, stall);
+        set(Parameter::Drag, stall * m.gear / of(&m.no_load_speed));
         (least, most) = if m.voltage { (-1.0, 1.0) } else { (low, high) };
     }
-    set(Number::Least, least);
-    set(Number::Most, most);
+    set(Parameter::MinEffort, least);
+    set(Parameter::MaxEffort, most);
     if let Some(s) = &t.servo {
         let period = if s.period.is_empty() { h } else { of(&s.period) };
-        set(Number::Kp, of(&s.kp));
-        set(Number::Ki, of(&s.ki) * period.max(h));
-        set(Number::Kd, of(&s.kd));
-        set(Number::IntegralLimit, of(&s.integral_limit));
-        set(Number::Period, period);
+        set(Parameter::Kp, of(&s.kp));
+        set(Parameter::Ki, of(&s.ki) * period.max(h));
+        set(Parameter::Kd, of(&s.kd));
+        set(Parameter::IntegralLimit, of(&s.integral_limit));
+        set(Parameter::Period, period);
     }
     row
 }
@@ -350,10 +350,10 @@ impl ActuatorPipeline {
     /// Sets the gains of a continuous servo to those that act through its lag. `left` is the parameter with the fraction of the past
     /// deviation that remains.
     #[inline(always)]
-    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, dynamics: &mut ActuatorDynamics<R>) {
+    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Parameter, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
-        dynamics.slope = -(share * get::<R>(table, Number::Kp as usize));
-        dynamics.rate = -(share * get::<R>(table, Number::Kd as usize));
+        dynamics.slope = -(share * get::<R>(table, Parameter::Kp as usize));
+        dynamics.rate = -(share * get::<R>(table, Parameter::Kd as usize));
     }
 
     /// Control after the delay line. The present control `u` is appended to the line. A fractional delay interpolates between two samples.
@@ -381,7 +381,7 @@ impl ActuatorPipeline {
         } else {
             (new, old, part) = (R::zero(), R::zero(), R::zero());
             for l in 0..R::LANES {
-                let (whole, rest) = parts(get::<R>(table, Number::Delay as usize).lane(l).to_f64(), self.servo == Servo::Sampled);
+                let (whole, rest) = parts(get::<R>(table, Parameter::Delay as usize).lane(l).to_f64(), self.servo == Servo::Sampled);
                 new.set_lane(l, numbers[slot(whole) * R::LANES + l]);
                 old.set_lane(l, numbers[slot(whole + 1) * R::LANES + l]);
                 part.set_lane(l, Scalar::from_f64(rest));
@@ -395,7 +395,7 @@ impl ActuatorPipeline {
     /// The effort of a sampled servo is held between samples. For a continuous servo the result is only the part that does not depend on
     /// the motion within the step.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
+    #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     fn follow<R: Real>(
         &self,
         servo: Servo,
@@ -407,11 +407,11 @@ impl ActuatorPipeline {
         h: f64,
         numbers: &mut [R::Scalar],
     ) -> R {
-        let number = |n: Number| get::<R>(table, n as usize);
+        let number = |n: Parameter| get::<R>(table, n as usize);
         let at = self.integral_at();
         let mut due = taken;
         if servo == Servo::Sampled {
-            let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Number::Period));
+            let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Parameter::Period));
             // The phase is a sum of time steps, so that the comparison allows for rounding.
             let ripe = phase.ge(period - R::of(1e-6 * h));
             let rest = R::select(ripe, (phase - period).min(R::of(h)), phase);
@@ -422,19 +422,20 @@ impl ActuatorPipeline {
             }
         }
         let [length, velocity] = motion(actuator, state);
-        let (error, kp, most) = (u - length, number(Number::Kp), number(Number::IntegralLimit));
+        let (error, kp, most) = (u - length, number(Parameter::Kp), number(Parameter::IntegralLimit));
         let before = R::select(start, R::zero(), get(numbers, at));
-        let after = (before + number(Number::Ki) * error).clamp(-most, most);
-        let rest = kp * error - number(Number::Kd) * velocity;
+        let after = (before + number(Parameter::Ki) * error).clamp(-most, most);
+        let rest = kp * error - number(Parameter::Kd) * velocity;
         // Conditional integration (Astrom & Hagglund 2006, section 3.5): the integral does not grow while the effort is beyond its bounds.
         let effort = rest + after;
-        let winds = effort.gt(number(Number::Most)).and(after.gt(before)).or(effort.lt(number(Number::Least)).and(after.lt(before)));
+        let winds =
+            effort.gt(number(Parameter::MaxEffort)).and(after.gt(before)).or(effort.lt(number(Parameter::MinEffort)).and(after.lt(before)));
         let integral = R::select(winds, before, after);
         put(numbers, at, due, integral);
         if servo == Servo::Continuous {
             return kp * u + integral;
         }
-        put(numbers, at + 2, due, bounded(rest + integral, [number(Number::Least), number(Number::Most)]));
+        put(numbers, at + 2, due, bounded(rest + integral, [number(Parameter::MinEffort), number(Parameter::MaxEffort)]));
         get(numbers, at + 2)
     }
 
@@ -454,12 +455,12 @@ impl ActuatorPipeline {
         numbers: &mut [R::Scalar],
     ) -> R {
         let at = self.lag_at();
-        let (decay, mean): (R, R) = (get(table, Number::Decay as usize), get(table, Number::Mean as usize));
+        let (decay, mean): (R, R) = (get(table, Parameter::Decay as usize), get(table, Parameter::Mean as usize));
         let effort = get::<R>(numbers, at);
         if self.servo == Servo::Continuous {
             let [length, velocity] = motion(actuator, state);
-            let pull = get::<R>(table, Number::Kp as usize) * length + get::<R>(table, Number::Kd as usize) * velocity;
-            let bounds = [get::<R>(table, Number::Least as usize), get(table, Number::Most as usize)];
+            let pull = get::<R>(table, Parameter::Kp as usize) * length + get::<R>(table, Parameter::Kd as usize) * velocity;
+            let bounds = [get::<R>(table, Parameter::MinEffort as usize), get(table, Parameter::MaxEffort as usize)];
             let goal = bounded(R::select(start, u, get(numbers, at + 1)) - pull, bounds);
             let effort = R::select(start, goal, goal + (effort - goal) * decay);
             put(numbers, at, taken, effort);

@@ -97,7 +97,7 @@ fn contacts_at_start<S: LaneScalar>(
             let mut group = Group::new(compiled, &q, lanes, 1, 0, capacity);
             group.v.iter_mut().step_by(lanes).zip(v).for_each(|(to, &x)| *to = S::from_f64(x));
             worker.forget_state();
-            worker.run(&call, &mut group, GroupPosition { first: 0, share_first: 0, share: None });
+            worker.run(&call, &mut group, GroupPosition { first: 0, chunk_first: 0, recording: None });
             most = most.max(group.contact_count[0] as usize);
             if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || capacity == compiled.contact_points {
                 break;

@@ -83,10 +83,10 @@ impl Randomization {
             }
             let shared = numbers(model, name);
             let width = shared.len();
-            let own = self.fields.entry(name).or_insert_with(|| shared.repeat(num_envs));
+            let stored = self.fields.entry(name).or_insert_with(|| shared.repeat(num_envs));
             for &env in envs {
                 let from = values.map_or(&shared[..], |all| row(all, env, width));
-                own[env * width..(env + 1) * width].copy_from_slice(from);
+                stored[env * width..(env + 1) * width].copy_from_slice(from);
             }
         }
     }
@@ -100,9 +100,9 @@ fn row(all: &[f64], env: usize, width: usize) -> &[f64] {
     &all[env * width..(env + 1) * width]
 }
 
-fn differ(own: &Params<f64>, shared: &Params<f64>) -> Differences {
-    let both = (0..).zip(own.numbers().iter().zip(shared.numbers()));
-    both.filter(|(_, (own, shared))| own.to_bits() != shared.to_bits()).map(|(place, (&own, _))| (place, own)).collect()
+fn differ(changed: &Params<f64>, shared: &Params<f64>) -> Differences {
+    let both = (0..).zip(changed.numbers().iter().zip(shared.numbers()));
+    both.filter(|(_, (changed, shared))| changed.to_bits() != shared.to_bits()).map(|(place, (&changed, _))| (place, changed)).collect()
 }
 
 /// Per-environment parameters of the compiled model: indices, and values for every lane of every group.
@@ -126,8 +126,8 @@ impl<S: Scalar> ParameterOverrides<S> {
             let (numbers, lane) = (&mut self.numbers[env / lanes], env % lanes);
             let mut rest = differences.iter().peekable();
             for (k, &place) in self.places.iter().enumerate() {
-                let own = rest.next_if(|(at, _)| *at == place);
-                numbers[k * lanes + lane] = own.map_or(shared.numbers()[place as usize], |&(_, x)| S::from_f64(x));
+                let difference = rest.next_if(|(at, _)| *at == place);
+                numbers[k * lanes + lane] = difference.map_or(shared.numbers()[place as usize], |&(_, x)| S::from_f64(x));
             }
         }
     }

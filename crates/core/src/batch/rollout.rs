@@ -91,33 +91,41 @@ pub struct Recording<'a> {
     pub residual: &'a mut [f64],
 }
 
-/// Share of a recording: the output rows of consecutive environments, which one thread writes.
+/// Chunk of a recording: the output rows of consecutive environments (those of one chunk of groups), which one worker writes.
 #[derive(Debug)]
-pub struct Share<'a, S> {
+pub struct RecordingChunk<'a, S> {
     quantities: Vec<(Quantity, usize, Vec<&'a mut [S]>)>,
     status: Vec<&'a mut [u32]>,
     residual: Vec<&'a mut [f64]>,
 }
 
 impl<'a> Recording<'a> {
-    /// Splits the recording into shares of `size` environments each; the last share has the remaining environments. The function `numbers`
-    /// unwraps an array of the simulation's precision.
-    pub fn split<S: Scalar>(self, num_envs: usize, size: usize, numbers: impl Fn(Numbers<'a>) -> &'a mut [S]) -> Vec<Share<'a, S>> {
+    /// Splits the recording into chunks of `size` environments each; the last chunk has the rest. `numbers` unwraps an array of the
+    /// simulation's precision.
+    pub fn split<S: Scalar>(
+        self,
+        num_envs: usize,
+        size: usize,
+        numbers: impl Fn(Numbers<'a>) -> &'a mut [S],
+    ) -> Vec<RecordingChunk<'a, S>> {
         let controls = self.status.len() / num_envs;
         let status = parts(self.status, num_envs, size);
         let residual = parts(self.residual, num_envs, size);
-        let mut shares: Vec<Share<'a, S>> =
-            status.into_iter().zip(residual).map(|(status, residual)| Share { quantities: Vec::new(), status, residual }).collect();
+        let mut chunks: Vec<RecordingChunk<'a, S>> = status
+            .into_iter()
+            .zip(residual)
+            .map(|(status, residual)| RecordingChunk { quantities: Vec::new(), status, residual })
+            .collect();
         for (quantity, array) in self.quantities {
             if array.is_empty() {
                 continue;
             }
             let width = array.len() / (controls * num_envs);
-            for (share, rows) in shares.iter_mut().zip(parts(numbers(array), num_envs * width, size * width)) {
-                share.quantities.push((quantity, width, rows));
+            for (chunk, rows) in chunks.iter_mut().zip(parts(numbers(array), num_envs * width, size * width)) {
+                chunk.quantities.push((quantity, width, rows));
             }
         }
-        shares
+        chunks
     }
 }
 
@@ -133,7 +141,7 @@ fn parts<T>(array: &mut [T], row: usize, size: usize) -> Vec<Vec<&mut [T]>> {
     out
 }
 
-impl<S: Scalar> Share<'_, S> {
+impl<S: Scalar> RecordingChunk<'_, S> {
     /// Whether the recording contains this quantity.
     pub fn has(&self, quantity: Quantity) -> bool {
         self.quantities.iter().any(|q| q.0 == quantity)
@@ -142,8 +150,7 @@ impl<S: Scalar> Share<'_, S> {
     /// Restores the status flags and residuals that [`Share::write`] stored for control number `call`. Copies the flags to `status`, and
     /// returns the residuals.
     ///
-    /// It is used if a part of a rollout ended between two steps with this control, so that the next part continues them. `first` is the
-    /// index in the share of the group's first environment.
+    /// [`RecordingChunk::write`] wrote both, because a part of the call ended within that control.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);
@@ -154,8 +161,7 @@ impl<S: Scalar> Share<'_, S> {
         residual
     }
 
-    /// Records the state, sensor readings, status flags and residual after control number `call`, for one group. `first` is the index in
-    /// the share of the group's first environment.
+    /// Records the state after control number `call`, for the group whose first environment is number `first` of the chunk.
     pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Workspace<R>, readings: &[R], status: &[u32], residual: R) {
         let used = s.alive.bits().count_ones() as usize;
         self.status[call][first..first + used].copy_from_slice(&status[..used]);
@@ -184,20 +190,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_disjoint_and_complete() {
+    fn chunks_are_disjoint_and_complete() {
         let (num_envs, calls, size) = (7, 3, 3);
         let mut q: Vec<f64> = (0..calls * num_envs * 2).map(|i| i as f64).collect();
         let (mut status, mut residual) = (vec![0; calls * num_envs], vec![0.0; calls * num_envs]);
         let quantities = vec![(Quantity::Qpos, Numbers::F64(&mut q)), (Quantity::Act, Numbers::F64(&mut []))];
         let recording = Recording { quantities, status: &mut status, residual: &mut residual };
-        let shares = recording.split(num_envs, size, |numbers| match numbers {
+        let chunks = recording.split(num_envs, size, |numbers| match numbers {
             Numbers::F64(x) => x,
             Numbers::F32(_) => unreachable!(),
         });
-        let lengths: Vec<usize> = shares.iter().map(|s| s.status[0].len()).collect();
+        let lengths: Vec<usize> = chunks.iter().map(|s| s.status[0].len()).collect();
         assert_eq!(lengths, [3, 3, 1]);
-        assert!(shares.iter().all(|s| s.quantities.len() == 1 && s.quantities[0].1 == 2 && s.status.len() == calls));
-        // Environment 5 is the last of the second share.
-        assert_eq!(shares[1].quantities[0].2[1][4..], [24.0, 25.0]);
+        assert!(chunks.iter().all(|s| s.quantities.len() == 1 && s.quantities[0].1 == 2 && s.status.len() == calls));
+        // Environment 5 is the last of the second chunk.
+        assert_eq!(chunks[1].quantities[0].2[1][4..], [24.0, 25.0]);
     }
 }

@@ -8,7 +8,7 @@ use crate::batch::state::Group;
 use crate::batch::worker::LaneScalar;
 use crate::collision::contact_set::ContactId;
 use crate::error::StateMisfit;
-use crate::math::lanes::{DelayLine, Target, lane_bits};
+use crate::math::lanes::{DelayLine, DestinationLanes, lane_bits};
 use crate::sensing::errors::Errors;
 
 /// Conversion of the state of a batch to bytes, and restoring.
@@ -63,7 +63,7 @@ impl<S: LaneScalar> Saving for Batch<S> {
             let n = self.saved_lanes();
             for (part, saved) in saved.groups.iter().enumerate() {
                 let (group, lane) = self.lane_mut(part * n);
-                group.set_part(Target::From(lane), saved);
+                group.set_part(DestinationLanes::StartingAt(lane), saved);
             }
         } else {
             self.restore_some(&saved, envs);
@@ -143,7 +143,7 @@ impl<S: LaneScalar> Batch<S> {
             for envs in envs.chunk_by(|a, b| a / lanes == b / lanes) {
                 let (group, _) = self.lane_mut(envs[0]);
                 let streams = group.sensing.stream.clone();
-                group.set_part(Target::Each(envs.iter().fold(0, |set, env| set | 1 << (env % lanes))), &part);
+                group.set_part(DestinationLanes::Each(envs.iter().fold(0, |set, env| set | 1 << (env % lanes))), &part);
                 group.sensing.stream = streams;
             }
             return;
@@ -152,7 +152,7 @@ impl<S: LaneScalar> Batch<S> {
         for &env in envs {
             let part = turn(saved.groups[env / n].part(env % n, 1));
             let (group, lane) = self.lane_mut(env);
-            group.set_part(Target::From(lane), &part);
+            group.set_part(DestinationLanes::StartingAt(lane), &part);
         }
     }
 }

@@ -164,7 +164,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 }
 
 /// Stores the results of the last step that sensors read later.
-pub(super) fn remember<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
+pub(super) fn store_sensor_inputs<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     let memory = &mut group.sensing;
     memory.fresh = 0;
     if memory.acceleration.is_empty() && memory.ctrl.is_empty() && memory.xfrc.is_empty() {

@@ -8,7 +8,7 @@ use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::separation_cache::SeparationCache;
 use crate::compile::ModelStructure;
 use crate::math::lanes::MAX_LANES;
-use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;
 
@@ -238,7 +238,7 @@ impl<S: Scalar> Group<S> {
 
     /// Copies the lanes of `part` to the lanes `target`. Entries beyond a lane's number of contacts do not change, because no step reads
     /// them.
-    pub(crate) fn set_part(&mut self, target: Target, part: &Self) {
+    pub(crate) fn set_part(&mut self, target: DestinationLanes, part: &Self) {
         let (lanes, n) = (self.lanes, part.lanes);
         set_lane_bits(&mut self.alive, target, n, part.alive);
         for (to, from) in [

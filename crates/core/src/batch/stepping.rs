@@ -9,14 +9,14 @@ use crate::analysis::derived::DerivedQuantity;
 use crate::batch::call::{Call, Part, Query, Schedule};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::StepInputs;
-use crate::batch::rollout::{Numbers, Recording, Share};
+use crate::batch::rollout::{Numbers, Recording, RecordingChunk};
 use crate::batch::saving::Saving;
 use crate::batch::state::Group;
 #[cfg(feature = "internals")]
 use crate::batch::worker::WorkerMakers;
 use crate::batch::worker::{GroupPosition, LaneScalar, Worker};
 use crate::error::Error;
-use crate::math::lanes::{Target, each_of};
+use crate::math::lanes::{DestinationLanes, each_of};
 use crate::options::StepSettings;
 
 /// Optional callback that can stop a call of many steps. The call is made in parts; the calling thread calls the function after each part,
@@ -103,13 +103,13 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
             return self.step_all_and_restore(inputs, schedule, watch);
         }
         let size = self.chunk_size() * self.lanes;
-        let mut shares = recording.map_or(Vec::new(), |recording| recording.split(self.num_envs, size, S::numbers));
+        let mut recordings = recording.map_or(Vec::new(), |recording| recording.split(self.num_envs, size, S::numbers));
         self.workers.start_threads()?;
         let total = schedule.steps();
         Ok(match watch {
-            Some(watch) if total > self.first_part() => self.run_parts(inputs, schedule, &mut shares, watch),
+            Some(watch) if total > self.first_part() => self.run_parts(inputs, schedule, &mut recordings, watch),
             _ => {
-                self.run_part(inputs, schedule, Part::whole(total), &mut shares);
+                self.run_part(inputs, schedule, Part::whole(total), &mut recordings);
                 total
             }
         })
@@ -257,14 +257,14 @@ impl<S: LaneScalar> Batch<S> {
         &mut self,
         inputs: &StepInputs<'_>,
         schedule: Schedule,
-        shares: &mut [Share<'_, S>],
+        recordings: &mut [RecordingChunk<'_, S>],
         watch: &mut dyn FnMut() -> bool,
     ) -> usize {
         let total = schedule.steps();
         let mut part = Part { from: 0, to: self.first_part().min(total), elapsed: 0.0, ends: false };
         loop {
             let (began, steps) = (Instant::now(), part.to - part.from);
-            self.run_part(inputs, schedule, part, shares);
+            self.run_part(inputs, schedule, part, recordings);
             if part.ends {
                 return total;
             }
@@ -287,36 +287,40 @@ impl<S: LaneScalar> Batch<S> {
         }
     }
 
-    /// Makes those steps of a call that belong to `part`, in all groups. The workers write the recorded quantities to `shares`, unless
-    /// `shares` is empty.
-    fn run_part(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, shares: &mut [Share<'_, S>]) {
+    /// Makes the steps of one part of a call in all groups. The workers record into `recordings`, unless it is empty.
+    fn run_part(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, recordings: &mut [RecordingChunk<'_, S>]) {
         if self.workers.threads() > 1 {
-            return self.run_part_on_threads(inputs, schedule, part, shares);
+            return self.run_part_on_threads(inputs, schedule, part, recordings);
         }
         let worker = self.workers.idle_workers().pop();
         let mut worker = worker.unwrap_or_else(|| self.workers.make_worker(&self.worker_spec()));
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
         for (g, group) in groups.iter_mut().enumerate() {
-            run_chosen(&mut *worker, &call, group, GroupPosition { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
+            run_chosen(
+                &mut *worker,
+                &call,
+                group,
+                GroupPosition { first: g * self.lanes, chunk_first: 0, recording: recordings.first_mut() },
+            );
         }
         self.groups = groups;
         self.workers.idle_workers().push(worker);
     }
 
     #[inline(never)]
-    fn run_part_on_threads(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, shares: &mut [Share<'_, S>]) {
+    fn run_part_on_threads(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, recordings: &mut [RecordingChunk<'_, S>]) {
         let size = self.chunk_size();
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
-        let shares = shares.iter_mut().map(Some).chain(std::iter::repeat_with(|| None));
+        let recordings = recordings.iter_mut().map(Some).chain(std::iter::repeat_with(|| None));
         self.workers.share_chunks(
             &self.worker_spec(),
-            groups.chunks_mut(size).zip(shares).enumerate(),
-            |worker, (chunk, (groups, mut share))| {
-                let share_first = chunk * size * self.lanes;
+            groups.chunks_mut(size).zip(recordings).enumerate(),
+            |worker, (chunk, (groups, mut recording))| {
+                let chunk_first = chunk * size * self.lanes;
                 for (g, group) in groups.iter_mut().enumerate() {
-                    let at = GroupPosition { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() };
+                    let at = GroupPosition { first: chunk_first + g * self.lanes, chunk_first, recording: recording.as_deref_mut() };
                     run_chosen(worker, &call, group, at);
                 }
             },
@@ -344,7 +348,7 @@ fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, gro
         moved = group.alive & !others;
     }
     for lane in each_of(moved) {
-        group.set_part(Target::From(lane), &kept.part(lane, 1));
+        group.set_part(DestinationLanes::StartingAt(lane), &kept.part(lane, 1));
     }
     worker.forget_state();
 }

@@ -11,8 +11,8 @@ use crate::analysis::derived::{Derivation, DerivedQuantity};
 use crate::batch::call::{Call, Query};
 use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
 use crate::batch::ray_query::RayQuery;
-use crate::batch::rollout::{Numbers, Quantity, Share};
-use crate::batch::sensors::{Reader, remember};
+use crate::batch::rollout::{Numbers, Quantity, RecordingChunk};
+use crate::batch::sensors::{Reader, store_sensor_inputs};
 use crate::batch::state::Group;
 use crate::compile::{CompiledModel, LaneModel};
 use crate::group_step::{GroupFunctions, GroupStep};
@@ -97,10 +97,10 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
 pub struct GroupPosition<'a, 'b, S> {
     /// Index of the first environment of the group.
     pub first: usize,
-    /// Index of the first environment of these output arrays, which one thread writes.
-    pub share_first: usize,
-    /// Output arrays of a recording for consecutive groups that include this group; `None` without a recording.
-    pub share: Option<&'a mut Share<'b, S>>,
+    /// Index of the first environment of the share (consecutive groups that one thread records).
+    pub chunk_first: usize,
+    /// Output arrays of consecutive groups that include this one; `None` without recording.
+    pub recording: Option<&'a mut RecordingChunk<'b, S>>,
 }
 
 /// Largest number of entries of the mass matrix for which a SIMD value takes two registers. An entry then takes 128 bytes, and a step still
@@ -237,7 +237,7 @@ struct LaneWorker<R: Real, P: Probe> {
 impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: GroupPosition<'_, '_, R::Scalar>) {
         assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
-        let GroupPosition { first, share_first, mut share } = at;
+        let GroupPosition { first, chunk_first, mut recording } = at;
         let probe = self.probe;
         probe.span(Span::Load, || self.load_overrides(call, first));
         let reader = Reader { call, compiled: &self.step.compiled, first, probe };
@@ -248,19 +248,19 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
-            if let (Some(share), true) = (&share, steps.start > 0) {
-                residual = share.resume(control, first - share_first, self.step.workspace.alive, &mut self.flags);
+            if let (Some(recording), true) = (&recording, steps.start > 0) {
+                residual = recording.resume(control, first - chunk_first, self.step.workspace.alive, &mut self.flags);
             }
-            let observed = share.as_ref().is_some_and(|share| share.has(Quantity::Observation));
+            let observed = recording.as_ref().is_some_and(|recording| recording.has(Quantity::Observation));
             let residual = self.run_control(call, group, first, (steps.len(), observed), residual);
             let Self { step: GroupStep { workspace: s, compiled, .. }, flags, .. } = self;
-            if let Some(share) = &mut share {
+            if let Some(recording) = &mut recording {
                 if observed {
                     let unread = steps.is_empty();
                     probe.span(Span::Sense, || Reader { call, compiled, first, probe }.complete_readings(group, s, unread));
                 }
                 let readings = if observed { &s.sensors.workspace.truth[..] } else { &[] };
-                probe.span(Span::Rollout, || share.write(control, first - share_first, s, readings, flags, residual));
+                probe.span(Span::Rollout, || recording.write(control, first - chunk_first, s, readings, flags, residual));
             }
         }
         probe.span(Span::Store, || self.store(call, group));
@@ -318,7 +318,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
         self.step.workspace.current = false;
         self.step.workspace.velocity.capture.lane = Some(lane);
-        self.run(call, group, GroupPosition { first, share_first: first, share: None });
+        self.run(call, group, GroupPosition { first, chunk_first: first, recording: None });
         self.step.workspace.current = false;
         std::mem::take(&mut self.step.workspace.velocity.capture.bytes)
     }
@@ -371,7 +371,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         let s = &mut self.step.workspace;
         s.evaluation.collision.swap_separation_cache(&mut group.separation_cache);
         if call.part.to > call.part.from {
-            remember(group, s);
+            store_sensor_inputs(group, s);
             store_state(group, s);
         }
         if call.part.ends && call.part.to > 0 {

@@ -229,12 +229,12 @@ impl<R: Real> Contacts<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
+                let rounding_at_a_metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
                 for k in 0..self.slots() {
                     let point = &mut self.data[k].point;
                     let rounding = point.rounding();
-                    let sensed_contacts = (rounding + metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
-                    let small = point.distance.lt(rounding + R::select(sensed_contacts, metre, R::zero()));
+                    let sensed_contacts = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
+                    let small = point.distance.lt(rounding + R::select(sensed_contacts, rounding_at_a_metre, R::zero()));
                     point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
                 }
             },

@@ -84,8 +84,9 @@ impl<R: Real> Scene<'_, R> {
         let normal = column(&self.poses.mat[a], 2);
         let frame = self.compiled.geoms[b].frame;
         let links = 1..=self.compiled.links.len();
-        let tip = if links.contains(&frame) { scale(cross(normal, angular(&self.poses.velocity[frame - 1])), self.h) } else { zero() };
-        for (k, &rim) in cylinder_rims(normal, tip, &self.cylinder(b)).iter().enumerate() {
+        let normal_change =
+            if links.contains(&frame) { scale(cross(normal, angular(&self.poses.velocity[frame - 1])), self.h) } else { zero() };
+        for (k, &rim) in cylinder_rims(normal, normal_change, &self.cylinder(b)).iter().enumerate() {
             let point = plane_point(self.poses.pos[a], normal, rim);
             self.offer(index, k as u32, pair, near, point, contacts);
         }

@@ -9,7 +9,7 @@ use stepper_geometry::{SeparatingPlane, Solid};
 use stepper_real::Scalar;
 
 use crate::compile::{Kernel, ModelStructure};
-use crate::math::lanes::{Target, each_of};
+use crate::math::lanes::{DestinationLanes, each_of};
 
 /// Largest number of pairs of one environment in the cache. The cache stores the first pairs that a step tests.
 const PLACES: usize = 16;
@@ -93,16 +93,16 @@ impl SeparationCache {
     }
 
     /// Copies the entries of `part`, a cache of `n` lanes, to the lanes `to` of this cache.
-    pub(crate) fn set_part(&mut self, to: Target, n: usize, part: &Self) {
+    pub(crate) fn set_part(&mut self, to: DestinationLanes, n: usize, part: &Self) {
         if self.places == 0 {
             return;
         }
         match to {
-            Target::From(first) => {
+            DestinationLanes::StartingAt(first) => {
                 self.count[first..first + n].copy_from_slice(&part.count);
                 self.held[first * self.places..(first + n) * self.places].copy_from_slice(&part.held);
             }
-            Target::Each(set) => each_of(set).for_each(|lane| {
+            DestinationLanes::Each(set) => each_of(set).for_each(|lane| {
                 self.count[lane] = part.count[0];
                 self.held[lane * self.places..(lane + 1) * self.places].copy_from_slice(&part.held);
             }),

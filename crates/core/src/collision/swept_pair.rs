@@ -119,8 +119,8 @@ impl<R: Real> SweptPair<R> {
         let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
         for k in 0..contacts.slots() {
             let point = &contacts.data[k].point;
-            let there = R::Mask::from_bits(contacts.lanes_of(k));
-            let nearer = there.and(point.distance.lt(least.distance));
+            let exists = R::Mask::from_bits(contacts.lanes_of(k));
+            let nearer = exists.and(point.distance.lt(least.distance));
             least.distance = R::select(nearer, point.distance, least.distance);
             least.rate = R::select(nearer, self.poses.normal_velocity(path, point, time), least.rate);
         }

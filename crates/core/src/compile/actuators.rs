@@ -71,6 +71,15 @@ pub struct CompiledWrench<S> {
     pub index: usize,
 }
 
+/// Meaning of the control of a motor with a torque-speed curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotorControl {
+    /// Force before the torque-speed curve limits it, N or N m.
+    Force,
+    /// Fraction of the motor's full voltage, -1 to 1.
+    Voltage,
+}
+
 /// Part of an actuator's dynamics that acts within a step: force bounds and affine forces, which may differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
@@ -78,8 +87,8 @@ pub struct CompiledActuatorDynamics<S> {
     pub index: usize,
     /// Whether the dynamics are a continuous servo (a PD law that acts within the step).
     pub servo: bool,
-    /// Whether the control is a voltage, for a motor with a torque-speed curve; `None` for other actuators.
-    pub motor: Option<bool>,
+    /// Control of a motor with a torque-speed curve; `None` for actuators without such a motor.
+    pub motor: Option<MotorControl>,
     /// Whether the actuator dynamics bound the force.
     pub limited: bool,
     /// Index of the dry friction row that contains the actuator's friction losses, and moment arm on its joint. `None` without losses.
@@ -225,7 +234,7 @@ impl<S: Scalar> Drives<S> {
             Transmission::Joint(j) if spec.loses() => row(j).map(|row| (row, S::from_f64(a.gear))),
             _ => None,
         };
-        let (servo, motor, limited) = (spec.is_continuous_servo(), spec.curve(), spec.is_limited());
+        let (servo, motor, limited) = (spec.is_continuous_servo(), motor_control(spec), spec.is_limited());
         let acts = servo || motor.is_some() || limited || losses.is_some();
         self.num_actuator_dynamics += usize::from(acts);
         acts.then(|| CompiledActuatorDynamics { index: self.num_actuator_dynamics - 1, servo, motor, limited, losses })
@@ -244,6 +253,11 @@ impl<S: Scalar> Drives<S> {
         let bounded = |a: &CompiledActuator<S>| a.force_range.is_some() || a.dynamics.is_some();
         self.servos.iter().any(|s| bounded(&self.actuators[s.actuator])) || self.force_ranges.iter().any(|r| r.has_servos)
     }
+}
+
+/// Meaning of the control of an actuator's motor; `None` without a torque-speed curve.
+fn motor_control(spec: &ActuatorSpec) -> Option<MotorControl> {
+    spec.curve().map(|is_voltage| if is_voltage { MotorControl::Voltage } else { MotorControl::Force })
 }
 
 fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {

@@ -20,7 +20,7 @@ mod static_pairs;
 mod tree;
 
 pub use crate::model::Kernel;
-pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledWrench, Spot};
+pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledWrench, MotorControl, Spot};
 pub use collision::{CompiledPair, DynamicPairs, NO_CONTACT_GROUP};
 pub use compiled_model::{CompiledModel, ModelStructure};
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, FramePath, Spring};

@@ -86,8 +86,13 @@ impl<S: Scalar> Source<'_, S> {
         let index = |g: usize| self.structure.geoms[g].index;
         let contact = move |p: GeomPair| {
             let [mu, torsion, rolling] = p.friction;
-            let more = |least: u8, x: f64| if p.condim > least { x } else { 0.0 };
-            ContactParams { mu: more(1, mu), torsion: more(3, torsion), rolling: more(4, rolling), restitution: p.restitution }
+            let coefficient = |least_condim: u8, x: f64| if p.condim >= least_condim { x } else { 0.0 };
+            ContactParams {
+                mu: coefficient(3, mu),
+                torsion: coefficient(4, torsion),
+                rolling: coefficient(6, rolling),
+                restitution: p.restitution,
+            }
         };
         let listed =
             self.structure.pairs.iter().map(move |p| filter.pair(p.geoms.map(index)).expect("a pair of the compiled model collides"));

@@ -139,8 +139,8 @@ impl<R: Real> ConstraintProblem<R> {
                 }
             },
         );
-        let new = velocity.contact_groups.new_lanes(contacts, &self.slots, &self.rows, &velocity.impulses);
-        self.rows.redundant = self.rows.redundant.and_not(lanes).or(new.and(lanes));
+        let newly_loaded = velocity.contact_groups.newly_loaded_lanes(contacts, &self.slots, &self.rows, &velocity.impulses);
+        self.rows.newly_loaded = self.rows.newly_loaded.and_not(lanes).or(newly_loaded.and(lanes));
     }
 
     /// Whether a doubtful collision, found in the predicted motion, activated a contact.
@@ -174,7 +174,7 @@ impl<R: Real> ConstraintProblem<R> {
     ///
     /// Deferred contacts whose gap closes without a collision remain deferred: their surfaces pass each other.
     #[inline(always)]
-    pub(crate) fn activate_satisfied(&mut self, velocity: &mut VelocitySolution<R>) {
+    pub(crate) fn activate_not_closing(&mut self, velocity: &mut VelocitySolution<R>) {
         R::vectorize(
             #[inline(always)]
             || {

@@ -305,14 +305,14 @@ impl<R: Real> Assembler<'_, R> {
         for (k, &[curve, before, correction]) in self.builder.velocity_terms.iter().enumerate() {
             let row = &mut self.problem.rows.scalars[start + k];
             let most = before.abs();
-            let kept = row.g + curve.clamp(-most, most);
-            let none = row.immovable().and(kept.square().le(rounding * self.builder.velocity_scales[scales + k]));
-            let kept = R::select(none, R::zero(), kept);
-            let corrected = kept + correction;
+            let uncorrected = row.g + curve.clamp(-most, most);
+            let none = row.immovable().and(uncorrected.square().le(rounding * self.builder.velocity_scales[scales + k]));
+            let uncorrected = R::select(none, R::zero(), uncorrected);
+            let corrected = uncorrected + correction;
             let (velocity, position) = match options.stabilization {
-                Stabilization::Baumgarte => (corrected, kept),
-                Stabilization::None => (kept, kept),
-                Stabilization::Split => (kept, corrected),
+                Stabilization::Baumgarte => (corrected, uncorrected),
+                Stabilization::None => (uncorrected, uncorrected),
+                Stabilization::Split => (uncorrected, corrected),
             };
             (row.g, row.position_g) = (velocity, position);
             let lambda = &mut self.velocity.impulses.scalars[start + k];

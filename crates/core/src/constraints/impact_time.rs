@@ -37,7 +37,7 @@ pub struct ImpactPrediction<R: Real> {
     /// Lanes in which the contact collides fast enough to bounce.
     pub collides: R::Mask,
     /// Lanes in which the contact touches and separates. Another impact elsewhere may close it, and both are then solved as one impact.
-    pub parts: R::Mask,
+    pub separates: R::Mask,
     /// Lanes in which the contact touches or is about to touch, and does not bounce.
     pub rests: R::Mask,
     /// Time of the bounce after the beginning of the step, s.
@@ -69,12 +69,12 @@ impl<R: Real> Flight<R> {
         let flies = (e * speed).gt((-change).max(zero) * h * R::of(0.5));
         let collides = lanes.and(meets).and(speed.gt(threshold)).and(flies);
         let (touches, here) = (gap.le(slop), before + change * time_before);
-        let parts = lanes.and(touches).and_not(meets).and(here.gt(threshold));
+        let separates = lanes.and(touches).and_not(meets).and(here.gt(threshold));
         // Gaps that a slow contact and gravity can close within the step. A fast contact with a remaining gap collides in the next step.
         let near = before.abs().le(threshold).and(gap.le(h * (threshold + h * gravity) + slop));
         let lies = touches.and(gap.lt(zero).or(here.abs().le(threshold)));
-        let rests = lanes.and(meets.or(lies).or(near)).and_not(collides).and_not(parts);
-        ImpactPrediction { collides, parts, rests, time: R::select(collides, time, time_before) }
+        let rests = lanes.and(meets.or(lies).or(near)).and_not(collides).and_not(separates);
+        ImpactPrediction { collides, separates, rests, time: R::select(collides, time, time_before) }
     }
 }
 
@@ -112,7 +112,7 @@ mod tests {
     fn an_overlap_collides_at_once_where_it_closes_and_never_where_it_parts() {
         assert_eq!(predict(-0.02, -1.0, -1.1, 0.5).time, 0.0);
         let parting = predict(-0.02, 1.0, 0.9, 0.5);
-        assert!(parting.collides.none() && parting.parts.any());
+        assert!(parting.collides.none() && parting.separates.any());
     }
 
     #[test]

@@ -159,7 +159,7 @@ impl<R: Real> ContactGroups<R> {
     ///
     /// The first impulses of such a group must be those of least norm, because the result of Gauss-Seidel iterations depends on the order
     /// of contacts.
-    pub(crate) fn new_lanes(
+    pub(crate) fn newly_loaded_lanes(
         &self,
         contacts: &Contacts<R>,
         assembled_slots: &[(usize, R::Mask)],

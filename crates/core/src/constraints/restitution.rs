@@ -138,16 +138,16 @@ impl<R: Real> Assembler<'_, R> {
                 let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
                 let (gap, time_before, h) = (slot.point.distance, assembly.time_before, assembly.h);
                 let flight = Flight { gap, before: before[0], free: free_eliminated[0], time_before, h };
-                let meeting = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
-                let bounces = meeting.collides.or(meeting.parts);
-                let (time_fraction, normal_factor) = (meeting.time / assembly.h, e + R::one());
+                let prediction = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
+                let bounces = prediction.collides.or(prediction.separates);
+                let (time_fraction, normal_factor) = (prediction.time / assembly.h, e + R::one());
                 let at = add_scaled(before, sub(free_eliminated, before), time_fraction);
                 for (k, offset) in offsets.iter_mut().enumerate() {
                     let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
                     offset[0] = R::select(bounces, at_impact, offset[0]);
                 }
                 self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor, rebound: R::zero() });
-                exists.and_not(elastic).or(bounces).or(meeting.rests)
+                exists.and_not(elastic).or(bounces).or(prediction.rests)
             },
         )
     }
@@ -180,7 +180,7 @@ impl<R: Real> ConstraintProblem<R> {
             lanes,
             after_impact,
             #[inline(always)]
-            |i, there, weights| rows.shift_contact(i, change, there, weights),
+            |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
         );
     }
 
@@ -201,7 +201,7 @@ impl<R: Real> ConstraintProblem<R> {
                     lanes,
                     before_impact,
                     #[inline(always)]
-                    |i, there, weights| rows.shift_contact(i, change, there, weights),
+                    |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
                 );
             },
         )
@@ -339,15 +339,15 @@ impl<R: Real> ImpactStep<'_, R> {
             #[inline(always)]
             || {
                 for (i, impact) in problem.impacts.iter().enumerate() {
-                    let there = self.lanes.and(impact.lanes);
-                    if there.none() {
+                    let impact_lanes = self.lanes.and(impact.lanes);
+                    if impact_lanes.none() {
                         continue;
                     }
                     let slot = problem.slot_of(i);
-                    let tunnelling_distance = tunnelling_distance(compiled, contacts, slot, there.bits());
+                    let tunnelling_distance = tunnelling_distance(compiled, contacts, slot, impact_lanes.bits());
                     let end = positions.normal_offset(i) * h;
                     let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
-                    positions.leave_out_contact(i, there.and(harmless));
+                    positions.leave_out_contact(i, impact_lanes.and(harmless));
                 }
             },
         )
@@ -372,23 +372,23 @@ impl<R: Real> PositionSolution<R> {
                 moved.fill(R::zero());
                 removed.fill(R::zero());
                 for (i, impact) in problem.impacts.iter().enumerate() {
-                    let there = lanes.and(impact.lanes);
-                    if there.none() {
+                    let impact_lanes = lanes.and(impact.lanes);
+                    if impact_lanes.none() {
                         continue;
                     }
-                    step.set_end_gap_offset(i, there, impulses, positions);
+                    step.set_end_gap_offset(i, impact_lanes, impulses, positions);
                     let weight = R::one() + (time_before / h - impact.time_fraction);
                     if i < sliding_contacts {
-                        let lambda = select(there, impulses.contacts[i], zero());
+                        let lambda = select(impact_lanes, impulses.contacts[i], zero());
                         rows.contacts.add(&rows.contacts[i], lambda, removed);
                         rows.contacts.add(&rows.contacts[i], scale(lambda, weight), moved);
-                        impulses.contacts[i] = select(there, zero(), impulses.contacts[i]);
+                        impulses.contacts[i] = select(impact_lanes, zero(), impulses.contacts[i]);
                     } else {
                         let k = i - sliding_contacts;
-                        let lambda = select(there, impulses.rolling_contacts[k], zero());
+                        let lambda = select(impact_lanes, impulses.rolling_contacts[k], zero());
                         rows.rolling_contacts.add(&rows.rolling_contacts[k], lambda, removed);
                         rows.rolling_contacts.add(&rows.rolling_contacts[k], scale(lambda, weight), moved);
-                        impulses.rolling_contacts[k] = select(there, zero(), impulses.rolling_contacts[k]);
+                        impulses.rolling_contacts[k] = select(impact_lanes, zero(), impulses.rolling_contacts[k]);
                     }
                 }
                 for (w, &removed) in impulses.w.iter_mut().zip(&*removed) {
@@ -414,7 +414,7 @@ impl<R: Real> PositionSolution<R> {
                     lanes,
                     after_impact,
                     #[inline(always)]
-                    |i, there, weights| positions.shift_contact(&problem.rows, i, change, there, weights),
+                    |i, impact_lanes, weights| positions.shift_contact(&problem.rows, i, change, impact_lanes, weights),
                 );
             },
         )
@@ -484,9 +484,9 @@ fn shift_impacts<R: Real>(
     mut shift: impl FnMut(usize, R::Mask, [R; 2]),
 ) {
     for (i, impact) in impacts.iter().enumerate() {
-        let there = lanes.and(impact.lanes);
-        if there.any() {
-            shift(i, there, [weight(impact.normal_factor, impact.time_fraction), weight(R::one(), impact.time_fraction)]);
+        let impact_lanes = lanes.and(impact.lanes);
+        if impact_lanes.any() {
+            shift(i, impact_lanes, [weight(impact.normal_factor, impact.time_fraction), weight(R::one(), impact.time_fraction)]);
         }
     }
 }

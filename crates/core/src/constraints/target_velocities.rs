@@ -45,18 +45,18 @@ impl<R: Real> Assembler<'_, R> {
             let most = (wanted * wanted + fastest * fastest).sqrt();
             correction = wanted * fastest / most.max(R::of(f64::from(f32::MIN_POSITIVE)));
         }
-        let kept = R::select(apart, phi / h, R::zero());
+        let uncorrected = R::select(apart, phi / h, R::zero());
         let corrected = R::select(apart, phi / h, -correction);
         match options.stabilization {
             Stabilization::Baumgarte => {
                 self.problem.biased = self.problem.biased.or(active.and(overlap.gt(R::zero())));
-                (corrected, kept)
+                (corrected, uncorrected)
             }
             Stabilization::Split => {
                 self.problem.needs_position_solve = self.problem.needs_position_solve.or(active.and(overlap.gt(R::zero())));
-                (kept, corrected)
+                (uncorrected, corrected)
             }
-            Stabilization::None => (kept, kept),
+            Stabilization::None => (uncorrected, uncorrected),
         }
     }
 }

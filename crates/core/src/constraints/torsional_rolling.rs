@@ -128,7 +128,7 @@ impl<R: Real> Assembler<'_, R> {
 /// Friction coefficients of the contacts in one slot, per lane.
 struct Friction<R: Real> {
     /// Coefficients of torsional and of rolling friction, m.
-    more: [R; 2],
+    spin_and_roll: [R; 2],
     /// Friction coefficient of the scaled rows: the sliding coefficient, or 1 for contacts without sliding friction.
     mu: R,
     /// Factor that is 1 for contacts with sliding friction, otherwise 0.
@@ -140,12 +140,13 @@ struct Friction<R: Real> {
 impl<R: Real> Friction<R> {
     #[inline(always)]
     fn of(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
-        let mut more = [R::zero(); 2];
+        let mut spin_and_roll = [R::zero(); 2];
         for (pair, lanes) in contacts.pairs(k, lanes) {
-            let (params, there) = (compiled.contact(pair), R::Mask::from_bits(lanes));
-            more = [R::select(there, params.torsion, more[0]), R::select(there, params.rolling, more[1])];
+            let (params, pair_lanes) = (compiled.contact(pair), R::Mask::from_bits(lanes));
+            spin_and_roll =
+                [R::select(pair_lanes, params.torsion, spin_and_roll[0]), R::select(pair_lanes, params.rolling, spin_and_roll[1])];
         }
-        Self { more, mu: R::one(), slides: R::zero(), scale: zero() }
+        Self { spin_and_roll, mu: R::one(), slides: R::zero(), scale: zero() }
     }
 
     #[inline(always)]
@@ -153,7 +154,7 @@ impl<R: Real> Friction<R> {
         let slides = mu.gt(R::zero());
         self.mu = R::select(slides, mu, R::one());
         self.slides = R::select(slides, R::one(), R::zero());
-        let [spin, roll] = self.more;
+        let [spin, roll] = self.spin_and_roll;
         self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
     }
 
@@ -162,8 +163,8 @@ impl<R: Real> Friction<R> {
     fn unscale(&self, torque: V3<R>) -> V3<R> {
         let mut out = torque;
         for i in 0..3 {
-            let there = self.scale[i].gt(R::zero());
-            out[i] = R::select(there, torque[i] / R::select(there, self.scale[i], R::one()), R::zero());
+            let exists = self.scale[i].gt(R::zero());
+            out[i] = R::select(exists, torque[i] / R::select(exists, self.scale[i], R::one()), R::zero());
         }
         out
     }

@@ -46,9 +46,9 @@ pub(crate) struct Scratch<R: Real> {
     /// Generalized impulses.
     pub(crate) impulse: Vec<R>,
     /// Velocity at which velocity-dependent forces are evaluated.
-    pub(crate) v_mean: Vec<R>,
+    pub(crate) force_velocity: Vec<R>,
     /// Mean velocity of the step; in lanes without inertial forces the velocity before the step.
-    pub(crate) v_forces: Vec<R>,
+    pub(crate) actuator_velocity: Vec<R>,
     /// Free velocity with recomputed forces.
     pub(crate) v_free_corrected: Vec<R>,
     /// Difference between the recomputed and the previous free velocity.
@@ -62,11 +62,30 @@ pub(crate) struct Scratch<R: Real> {
 impl<R: Real> Scratch<R> {
     /// Fills all buffers with NaN, for tests.
     pub(crate) fn poison(&mut self) {
-        let Self { velocity_by_impulses, velocity_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
-            self;
-        [velocity_by_impulses, velocity_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact]
-            .into_iter()
-            .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        let Self {
+            velocity_by_impulses,
+            velocity_change,
+            impulse,
+            force_velocity,
+            actuator_velocity,
+            v_free_corrected,
+            free_change,
+            v_half,
+            before_impact,
+        } = self;
+        [
+            velocity_by_impulses,
+            velocity_change,
+            impulse,
+            force_velocity,
+            actuator_velocity,
+            v_free_corrected,
+            free_change,
+            v_half,
+            before_impact,
+        ]
+        .into_iter()
+        .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 }
 
@@ -87,8 +106,8 @@ impl<R: Real> FreeMotion<R> {
                 velocity_by_impulses: v(),
                 velocity_change: v(),
                 impulse: v(),
-                v_mean: v(),
-                v_forces: v(),
+                force_velocity: v(),
+                actuator_velocity: v(),
                 v_free_corrected: v(),
                 free_change: v(),
                 v_half: v(),

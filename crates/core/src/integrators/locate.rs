@@ -23,10 +23,10 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     evaluation.scheme = scheme(input.options);
     evaluation.at_start = R::Mask::splat(false);
     evaluation.impacts.lanes = R::Mask::splat(false);
-    let too_fast = evaluate(input, evaluation, free, probe);
-    if too_fast.any() {
-        evaluation.at_start = too_fast;
-        evaluation.scheme.move_to(R::zero(), too_fast);
+    let unreliable = evaluate(input, evaluation, free, probe);
+    if unreliable.any() {
+        evaluation.at_start = unreliable;
+        evaluation.scheme.move_to(R::zero(), unreliable);
         evaluate(input, evaluation, free, probe);
     }
     if !evaluation.scheme.in_the_middle {

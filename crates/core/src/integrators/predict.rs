@@ -65,22 +65,22 @@ pub(crate) fn correct_free_velocity<R: Real>(
 ) {
     let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, scratch, .. } = &mut *free;
-    let Scratch { velocity_by_impulses, v_mean, v_free_corrected, free_change, .. } = scratch;
+    let Scratch { velocity_by_impulses, force_velocity, v_free_corrected, free_change, .. } = scratch;
     velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
     ignore_large_impacts(scheme, v, velocity_by_impulses);
     advance(v, velocity_by_impulses, R::one(), v_expected);
-    blend(&state.v, v_expected, scheme.velocity_weight, v_mean);
+    blend(&state.v, v_expected, scheme.velocity_weight, force_velocity);
     // Without servos, no force of stage 1 depends on the velocity. With servos, their explicit parts do.
     if !compiled.servos.is_empty() {
         probe.span(Span::Actuate, || {
-            actuate(compiled, &context.forces_at(v_mean), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
+            actuate(compiled, &context.forces_at(force_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
         });
     }
-    probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, v_mean));
+    probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity));
     advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
     if !compiled.spinners.is_empty() && scheme.in_the_middle {
         let times = [scheme.time_before, scheme.time_after];
-        gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, v_mean], v_free_corrected);
+        gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, force_velocity], v_free_corrected);
     }
     advance(v_free_corrected, v, -R::one(), free_change);
     let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);
@@ -120,27 +120,27 @@ fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut 
 fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
-    let Scratch { v_mean: zero_velocity, v_forces, v_free_corrected, free_change, .. } = scratch;
+    let Scratch { force_velocity: zero_velocity, actuator_velocity, v_free_corrected, free_change, .. } = scratch;
     // The forces in the other lanes must remain those at their mean velocity, to the bit, because further solutions read them.
     R::vectorize(
         #[inline(always)]
         || {
             for i in 0..compiled.nv {
                 let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;
-                v_forces[i] = R::select(*unresolved, state.v[i], mean);
+                actuator_velocity[i] = R::select(*unresolved, state.v[i], mean);
             }
         },
     );
-    actuate(compiled, &context.forces_at(v_forces), Some(scheme.implicit_servos_at_prediction()), actuator_forces);
+    actuate(compiled, &context.forces_at(actuator_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces);
     zero_velocity.fill(R::zero());
     smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, zero_velocity);
     R::vectorize(
         #[inline(always)]
         || {
             for i in 0..compiled.nv {
-                let still = state.v[i] + smooth.acc[i] * scheme.h;
-                v_free_corrected[i] = R::select(*unresolved, still, v_free_corrected[i]);
-                free_change[i] = R::select(*unresolved, still - v[i], free_change[i]);
+                let v_without_inertial_forces = state.v[i] + smooth.acc[i] * scheme.h;
+                v_free_corrected[i] = R::select(*unresolved, v_without_inertial_forces, v_free_corrected[i]);
+                free_change[i] = R::select(*unresolved, v_without_inertial_forces - v[i], free_change[i]);
             }
         },
     )

@@ -85,7 +85,7 @@ pub(crate) fn solve_velocities<R: Real>(
             (begins, reassemblies) = (true, reassemblies + 1);
         }
     };
-    problem.activate_satisfied(velocity);
+    problem.activate_not_closing(velocity);
     probe.span(Span::Solve, || resolve_ambiguous(context, free, problem, velocity, &mut outcome));
     count_effort(&outcome, problem, probe);
     (outcome, inelastic.or(disagrees))

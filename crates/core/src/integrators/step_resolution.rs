@@ -131,7 +131,7 @@ pub struct StepResolution<R: Real> {
     /// Limited velocity after the step, nv.
     pub(crate) v_limited: Vec<R>,
     /// Velocity at which inertial forces are evaluated, nv.
-    v_forces: Vec<R>,
+    force_velocity: Vec<R>,
     kinematics: Kinematics<R>,
     velocity: Vec<V6<R>>,
     change: Vec<V6<R>>,
@@ -150,7 +150,7 @@ impl<R: Real> StepResolution<R> {
         Self {
             q_end: vec![R::zero(); compiled.nq],
             v_limited: vec![R::zero(); compiled.nv],
-            v_forces: vec![R::zero(); compiled.nv],
+            force_velocity: vec![R::zero(); compiled.nv],
             kinematics: Kinematics::new(compiled),
             velocity: vec![zero(); compiled.links.len()],
             change: vec![zero(); compiled.links.len()],
@@ -163,7 +163,7 @@ impl<R: Real> StepResolution<R> {
     /// Lanes in which the error of a step of `h` seconds adds so much kinetic energy that the step counts as unresolved.
     ///
     /// The work of forces and impulses f is f . (v + v+) / 2, and f = M (v+ - v) + h c. M is the mass matrix and c the inertial force, both
-    /// in the `middle` and at the velocity `v_mean`. The energy gained by the error of the step is therefore
+    /// in the `middle` and at the velocity `force_velocity`. The energy gained by the error of the step is therefore
     ///
     /// ```text
     /// K(q+, v+) - K(q, v) - (v + v+) / 2 . (M (v+ - v) + h c),
@@ -185,7 +185,7 @@ impl<R: Real> StepResolution<R> {
     ) -> R::Mask {
         let before = [q, v];
         self.place_mocap(compiled, middle);
-        blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.v_forces);
+        blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.force_velocity);
         let (h, v_free) = (scheme.h, &free.v);
         R::vectorize(
             #[inline(always)]
@@ -199,7 +199,7 @@ impl<R: Real> StepResolution<R> {
                 }
                 middle.velocities(compiled, mean, &mut self.velocity);
                 middle.velocities(compiled, change, &mut self.change);
-                link_forces(compiled, middle, &self.v_forces, &mut self.newton_euler);
+                link_forces(compiled, middle, &self.force_velocity, &mut self.newton_euler);
                 let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
                 for l in 0..compiled.links.len() {
                     if !self.single_link[l] {
@@ -227,7 +227,7 @@ impl<R: Real> StepResolution<R> {
 
     /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
     pub(crate) fn poison(&mut self) {
-        [&mut self.q_end, &mut self.v_limited, &mut self.v_forces].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        [&mut self.q_end, &mut self.v_limited, &mut self.force_velocity].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
     /// Sets the poses of mocap bodies to those in `middle`, the poses in the middle of the step.

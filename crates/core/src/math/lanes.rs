@@ -17,19 +17,19 @@ pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize)
 
 /// Destination lanes in a group, to which the columns (the values of one lane each) of another group are copied.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Target {
+pub(crate) enum DestinationLanes {
     /// Consecutive lanes from this index on, one for each copied column.
-    From(usize),
+    StartingAt(usize),
     /// All lanes of this set (bits). Each gets a copy of the first column.
     Each(u32),
 }
 
 /// Writes `n` columns to the destination lanes of lane-interleaved values.
-pub(crate) fn set_columns<T: Copy>(rows: &mut [T], lanes: usize, to: Target, n: usize, columns: &[T]) {
+pub(crate) fn set_columns<T: Copy>(rows: &mut [T], lanes: usize, to: DestinationLanes, n: usize, columns: &[T]) {
     for (row, column) in rows.chunks_exact_mut(lanes).zip(columns.chunks_exact(n)) {
         match to {
-            Target::From(first) => row[first..first + n].copy_from_slice(column),
-            Target::Each(set) => each_of(set).for_each(|lane| row[lane] = column[0]),
+            DestinationLanes::StartingAt(first) => row[first..first + n].copy_from_slice(column),
+            DestinationLanes::Each(set) => each_of(set).for_each(|lane| row[lane] = column[0]),
         }
     }
 }
@@ -40,10 +40,10 @@ pub(crate) fn lane_bits(set: u32, first: usize, n: usize) -> u32 {
 }
 
 /// Replaces the bits of the destination lanes in a set of lanes by the `n` lowest bits of `bits`.
-pub(crate) fn set_lane_bits(set: &mut u32, to: Target, n: usize, bits: u32) {
+pub(crate) fn set_lane_bits(set: &mut u32, to: DestinationLanes, n: usize, bits: u32) {
     let (there, bits) = match to {
-        Target::From(first) => ((((1u64 << n) - 1) as u32) << first, bits << first),
-        Target::Each(lanes) => (lanes, if bits & 1 == 1 { lanes } else { 0 }),
+        DestinationLanes::StartingAt(first) => ((((1u64 << n) - 1) as u32) << first, bits << first),
+        DestinationLanes::Each(lanes) => (lanes, if bits & 1 == 1 { lanes } else { 0 }),
     };
     *set = *set & !there | bits;
 }

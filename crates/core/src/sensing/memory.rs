@@ -5,7 +5,7 @@ use stepper_real::Scalar;
 
 use crate::compile::ModelStructure;
 use crate::math::lanes::MAX_LANES;
-use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::errors::Keys;
 
 /// Memory of the sensors of a group of environments: random number state, results of the last step, and values of the transfer functions.
@@ -138,7 +138,7 @@ impl<S: Scalar> Memory<S> {
     }
 
     /// Copies `part`, the memory of `n` lanes, to the lanes `target`.
-    pub(crate) fn set_part(&mut self, target: Target, n: usize, part: &Self) {
+    pub(crate) fn set_part(&mut self, target: DestinationLanes, n: usize, part: &Self) {
         let lanes = self.seed.len();
         set_lane_bits(&mut self.fresh, target, n, part.fresh);
         set_lane_bits(&mut self.waiting, target, n, part.waiting);

@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::actuation::affine_force::{AffineForce, exceeds_range, within};
 use crate::actuation::force_limits::{clamp_to_limits, exceeds_limits};
 use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos};
-use crate::compile::{ActuatorParams, CompiledActuator, LaneModel};
+use crate::compile::{ActuatorParams, CompiledActuator, LaneModel, MotorControl};
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
@@ -170,8 +170,8 @@ fn nearest_equivalent_angle<R: Real>(
     }
     let turn = R::splat(turn);
     let nearest = input - turn * ((input - angle) / turn).round_even();
-    let alone = gain[1].eq(R::zero()).and(gain[2].eq(R::zero()));
-    R::select(alone.and(gain[0].eq(-bias[1])), nearest, input)
+    let gain_is_constant = gain[1].eq(R::zero()).and(gain[2].eq(R::zero()));
+    R::select(gain_is_constant.and(gain[0].eq(-bias[1])), nearest, input)
 }
 
 /// Setpoint of an activation filter: the control `u`. For an angular servo it is the equivalent angle nearest to the activation `at`.
@@ -201,7 +201,9 @@ fn affine_force<R: Real>(
         (slope, rate) = (numbers.slope, numbers.rate);
     }
     match dynamics.motor {
-        Some(true) => AffineForce { level: level * numbers.stall, slope: slope * numbers.stall, rate: rate * numbers.stall - numbers.drag },
+        Some(MotorControl::Voltage) => {
+            AffineForce { level: level * numbers.stall, slope: slope * numbers.stall, rate: rate * numbers.stall - numbers.drag }
+        }
         _ => AffineForce { level, slope, rate },
     }
 }

@@ -46,9 +46,9 @@ pub fn detect<R: Real>(
     }
     probe.count(Counter::NearPairs, || (collision.near_count + collision.broad.pairs.len()) as f64);
     probe.span(Span::NarrowPhase, || {
-        let too_far = find_contacts(compiled, kinematics, v, [h, time_before], checks_passing, collision, contacts);
+        let unreliable = find_contacts(compiled, kinematics, v, [h, time_before], checks_passing, collision, contacts);
         collision.reduction.reduce(compiled, contacts);
-        too_far
+        unreliable
     })
 }
 
@@ -99,8 +99,8 @@ fn find_contacts<R: Real>(
 ) -> R::Mask {
     let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, search, .. } = collision;
     let (near, slack) = (&near[..*near_count], *slack);
-    let is_thin = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
-    let checks_passing = checks_passing && (compiled.dynamic_pairs.is_some() || near.iter().any(is_thin));
+    let can_be_passed = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
+    let checks_passing = checks_passing && (compiled.dynamic_pairs.is_some() || near.iter().any(can_be_passed));
     if checks_passing && compiled.static_pairs.is_empty() {
         R::vectorize(
             #[inline(always)]
@@ -127,15 +127,15 @@ fn find_contacts<R: Real>(
                 }
             }
             scene.test_packed(packed);
-            let mut too_far = R::Mask::splat(false);
+            let mut unreliable = R::Mask::splat(false);
             for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                too_far = too_far.or(scene.collide(index, &compiled.pairs[index], lanes, packed, search, contacts));
+                unreliable = unreliable.or(scene.collide(index, &compiled.pairs[index], lanes, packed, search, contacts));
             }
             for (number, lanes, pair) in &*dynamic {
-                too_far = too_far.or(scene.collide(*number, pair, *lanes, packed, search, contacts));
+                unreliable = unreliable.or(scene.collide(*number, pair, *lanes, packed, search, contacts));
             }
-            too_far
+            unreliable
         },
     )
 }

@@ -137,11 +137,12 @@ impl<R: Real> ImpulsePredictor<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let turn = h * fastest(v);
-                let slow = (turn * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
-                let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), turn));
-                let moving = is_moving(turn);
-                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(velocity.contact_groups.lanes());
+                let displacement = h * fastest(v);
+                let slow = (displacement * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
+                let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), displacement));
+                let moving = is_moving(displacement);
+                let rough =
+                    displacement.gt(R::of(least)).and(displacement.lt(R::of(ROUGH_MOTION))).and_not(velocity.contact_groups.lanes());
                 Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
             },
         )
@@ -193,10 +194,10 @@ pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
     )
 }
 
-/// Lanes that are not at rest. `turn` is the largest displacement of a degree of freedom within the step, m or rad.
+/// Lanes that are not at rest. `displacement` is the largest displacement of a degree of freedom within the step, m or rad.
 #[inline(always)]
-fn is_moving<R: Real>(turn: R) -> R::Mask {
-    turn.gt(R::of(REST_MOTION))
+fn is_moving<R: Real>(displacement: R) -> R::Mask {
+    displacement.gt(R::of(REST_MOTION))
 }
 
 #[inline(always)]

@@ -152,9 +152,9 @@ impl Simulation {
         if self.randomization.is_empty() {
             return Cow::Borrowed(shared);
         }
-        let own = self.differences(&[], &[env]).expect("checked when it was assigned");
+        let differences = self.differences(&[], &[env]).expect("checked when it was assigned");
         let mut compiled = shared.clone();
-        compiled.params.set(&own[0]);
+        compiled.params.set(&differences[0]);
         Cow::Owned(compiled)
     }
 }

@@ -20,11 +20,11 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::store_impulses;
 use crate::stages::s10_record::Record;
 
-/// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. `s` has the state and the inputs,
-/// and receives the next state.
+/// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
+/// the inputs, and receives the next state.
 ///
-/// Each stage is a kernel, compiled once for every lane type and CPU level. The code between the stages is compiled into this kernel,
-/// because lane masks are vectors too. Outside a kernel every operation on them is a function call.
+/// Each stage is a kernel: a function that is compiled once for every lane type and CPU level. This function is a kernel too, because it
+/// has lane masks, which are vectors. Outside a kernel every operation on a vector is a function call.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -38,7 +38,7 @@ pub fn step<R: Real>(
     )
 }
 
-/// Makes stages 1 to 10, and accepts the next state before stage 9.
+/// Executes stages 1 to 10. The next state is accepted between stages 8 and 9.
 #[inline(always)]
 fn run_stages<R: Real>(
     compiled: &LaneModel<R>,
@@ -52,15 +52,14 @@ fn run_stages<R: Real>(
         s.poison();
     }
     s.evaluation.collision.begin_step();
-    // 1 actuate: the actuator pipelines convert the user's controls.
+    // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
     probe.span(Span::ActuatorPipelines, || {
         let Workspace { state, user_controls, inputs, alive, .. } = s;
         run_actuator_pipelines(compiled, options, state, user_controls, inputs, *alive, devices);
     });
     let outcome = match options.contact {
         ContactLaw::Hard => solve_step(compiled, options, s, probe),
-        // Stages 1 to 7 with MuJoCo's contact law. Stage 8 is not needed, because remaining depth and loop errors are the softness of this
-        // law.
+        // Stages 1 to 7 with MuJoCo's contact law. It has no stage 8, because overlaps and errors of closed loops are a part of this law.
         ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
     };
     let finite = probe.span(Span::Accept, || {
@@ -74,7 +73,8 @@ fn run_stages<R: Real>(
     probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
     // 10 record
     let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
-    // The surfaces of these contacts have passed each other, so that the next step must not start from them.
+    // A contact that is still deferred (left out by the solver) is not stored for the next step: its surfaces have passed each other
+    // without touching.
     problem.remove_deferred(&mut state.contacts);
     record
 }
@@ -84,17 +84,19 @@ fn run_stages<R: Real>(
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
     let (collisions, guard, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
-    // 1 actuate, 2 smooth dynamics, 3 detect: at the evaluation point. The loop in `locate` moves the point for fast bodies and impacts.
+    // 1 actuate, 2 smooth dynamics, 3 detect, at the evaluation point of the step. A loop in `locate` moves this point in lanes with fast
+    // bodies or impacts.
     locate(StepInput { compiled, options, state, inputs, alive }, evaluation, free, probe);
     probe.span(Span::WarmStart, || evaluation.match_contacts(compiled, &mut state.contacts));
     probe.count(Counter::Contacts, || evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     let input = StepInput { compiled, options, state, inputs, alive };
     let context = StepContext { input, evaluation };
-    // 4 assemble, 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
-    // After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
+    // 4 assemble, 5 solve, 6 integrate velocity. A loop in `solve_velocities` repeats them until the solution satisfies the assumptions of
+    // the assembly. After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
     let (solver, inconsistent) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
     let mut outcome = bound_velocities(context, free, problem, velocity, position, solver, probe);
-    // With the Runge-Kutta method, the solution of lanes without constraints is replaced below.
+    // With the Runge-Kutta method, `replace_step` below replaces the solution of lanes without constraints. Their energy is not checked
+    // here.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved =
         probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, guard, excluded)).or(inconsistent);
@@ -118,7 +120,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
         velocity.poison_impulses();
     }
     if let Some(rk4) = &mut s.rk4 {
-        // Resolved lanes without constraints get the result of the Runge-Kutta method.
+        // Lanes without constraints whose motion is not too fast for the time step get the result of the Runge-Kutta method.
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));
         probe.span(Span::Rk4, || rk4.replace_step(StepContext { input, evaluation }, lanes, velocity, position));
     }

@@ -10,9 +10,8 @@
 //! 4. their bodies are excluded;
 //! 5. neither's `contype` shares a bit with the other's `conaffinity`.
 //!
-//! Excluded overlaps ([`Description::excluded_overlaps`]) take precedence over explicit pairs. Like `<exclude>`, and like
-//! `disable_collisions` of links in SRDF, an excluded overlap disables all contacts between two bodies. If one of the bodies is the world,
-//! it disables the contacts between the two overlapping geoms only.
+//! Excluded overlaps ([`Description::excluded_overlaps`]) are checked before explicit pairs. Each excludes two bodies, like `<exclude>` in
+//! MJCF and `disable_collisions` in SRDF. If one body is the world, it excludes only the two geoms.
 //!
 //! Margins and gaps of a pair are **sums** of those of the geoms. A gap is beyond the margin: a contact is found within margin + gap, and
 //! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`). MuJoCo 2 and 3 used the larger of two margins, and contacts
@@ -294,7 +293,8 @@ fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
     if spring.is_rigid() { restitution } else { 0.0 }
 }
 
-/// Combines the contact parameters of two geoms without an explicit pair.
+/// Combines the contact parameters of two geoms without an explicit pair. The geom with the higher priority determines the friction; with
+/// equal priorities each coefficient is the larger of the two.
 fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
     let (order, condim) = precedence([a, b]);
     let friction = match order {

@@ -112,9 +112,7 @@ impl<'a> Variants<'a> {
         Ok(Self { base, model: base.clone(), fields, overrides })
     }
 
-    /// Variant with new values. `values` has one entry for each field, in the order of the names in [`Variants::new`].
-    ///
-    /// A field whose entry is `None` gets the values of the base model, which are in `own` in the same order.
+    /// Variant with the values `values`, one entry per field; `None` selects the entry of `base_values`, the values of the base model.
     ///
     /// # Errors
     /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a number would add rows or terms that the base does not have.
@@ -142,10 +140,8 @@ fn same_structure(base: &Model, model: &Model) -> Checked {
 
 type Checked = Result<(), ModelError>;
 
-/// Error for a new value of a variant that needs a feature that the base model lacks.
-///
-/// `place` is the element, and `new` the new value of its field `field`. `lack` describes what the base model lacks, and `first` what to
-/// add to the base model.
+/// Error for the element `place` of a variant. Its new value `new` of `field` requires the feature `lack`, which the base model does not
+/// have there.
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
     let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))

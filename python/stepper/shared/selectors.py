@@ -478,7 +478,8 @@ def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int
         given = given.reshape(*lead, *(1 for _ in tail))
     elif given.shape not in ((), (*lead, *tail)):
         shapes = dict.fromkeys(str(shape) for shape in ((*lead, *tail), lead) if shape)
-        # One row for all environments would be ambiguous: if environments and numbers are equally many, it can be a number per environment.
+        # A row of numbers for all environments is not allowed. If it had as many numbers as there are environments, it would mean one
+        # number per environment.
         remedy = f"; np.broadcast_to(value, {(*lead, *tail)}) gives all environments the same" if given.shape == tail and lead else ""
         raise ValueError(f"{what} has shape {given.shape}, must be {' or '.join([*shapes, 'a single number'])}{remedy}")
     return np.broadcast_to(given, (*lead, *tail))

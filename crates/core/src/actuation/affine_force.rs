@@ -1,11 +1,13 @@
-//! Affine forces of actuators, f = level + slope * length + rate * velocity, and their split into an explicit part and added inertia.
+//! Affine forces of actuators, f = level + slope * length + rate * velocity. Each is split into an explicit part and an added inertia of
+//! the mass matrix.
 
 use stepper_real::{Mask, Real};
 
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
-/// Parameters of the part of an actuator's dynamics that acts within a step, per lane, before the actuator's gear.
+/// Parameters of the part of an actuator's dynamics that acts within a step, per lane. Forces and lengths are those of the actuator, as
+/// MuJoCo's `actuator_force` and `actuator_length`; the joint force is the actuator's force times `gear`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ActuatorDynamics<R> {
     /// Factor of the length in the force of a continuous servo, N or N m per unit of length.
@@ -70,9 +72,9 @@ impl<R: Real> AffineForce<R> {
 /// Inverse of the inertia that an actuator moves, and other properties of the joints that it drives.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EffectiveInertia<R> {
-    /// Inverse of the inertia along the actuator's moment (gear included), 1/kg or 1/(kg m^2).
+    /// Mobility: inverse of the inertia along the actuator's moment, 1/kg or 1/(kg m^2). Moment arms include the actuator's `gear`.
     pub(super) mobility: R,
-    /// Ratio of joint damping to inertia, 1/s: the rate at which joint damping slows the actuator down.
+    /// Rate at which joint damping slows the actuator down, 1/s: damping divided by inertia.
     pub(super) slowing: R,
     /// Estimated change of the actuator's velocity by the constraint impulses of the last step. The estimate neglects the coupling of
     /// joints.
@@ -80,8 +82,8 @@ pub(crate) struct EffectiveInertia<R> {
 }
 
 impl<R: Real> EffectiveInertia<R> {
-    /// Effective inertia with a further degree of freedom, whose moment arm is `arm`. `slowing` becomes a sum weighted by the inverse
-    /// inertias.
+    /// Effective inertia with one more degree of freedom, whose moment arm is `arm`. `slowing` is a sum here; the caller divides it by the
+    /// mobility to get a weighted mean.
     #[inline(always)]
     pub(super) fn with(self, arm: R, [inertia, impulse]: [R; 2], damping: R) -> Self {
         let inverse = inertia.recip();
@@ -93,7 +95,7 @@ impl<R: Real> EffectiveInertia<R> {
         }
     }
 
-    /// Ratio of damping to inertia, 1/s. The damping is that of the joints plus `damping`, that of the actuator.
+    /// Rate at which the damping of the joints and `damping`, that of the actuator, slow the actuator down, 1/s.
     #[inline(always)]
     pub(crate) fn rate(self, damping: R) -> R {
         self.mobility * damping + self.slowing

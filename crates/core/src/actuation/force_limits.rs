@@ -6,11 +6,12 @@ use crate::actuation::affine_force::{ActuatorDynamics, EffectiveInertia};
 use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
-/// Force of an actuator within a step: its affine force, clamped to the force limits and to the torque-speed curve of its motor.
+/// Force of an actuator with dynamics within a step: its affine force, clamped to the force limits and to the torque-speed curve of its
+/// motor.
 ///
-/// The force is `f = clamp(clamp(affine, limits), +-stall - drag v)`. It is piecewise affine in the motion, and decreasing where the affine
-/// force opposes the motion. The active bound selects the piece, which the step treats implicitly. The step finds the active bound by
-/// semismooth Newton iterations: solve with the assumed active bound, then replace it with that of the solution (Qi & Sun 1993).
+/// The force is `f = clamp(clamp(affine, limits), +-stall - drag v)`. It is piecewise affine in the motion. The active bound selects the
+/// affine piece, which the step treats implicitly. The step finds the active bound by semismooth Newton iterations: it solves with the
+/// assumed active bound, and then assumes that of the solution (Qi & Sun 1993).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoundedForce<R: Real> {
     /// Explicit part and added inertia of the affine force, before clamping.
@@ -42,10 +43,11 @@ impl<R: Real> BoundedForce<R> {
         (self.affine, self.before, self.effective_inertia) = (affine, before, effective_inertia);
     }
 
-    /// Guesses the active bound before the first prediction of the velocity after the step.
+    /// Sets the active bound with which the force enters the step's first guess of the velocity change.
     ///
-    /// A force without added inertia gets the active bound at the velocity before the step; any other force gets none. The resulting force
-    /// is the input of [`ActuatorForces::guess_active_bounds`], which then replaces the guess.
+    /// A force without added inertia gets the active bound at the velocity before the step; any other force gets none. With the resulting
+    /// forces, [`ActuatorForces::guess_active_bounds`] guesses the velocity change in the step. It then replaces this active bound by that
+    /// at the guessed velocity.
     ///
     /// [`ActuatorForces::guess_active_bounds`]: crate::actuation::forces::ActuatorForces::guess_active_bounds
     #[inline(always)]
@@ -57,8 +59,8 @@ impl<R: Real> BoundedForce<R> {
         (self.at_limit, self.on_curve, self.at_upper) = (at_limit.and(is_explicit), curve.and(is_explicit), upper.and(is_explicit));
     }
 
-    /// Updates the active bound (force limit or torque-speed curve) to that of a step in which the actuator's length has the mean
-    /// acceleration `acceleration`. Returns the lanes in which it changed.
+    /// Updates the active bound (force limit or torque-speed curve) to that of a step with the mean acceleration `acceleration` of the
+    /// actuator's length. Returns the lanes in which the active bound changed.
     #[inline(always)]
     pub(super) fn update_active_bound(
         &mut self,

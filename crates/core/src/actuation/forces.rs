@@ -1,21 +1,21 @@
 //! Forces of actuators and springs with their added inertia, which stage 1 passes to stage 2.
 //!
-//! A coordinate x = a . q with moment a has a spring k and a damper d. A step of length h evaluates their force at the end of its effect on
-//! x, to first order:
+//! A coordinate x = a . q with moment a has a spring k and a damper d. Their force in a step of length h includes the effect of the
+//! velocity change dv = v+ - v of the same step, to first order:
 //!
 //! ```text
 //! midpoint:  f = -k (x_mid + h/4 a.dv - x0) - d (xdot + 1/2 a.dv)     (M + (h/2 d + h^2/4 k) a a^T) dv = h (...)
 //! implicit:  f = -k (x + h xdot + h a.dv - x0) - d (xdot + a.dv)      (M + (h d + h^2 k) a a^T) dv = h (...)
 //! ```
 //!
-//! with dv = v+ - v. The first is the implicit midpoint rule. It is A-stable and conserves the energy of linear springs (Hairer, Lubich &
-//! Wanner 2006, theorem IV.2.1). The second is backward Euler's rule, which is L-stable. The matrix keeps the sparsity of the tree if the
-//! dofs of a moment lie on one chain. Otherwise the diagonal matrix |a_i| sum_j |a_j| replaces a a^T. It is not smaller (Gershgorin), so
-//! this added inertia gives the same stability.
+//! The first is the implicit midpoint rule, with x_mid in the middle of the step. It is A-stable and conserves the energy of linear springs
+//! (Hairer, Lubich & Wanner 2006, theorem IV.2.1). The second is backward Euler's rule, which is L-stable. The matrix keeps the sparsity of
+//! the tree if the degrees of freedom of the moment lie on one chain of joints. Otherwise the diagonal matrix |a_i| sum_j |a_j| replaces a
+//! a^T. It is an upper bound of a a^T (Gershgorin), so that the rule remains stable.
 //!
-//! If a step does not resolve a spring or damper, the midpoint rule keeps its amplitude and reverses it in every step: its amplification
-//! tends to -1. With damping the true motion dies out. The step therefore evaluates more of it at its end, by `s = z / (6 + z)`, `z = h d /
-//! m`, where m is the inertia from the diagonal of M:
+//! The midpoint rule does not damp a motion that is too fast for the step: its amplification tends to -1, while the true motion dies out.
+//! With damping, the force is therefore shifted toward the end of the step by the share `s = z / (6 + z)`, `z = h d / m`. Here m is the
+//! inertia from the diagonal of M:
 //!
 //! ```text
 //! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
@@ -29,16 +29,17 @@
 //! In all these forms the whole force in the step is `f = e - (w/h) a.dv`. Here e is the explicit part, which stage 1 passes to stage
 //! 2, and w is the added inertia, kg or kg m^2. The mass matrix with w a a^T supplies the second term.
 //!
-//! The active bound of a servo is none, the lower or upper bound of its force, or the torque-speed curve of its motor. With none, the servo
-//! contributes e and w. At a bound of its force it contributes that bound, without added inertia. On its curve a motor contributes its
-//! stall torque, and its back-EMF as a damper.
+//! A servo is an actuator whose force depends on its length or velocity. Its active bound is none, the lower or upper bound of its force,
+//! or the torque-speed curve of its motor. With none, the servo contributes e and w. At a bound of its force it contributes that bound,
+//! without added inertia. On its curve a motor contributes its stall torque, and its back-EMF as a damper.
 //!
-//! The mass matrix depends on the active bounds, so that a step assumes them before it factors the matrix. It then guesses the velocity
-//! after the step, and neglects the coupling of joints. Later velocities may give other active bounds:
+//! The mass matrix depends on the active bounds, so that a step must assume them before it factors the matrix. It takes them from a guess
+//! of dv, in which no joint moves another one. Later the step has a better dv: first the predicted one, then that of the solution. A trial
+//! computes the forces and active bounds at such a dv. They may differ from the assumed ones:
 //!
 //! * A servo is stiff if its added inertia is at least the inertia that it moves. If the solution gives a stiff servo another active bound,
-//!   the step assumes that one and solves again (`solve_velocities`).
-//! * For any other servo the step keeps the assumed active bound, and stage 1 clamps the force at the predicted velocity.
+//!   the step assumes the new bound and solves again (`solve_velocities`).
+//! * For any other servo the added inertia stays as assumed, and stage 1 corrects the force: it clamps the force at the predicted velocity.
 
 use stepper_real::{Mask, Real};
 
@@ -50,8 +51,8 @@ use crate::math::spatial::*;
 
 /// Ratio of a servo's added inertia to the inertia that it moves, at or above which the servo counts as stiff.
 ///
-/// Evidence: with 0.3, a G1 with a third of its efforts takes 1.7 times as long. With infinity, a stiff arm has up to 2.5 times the error
-/// (docs/development/decisions/stiff_servos.md).
+/// Evidence: with 0.3, a Unitree G1 whose force limits are a third of the real ones takes 1.7 times as long. With infinity, a stiff arm has
+/// up to 2.5 times the error (docs/development/decisions/stiff_servos.md).
 const STIFF_SERVO: f64 = 1.0;
 
 /// Implicit terms that a step adds to the mass matrix.
@@ -75,7 +76,7 @@ impl<R: Real> Implicit<'_, R> {
     }
 }
 
-/// Selection of the servos with implicit forces in stage 1, and their weights.
+/// Selection of the servos whose forces stage 1 treats implicitly, and the weights of their damping and stiffness.
 #[derive(Clone, Copy, Debug)]
 pub struct ImplicitServos<R> {
     /// Weights of the damping and stiffness of servos in their added inertia.
@@ -84,7 +85,7 @@ pub struct ImplicitServos<R> {
     pub h: R,
     /// Whether all servos are implicit; otherwise only those of actuator dynamics are.
     pub all: bool,
-    /// Whether explicit forces are evaluated at the predicted mean velocity of the step.
+    /// Whether the velocity after the step is predicted, so that stage 1 can clamp forces at it.
     pub predicted: bool,
 }
 
@@ -131,30 +132,30 @@ pub struct ActuatorForces<R: Real> {
     pub force: Vec<R>,
     /// Added inertia of each servo, kg m^2 or kg; zero for an explicit force or a force at a bound.
     pub added_inertia: Vec<R>,
-    /// Inertia that each servo moves. Only the midpoint rule and models with bounded servos compute it; otherwise its mobility is zero.
+    /// Inertia that each servo moves. It is computed only for the midpoint rule and for models with bounded servos; otherwise its mobility
+    /// is zero.
     pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,
     /// Lanes in which the step assumes that a servo is at a bound of its `force_range`.
     assumed_saturated: Vec<R::Mask>,
-    /// Lanes in which the step assumes a constant force of a servo, without added inertia. There the servo, or a sum that contains its
-    /// force, is at a bound.
+    /// Lanes in which the step assumes that a servo has a constant force and no added inertia, because its force, or a bounded sum that
+    /// contains it, is at a bound.
     fixed: Vec<R::Mask>,
     /// Force of each servo in the lanes `fixed`, N or N m.
     fixed_force: Vec<R>,
     /// Lanes in which each servo is stiff: its added inertia is at least [`STIFF_SERVO`] times the inertia that the servo moves.
     stiff: Vec<R::Mask>,
-    /// Lanes in which the step assumes that a sum of actuator forces on a degree of freedom is at its bound. There is one mask per bounded
-    /// sum.
+    /// Lanes in which the step assumes that a bounded sum is at its bound: the sum of all actuator forces on a degree of freedom with
+    /// `actuatorfrcrange`. There is one mask per bounded sum.
     assumed_sum_saturated: Vec<R::Mask>,
     /// Explicit part and added inertia of every servo before clamping to its `force_range`. Empty in models without bounded servos.
     pub(crate) unclamped: Vec<[R; 2]>,
-    /// Whole force of every actuator at the last velocity for which forces were evaluated, clamped to its `force_range`, N or N m.
+    /// Force of every actuator in the last trial, clamped to its `force_range`, N or N m.
     trial_force: Vec<R>,
-    /// Lanes in which the last evaluation found the force of an actuator outside its bounds.
-    ///
-    /// Explicit forces are evaluated at their motion, implicit ones at the velocity that was tried last.
+    /// Lanes in which the force of an actuator is outside its bounds: an explicit force at the last call of stage 1, an implicit force in
+    /// the last trial.
     pub(crate) found_saturated: Vec<R::Mask>,
-    /// Lanes in which the last evaluation found a sum of actuator forces on a degree of freedom outside its bounds. There is one mask per
-    /// bounded sum. Sums with implicit servos are not evaluated by stage 1, which copies the assumed lanes.
+    /// Lanes in which each bounded sum is outside its bounds. Sums with implicit servos are evaluated in trials only; stage 1 copies the
+    /// assumed lanes for them.
     found_sum_saturated: Vec<R::Mask>,
     /// Moment arms of all actuators on sites.
     pub arms: Vec<R>,
@@ -162,9 +163,9 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) lengths: Vec<R>,
     /// Force of each actuator dynamics, with the active bound that the step assumes.
     pub(super) bounded_forces: Vec<BoundedForce<R>>,
-    /// Force of each actuator dynamics, with the active bound at the last velocity for which forces were evaluated.
+    /// Force of each actuator dynamics, with the active bound in the last trial.
     trial_bounded_forces: Vec<BoundedForce<R>>,
-    /// Whether this step has not assumed any active bounds yet.
+    /// Whether the active bounds of this step have not been guessed yet.
     pub(crate) active_bounds_unknown: bool,
     /// Friction losses of actuator dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
@@ -210,8 +211,8 @@ impl<R: Real> ActuatorForces<R> {
         self.active_bounds_unknown = true;
     }
 
-    /// Computes the inertia that each servo moves, and its velocity change by the constraint impulses of the last step, `impulse`.
-    /// `inertia` is the diagonal of the mass matrix.
+    /// Computes the inertia that each servo moves, and the change of the servo's velocity by `impulse`, the constraint impulses of the last
+    /// step. `inertia` is the diagonal of the mass matrix.
     pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R], impulse: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -253,8 +254,8 @@ impl<R: Real> ActuatorForces<R> {
         self.effective_inertias[servo]
     }
 
-    /// Stores the explicit part `force` and the added inertia of a servo. In lanes with a force at a bound, it stores that force without
-    /// added inertia.
+    /// Stores the explicit part `force` and the added inertia of a servo. In the lanes `fixed` it stores the assumed constant force
+    /// instead, without added inertia.
     #[inline(always)]
     pub(crate) fn set_servo(&mut self, actuator: usize, servo: usize, force: R, added_inertia: R) {
         if let Some(unclamped) = self.unclamped.get_mut(servo) {
@@ -316,7 +317,8 @@ impl<R: Real> ActuatorForces<R> {
         self.force[a] = R::select(changes, clamped + self.added_inertia[servo] / implicit.h * dv, self.force[a]);
     }
 
-    /// Whole force of a servo if the actuator's velocity changes by `dv` in the step. The active bound is that at the resulting velocity.
+    /// Trial of one servo: its whole force if the actuator's velocity changes by `dv` in the step, with the active bound at the resulting
+    /// velocity.
     #[inline(always)]
     fn trial_servo_force(
         &self,
@@ -369,10 +371,10 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Explicit part of the sum of actuator forces on a degree of freedom, N or N m.
+    /// Explicit part of a bounded sum of actuator forces, N or N m. `sum` is the sum of their explicit parts.
     ///
-    /// In lanes without a stiff servo, the sum is clamped at the predicted velocity. In lanes with one it is `assumed`, the sum with the
-    /// assumed active bound.
+    /// In lanes without a stiff servo, the whole sum is clamped at the predicted velocity. In lanes with one the result is `assumed`, the
+    /// sum with the assumed active bound.
     #[inline(always)]
     fn clamp_sum_at_predicted_velocity(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, assumed]: [R; 2]) -> R {
         let (mut stiff, mut expected) = (R::Mask::splat(false), R::zero());
@@ -381,12 +383,12 @@ impl<R: Real> ActuatorForces<R> {
             stiff = servo.map_or(stiff, |k| stiff.or(self.stiff[k]));
             expected += R::splat(arm) * if servo.is_some() { self.trial_force[a] } else { self.force[a] };
         }
-        // `sum - expected` is the w/h dv of the servos, which the mass matrix subtracts.
+        // `expected` is the sum of the whole forces. `sum - expected` is the w/h dv of the servos, which the mass matrix subtracts.
         let clamped = R::select(outside(expected, range.bounds), within(expected, Some(range.bounds)) + (sum - expected), sum);
         R::select(stiff, assumed, clamped)
     }
 
-    /// Lanes in which the last evaluation found the force of an actuator, or a sum of forces on its joint, outside the bounds.
+    /// Lanes in which the force of an actuator, or a bounded sum that contains it, was outside its bounds when it was last computed.
     #[inline(always)]
     pub(crate) fn is_saturated(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let (of_it, mut saturated) = (&compiled.actuators[actuator], self.found_saturated[actuator]);
@@ -398,7 +400,7 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Lanes in which the force of an actuator, or the sum of forces on its joint, is at a bound or outside.
     ///
-    /// MuJoCo has no derivative of such a force. The explicit forces must have been computed before.
+    /// As in MuJoCo, the derivative of such a force is zero. The caller must have computed the explicit forces.
     #[inline(always)]
     pub(crate) fn is_at_bound(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let of_it = &compiled.actuators[actuator];
@@ -418,10 +420,9 @@ impl<R: Real> ActuatorForces<R> {
         self.active_bounds_unknown && !self.unclamped.is_empty()
     }
 
-    /// Sets the active bounds of servos from a guess of the velocity after the step.
+    /// Sets the active bounds of servos from a guess of the velocity change in the step.
     ///
-    /// The guess neglects the coupling of joints. Each servo moves its effective inertia, and constraints have the impulses of the last
-    /// step.
+    /// In this guess each servo moves only its effective inertia, and constraints have the impulses of the last step.
     #[inline(always)]
     pub(crate) fn guess_active_bounds(
         &mut self,
@@ -443,11 +444,11 @@ impl<R: Real> ActuatorForces<R> {
         );
     }
 
-    /// Updates the active bounds of servos, if the generalized velocity changes by `dv` in the step. Returns the lanes in which an active
-    /// bound changed, so that their forces must be recomputed.
+    /// Updates the active bounds of servos to those at the generalized velocity change `dv` in the step. Returns the lanes in which an
+    /// active bound changed. There the forces must be recomputed.
     ///
-    /// If all servos are implicit, only stiff servos count. Stage 1 clamps the others at the predicted velocity. If `may_change` is false,
-    /// the active bounds do not change, and the function only finds the saturated actuators.
+    /// If all servos are implicit, only changes of stiff servos count: stage 1 has clamped the others at the predicted velocity. If
+    /// `may_change` is false, the assumed bounds stay, and the function only finds the lanes and the saturated actuators.
     pub(crate) fn update_active_bounds(
         &mut self,
         compiled: &LaneModel<R>,
@@ -471,10 +472,11 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Sets the active bound of each servo to that at the end of the step. `dv_of` returns the change of an actuator's velocity in the
-    /// step.
+    /// Makes a trial of all servos, and sets the assumed active bounds to those of the trial. `dv_of` returns the change of an actuator's
+    /// velocity in the step.
     ///
-    /// Returns the lanes in which an active bound changed. The first call in a step sets all lanes, later calls only the returned ones.
+    /// Returns the lanes in which an active bound changed, which are also the lanes that are set. The first call in a step sets and returns
+    /// all lanes.
     #[inline(always)]
     fn set_active_bounds(
         &mut self,
@@ -536,7 +538,7 @@ impl<R: Real> ActuatorForces<R> {
                 self.assumed_saturated[k] = update(self.assumed_saturated[k], self.found_saturated[a]);
             }
             let fixed = self.assumed_saturated[k].or(lanes_of_sums(compiled, &self.assumed_sum_saturated, a));
-            // In lanes without a change, `fixed` does not change either.
+            // This assigns all lanes; without a change of active bounds the value is the old one.
             self.fixed[k] = fixed;
             self.fixed_force[k] = R::select(changed, self.trial_force[a], self.fixed_force[k]);
             self.force[a] = R::select(changed, R::select(fixed, self.fixed_force[k], force), self.force[a]);
@@ -565,7 +567,7 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Whole force of a servo for an assumed change of velocity, with the active bound there.
+/// Result of a servo's trial: its whole force at a candidate velocity change, with the active bound there.
 #[derive(Clone, Copy, Debug)]
 struct ServoForce<R: Real> {
     /// Index of the servo's actuator dynamics, and their force with the updated active bound; `None` without dynamics.

@@ -10,8 +10,8 @@ use crate::math::spatial::*;
 impl<R: Real> ActuatorForces<R> {
     /// Computes the friction losses of actuator dynamics at the forces `self.force` into `losses`.
     ///
-    /// `expected` has the implicit treatment of servos and the free acceleration. With it, a model with bounded servos uses the expected
-    /// forces of servos at the end of the step instead.
+    /// `expected` has the implicit servos and the free acceleration. With it, a model with bounded servos uses the forces that servos are
+    /// expected to have at the end of the step instead of `self.force`.
     ///
     /// A gear with efficiency e delivers e f to the load, and needs f / e if the load drives it. Against motion along f it loses (1 - e)
     /// |f|, against the opposite motion (1/e - 1) |f|. At rest its friction is anything in between.

@@ -1,20 +1,20 @@
-//! Memory of actuator dynamics that persists between steps, lane-interleaved.
+//! Memory of actuator pipelines that persists between steps, lane-interleaved.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
 use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
 
-/// Memory of the actuator dynamics of a group of environments.
+/// Memory of the actuator pipelines of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
-    /// Lanes (bits) whose actuator dynamics have not received a control yet. Their first control fills the delay lines.
+    /// Lanes (bits) whose pipelines have not received a control yet. Their first control fills the delay lines.
     pub waiting: u32,
     /// Stored values of all actuators: delay lines, lagged efforts, integrals, phases and held samples.
     pub numbers: Vec<S>,
     /// Position of the newest sample in every delay line, the same in all lanes.
     pub cursors: Vec<u32>,
-    /// Controls after the actuator dynamics in the last step, nu per lane.
+    /// Controls after the actuator pipelines in the last step, nu per lane.
     pub applied: Vec<S>,
 }
 

@@ -1,4 +1,6 @@
-//! Actuator pipelines: before every step they convert the user's controls to those of the step, by delay, sampled servo and lag.
+//! Actuator pipelines: before every step they convert the user's controls to those of the step. A pipeline has up to three parts in this
+//! order: delay, servo, and first-order lag. Motor, force limits and friction act within the step instead (`actuation/force_limits.rs`,
+//! `actuation/losses.rs`).
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,12 +10,13 @@ use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::ActuatorSpec;
 
-/// Parameter of an actuator pipeline that may differ between environments. The order is that of the parameter table.
+/// Parameter of an actuator pipeline, which may differ between environments. The variants have the order of the parameter table.
 #[derive(Clone, Copy)]
 enum Parameter {
     /// Delay of the control, in steps.
     Delay,
-    /// Fraction of a deviation from the input that remains at the end of a step of the lag. `Mean` is the mean fraction over the step.
+    /// Fraction of the difference between the lag's output and its input that remains at the end of a step. `Mean` is the mean of this
+    /// fraction over the step.
     Decay,
     Mean,
     MinForce,
@@ -24,7 +27,8 @@ enum Parameter {
     Kd,
     IntegralLimit,
     Period,
-    /// Lower bound of a servo's effort, below which its integral does not decrease. `Most` is the upper bound.
+    /// Lower bound of a servo's effort (a force, or the fraction of a motor's voltage), below which its integral does not decrease.
+    /// `MaxEffort` is the upper bound.
     MinEffort,
     MaxEffort,
     Stall,
@@ -51,9 +55,9 @@ struct ActuatorPipeline {
     lagged: bool,
     /// Length of the delay line in samples; 0 without a delay.
     line: usize,
-    /// Delay as whole and fractional steps, if it is the same in all environments; otherwise `None`.
+    /// Whole and fractional part of the delay in steps, if it is the same in all environments; otherwise `None`.
     delay: Option<(usize, f64)>,
-    /// Address of the pipeline's stored values in the memory: delay line, lagged effort and its goal, integral, phase, held sample.
+    /// Address of the pipeline's stored values in the memory: delay line, output and input of the lag, integral, phase, held sample.
     memory: usize,
     /// Index of the pipeline's delay line.
     cursor: usize,
@@ -137,7 +141,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the parameters of the actuator dynamics that act within a step, with their values at the end of the step.
+    /// Loads the parameters of the actuator dynamics that act within a step. The gains of a lagged continuous servo, which change during a
+    /// step, are those at its end; [`Self::advance`] replaces them by their means.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
@@ -185,7 +190,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Advances the pipelines before a step from the state (q, v): converts the user's controls `given` to those of the step.
     ///
-    /// If a control of a lane is not finite, the lane stores none of its controls. Its controls become NaN, so that the step is rejected.
+    /// If any control of a lane is not finite, the pipelines of the lane store none of its controls. Its outputs become NaN, so that the
+    /// step is rejected.
     #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,
@@ -231,7 +237,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
         )
     }
 
-    /// Writes the outputs of the pipelines at the end of a step to `ctrl` and `actuator_dynamics`, and stores them in the memory.
+    /// Writes the outputs that the pipelines have at the end of a step to `ctrl` and `actuator_dynamics`, and stores the controls in the
+    /// memory. During the step a lag has its mean output instead.
     pub fn write_outputs_after_step<R: Real<Scalar = S>>(
         &self,
         compiled: &ModelStructure<S>,
@@ -265,7 +272,7 @@ pub(crate) fn any_nonzero(numbers: &[f64]) -> bool {
     numbers.iter().any(|&x| x != 0.0)
 }
 
-/// Integer and fractional part of a delay in steps. With `staircase` the delay is rounded up, and the fraction is 0.
+/// Whole and fractional part of a delay in steps. With `staircase`, for sampled servos, the delay is rounded up to whole steps.
 fn parts(steps: f64, staircase: bool) -> (usize, f64) {
     // A delay within rounding of a whole number of steps counts as that number.
     let near = (steps + 0.5).floor();
@@ -347,8 +354,7 @@ impl ActuatorPipeline {
         self.lag_at() + 2 * usize::from(self.lagged)
     }
 
-    /// Sets the gains of a continuous servo to those that act through its lag. `left` is the parameter with the fraction of the past
-    /// deviation that remains.
+    /// Sets the gains of a continuous servo. Its lag multiplies them by one minus the remaining fraction, which is the parameter `left`.
     #[inline(always)]
     fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Parameter, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
@@ -392,8 +398,8 @@ impl ActuatorPipeline {
 
     /// Effort of a servo for the setpoint `u`.
     ///
-    /// The effort of a sampled servo is held between samples. For a continuous servo the result is only the part that does not depend on
-    /// the motion within the step.
+    /// The effort of a sampled servo is constant between samples. For a continuous servo the result is only the part that does not depend
+    /// on the motion; stage 1 adds the other part within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     fn follow<R: Real>(
@@ -439,11 +445,11 @@ impl ActuatorPipeline {
         get(numbers, at + 2)
     }
 
-    /// Mean over the step of an effort that approaches `u` with a first-order lag. The function also advances the stored effort by the
-    /// step.
+    /// Mean output of the lag over the step, for the input `u`. The function also stores the output for the next step.
     ///
-    /// For a continuous servo, `u` and the result exclude the part that depends on the motion. The stored effort is that at the beginning
-    /// of the step.
+    /// Without a continuous servo, the stored output is that at the end of this step. With one, `u` and the result exclude the part that
+    /// depends on the motion of this step, which is unknown yet. The function therefore first advances the stored output over the previous
+    /// step, from the present motion, and stores the output at the beginning of this step.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

@@ -47,7 +47,7 @@ pub struct Call<'a, S: Scalar> {
     pub sensor_errors: Option<&'a Errors<S>>,
     /// Per-environment parameter overrides.
     pub overrides: &'a ParameterOverrides<S>,
-    /// Actuator dynamics between controls and forces; `None` if no actuator has any.
+    /// Actuator pipelines (delay, servo, lag) of all actuators; `None` if no actuator has an actuator model.
     pub pipelines: Option<&'a ActuatorPipelines<S>>,
 }
 

@@ -94,7 +94,7 @@ impl<S: LaneScalar> Configuration for Batch<S> {
 
     fn clear_overrides(&mut self) {
         self.overrides = ParameterOverrides::default();
-        // Idle workers still have the overridden parameters in their lane models.
+        // Idle workers still have the overridden parameters in their lane models, so that they are discarded.
         self.workers.idle_workers().clear();
     }
 

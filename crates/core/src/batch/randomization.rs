@@ -1,7 +1,9 @@
 //! Randomization: parameters that differ between environments.
 //!
-//! There are two forms. [`Randomization`] has the fields that the user set, from which variants of the model are made.
-//! [`ParameterOverrides`] has the resulting parameters of the compiled model that differ from the shared ones. A step reads only these.
+//! Two types store them. [`Randomization`] has the fields of the model that the user set, for example `geom_friction`.
+//! [`ParameterOverrides`] has the parameters of the compiled model that differ as a result, for example the friction of a pair. To get from
+//! the first to the second, `differences` makes a variant of the model for each environment and compiles its parameters. A step reads only
+//! the second.
 
 use std::collections::BTreeMap;
 
@@ -47,7 +49,9 @@ impl Randomization {
     }
 
     /// Differences of parameters from the compiled model, for each of the environments `envs`, after an assignment of the fields `assigned`
-    /// to them. The function `with_dynamics` adds the actuator dynamics to a model.
+    /// to them.
+    ///
+    /// `with_dynamics` returns a variant to which the actuator models were applied; `None` if there are none.
     ///
     /// # Errors
     /// [`ModelError`] of the first environment whose model is invalid or has another structure.

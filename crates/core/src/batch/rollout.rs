@@ -100,8 +100,8 @@ pub struct RecordingChunk<'a, S> {
 }
 
 impl<'a> Recording<'a> {
-    /// Splits the recording into chunks of `size` environments each; the last chunk has the rest. `numbers` unwraps an array of the
-    /// simulation's precision.
+    /// Splits the recording into chunks of `size` environments each; the last chunk has the rest. `numbers` returns the slice in an array
+    /// of the simulation's precision.
     pub fn split<S: Scalar>(
         self,
         num_envs: usize,

@@ -163,7 +163,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     }
 }
 
-/// Stores the results of the last step that sensors read later.
+/// Stores the accelerations and inputs of the last step in the group, because sensors may be read after the call.
 pub(super) fn store_sensor_inputs<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     let memory = &mut group.sensing;
     memory.fresh = 0;

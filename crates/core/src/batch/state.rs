@@ -19,8 +19,8 @@ const NORMAL: usize = 6;
 
 /// State of the environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
 ///
-/// Contact impulses are the warm start of the next step, so they are part of the state. The positions and normals of contacts are stored
-/// only for the user to read. A step hands over nothing else to the next step.
+/// The solver of the next step starts from the contact impulses, so they are part of the state. Positions of contacts are stored only for
+/// the user to read. A step hands over nothing else to the next step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group<S> {
     /// Number of lanes of the group.
@@ -72,7 +72,7 @@ pub struct Group<S> {
     pub equality_violation: Vec<S>,
     /// Memory of the sensors: delays, noise and results of the last step.
     pub sensing: Memory<S>,
-    /// Memory of the actuator dynamics: delays, lags and controllers.
+    /// Memory of the actuator pipelines: delay lines, lags and servo integrals.
     pub actuation: actuation::memory::Memory<S>,
 }
 
@@ -110,7 +110,8 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Clears the results of earlier steps in a lane: warm starts, contacts, certificate, and the memory of sensors and actuator dynamics.
+    /// Clears the results of earlier steps in a lane: impulses, contacts, separating planes, status, residual, the numbers of the record
+    /// (iterations, largest errors), and the memories of sensors and actuator pipelines.
     pub fn clear_memory(&mut self, lane: usize) {
         let lanes = self.lanes;
         for numbers in [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap] {
@@ -173,7 +174,7 @@ impl<S: Scalar> Group<S> {
             && self.contact_torque.len() == if rolling { 3 * entries } else { 0 }
     }
 
-    /// Canonical form of the state: entries that no step can read are zero, so that equal states have equal bytes.
+    /// Canonical form of the state: unused entries are zero, so that equal states have equal bytes.
     pub fn canonical(mut self) -> Self {
         let lanes = self.lanes;
         for lane in 0..lanes {

@@ -23,7 +23,7 @@ use crate::options::StepSettings;
 /// and the call ends if the function returns false.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
-/// Step of one group of environments, which [`BatchCalls::lend_steps`] passes to its callback.
+/// Step of one group of environments, as the callback of [`BatchCalls::lend_steps`] receives it.
 pub struct LentStep<'a> {
     /// Index of the first environment of the group.
     pub first: usize,
@@ -178,7 +178,7 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
     }
 
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8> {
-        // A separate worker steps a copy of the group, so that the group itself does not change.
+        // A new worker steps a copy of the group, so that neither the group nor an idle worker changes.
         let (group, lane) = self.lane(env);
         let call = self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1));
         self.workers.make_worker(&self.worker_spec()).problem(&call, &mut group.clone(), env - lane, lane)
@@ -224,8 +224,8 @@ impl<S: LaneScalar> Batch<S> {
         !(sensing.cursors.is_empty() && actuation.cursors.is_empty())
     }
 
-    /// Makes steps of all environments, and then restores the state of those outside the mask. Batches with delay lines use this function,
-    /// because all environments share the position in their delay lines.
+    /// Makes steps of all environments, and then restores the state of those outside the mask. Used with delay lines: all lanes of a group
+    /// share the position of the newest sample, so that they can only advance together.
     #[cold]
     fn step_all_and_restore(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, watch: Watch<'_>) -> Result<usize, Error> {
         let before = self.save(None, inputs.ctrl);
@@ -329,7 +329,7 @@ impl<S: LaneScalar> Batch<S> {
     }
 }
 
-/// Makes the steps of a call in one group. Environments outside the call's mask keep their state.
+/// Makes the steps of a call in one group. Environments outside the call's mask keep their state: their lanes are restored afterwards.
 fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
     let mask = call.inputs.mask.get(at.first..).unwrap_or_default();
     let others = (0..group.lanes).filter(|&lane| mask.get(lane) == Some(&false)).fold(0, |set, lane| set | 1 << lane) & group.alive;

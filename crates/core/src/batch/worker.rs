@@ -37,7 +37,8 @@ pub trait Worker<S: Scalar>: Send {
     fn cast_rays(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, query: &RayQuery<'_, S>, rows: (&mut [S], &mut [i32]));
     /// Constraint problem of lane `lane` at the first solve in the steps of `call`, as bytes. The function overwrites the state in `group`.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
-    /// Calls `visit` with the [`GroupStep`] of one group, whose first environment is `first`, at the beginning of a step of `call`.
+    /// Calls `visit` with the step of one group ([`GroupStep`]), loaded with its state and inputs. The first environment of the group is
+    /// `first`. Derivatives evaluate this step.
     fn lend_step(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, visit: &mut dyn FnMut(&mut dyn Any));
     /// Discards the worker's copy of the last group's state, because another thread has changed that state.
     fn forget_state(&mut self);
@@ -69,7 +70,7 @@ pub struct WorkerMakers {
 
 /// Scalar type (`f64` or `f32`) together with the SIMD lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
-    /// Number of lanes of a group in saved states. It is the same on every CPU level: that of the narrowest level.
+    /// Number of lanes of a group in saved states. It is that of the narrowest CPU level, so that every machine can load the state.
     const SAVED: usize;
     /// Number of lanes of the group of a single environment.
     fn single(level: Level) -> usize;
@@ -82,8 +83,7 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Selects from `makers` the function that creates a worker of this precision.
     #[cfg(feature = "internals")]
     fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
-    /// Functions with which a visitor evaluates a step in the lanes `R`. The result is `None` for 32 bits, in which no crate evaluates
-    /// steps.
+    /// Functions with which the crate of derivatives evaluates a step in the lanes `R`; `None` in 32 bits, for which it has no derivatives.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
     /// Unwraps an array of a recording whose precision is that of this scalar type.
     ///
@@ -97,9 +97,9 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
 pub struct GroupPosition<'a, 'b, S> {
     /// Index of the first environment of the group.
     pub first: usize,
-    /// Index of the first environment of the share (consecutive groups that one thread records).
+    /// Index of the first environment of the group's chunk (consecutive groups that a worker takes at a time).
     pub chunk_first: usize,
-    /// Output arrays of consecutive groups that include this one; `None` without recording.
+    /// Output rows of the environments of this chunk; `None` without recording.
     pub recording: Option<&'a mut RecordingChunk<'b, S>>,
 }
 
@@ -284,7 +284,8 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
         let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
-        // Reading the last step may make a trial step, which changes the poses. Quantities of the last step therefore come second.
+        // Quantities of the last step (accelerations, forces) may repeat that step, which changes the poses in the workspace. They
+        // therefore come second.
         for of_last_step in [false, true] {
             if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
                 continue;

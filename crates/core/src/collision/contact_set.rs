@@ -11,7 +11,8 @@ use crate::math::spatial::*;
 /// nearby states of a finite difference, tangents change far less.
 const TANGENT_JUMP: f64 = 1e-2;
 
-/// Error of a normal force, as a fraction of the body's weight, above which [`Contacts::close_rounded_gaps`] sets a gap to zero.
+/// Error of a normal force by a rounded gap, as a fraction of the body's weight, above which [`Contacts::close_rounded_gaps`] allows for
+/// the rounding of joint angles.
 const FORCE_ERROR: f64 = 0.01;
 
 /// Identity of a contact from step to step: index of its pair in the compiled model (high 32 bits) and feature of the pair (low 32 bits).
@@ -32,7 +33,8 @@ impl ContactId {
         (self.0 >> 32) as usize
     }
 
-    /// Feature of the pair, such as the number of a corner. Its meaning depends on the function of the narrow phase.
+    /// Feature of the pair: a number of the contact point, such as that of a corner. Its meaning depends on the function of the narrow
+    /// phase.
     #[cfg(test)]
     const fn feature(self) -> u32 {
         self.0 as u32
@@ -219,9 +221,10 @@ impl<R: Real> Contacts<R> {
 
     /// Sets gaps to zero that are smaller than their rounding error, in single precision.
     ///
-    /// A body at rest moves by one unit in the last place of its coordinates. The gap that this opens would let it fall in the next step.
-    /// Joint angles round the positions of links up to a metre away. The function closes such a gap only if closing it within the step
-    /// would change the normal force noticeably. `drop` is the distance that gravity covers in the step, g h^2, m.
+    /// The rounding of positions can open a gap under a body at rest. The body would then fall in the next step. The position of a link
+    /// also contains the rounding of joint angles, which at a lever arm of a metre is that of a coordinate of 1 m. The function allows for
+    /// this part only if a gap of one rounding error changes the normal force by more than [`FORCE_ERROR`]. `drop` is the distance that
+    /// gravity covers in the step, g h^2, m.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

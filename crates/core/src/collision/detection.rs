@@ -16,14 +16,15 @@ use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Collision detection for a group of environments: poses of the colliding geoms, pairs that can touch, and workspaces of the searches.
+/// Workspace of collision detection for a group of environments: poses of the colliding geoms, pairs that can touch, and buffers of the
+/// searches.
 #[derive(Clone, Debug)]
 pub struct CollisionWorkspace<R: Real> {
     pub(crate) poses: GeomPoses<R>,
     /// Distance that gravity covers in a step, m.
     pub(crate) slack: R,
-    /// Ranges of listed pairs that follow each other and have the same first geom and margin, as indices of the compiled model. Pairs with
-    /// static geoms are left out.
+    /// Ranges of consecutive listed pairs with the same first geom and margin, as indices of the compiled model. Pairs with static geoms
+    /// are not included.
     pub(crate) runs: Vec<Range<usize>>,
     /// Listed pairs whose bounding volumes overlap, ascending: index of the pair, and lanes (bits). Only the first `near_count` entries are
     /// in use.
@@ -63,7 +64,8 @@ pub(crate) struct GeomPoses<R: Real> {
     pub(crate) travel: Vec<R>,
     /// Upper bound of the displacement of any point of each geom during [`Scene::displacement_time`], m.
     pub(crate) displacement: Vec<R>,
-    /// For each geom, whether it moves by more than half its inscribed radius within the step, in any lane. The tunnelling check sets it.
+    /// For each geom, whether it moves by more than half its inscribed radius (half its least width) within the step, in any lane. The
+    /// tunnelling check sets it.
     pub(crate) moved_far: Vec<bool>,
     /// Spatial velocity of each link from which `displacement` is computed.
     pub(crate) displacing_velocity: Vec<V6<R>>,
@@ -94,7 +96,7 @@ impl Search {
         }
     }
 
-    /// Begins a step: the separating planes in `found` become those of the last step, in `known`.
+    /// Begins a step: exchanges the two lists, so that the planes that the last step stored in `found` are now in `known`.
     pub(crate) fn begin_step(&mut self) {
         if !self.known.is_empty() {
             std::mem::swap(&mut self.known, &mut self.found);
@@ -130,7 +132,7 @@ impl<R: Real> CollisionWorkspace<R> {
         }
     }
 
-    /// Begins a step: the separating planes that were found become those of the last step, from which the searches start.
+    /// Begins a step: the separating planes that the last step found become the start of this step's searches.
     pub(crate) fn begin_step(&mut self) {
         self.search.begin_step();
     }
@@ -325,7 +327,7 @@ fn displacement_bounds<R: Real>(
     }
 }
 
-/// Distance added to every reach of the search: the distance that gravity covers in a step plus a micrometre, m.
+/// Distance by which every search distance is increased: the distance that gravity covers in a step plus a micrometre, m.
 #[inline(always)]
 pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
     norm(compiled.params.gravity()) * h * h + R::of(1e-6)
@@ -348,8 +350,8 @@ pub(crate) struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Finds the contacts of a pair in the lanes `near`, and adds them to `contacts`. For pairs in `packed`, it adds the points that were
-    /// found before.
+    /// Finds the contacts of a pair in the lanes `near`, and adds them to `contacts`. The contact points of pairs in `packed` were computed
+    /// before; here they are only added.
     ///
     /// Returns the lanes in which the contacts are unreliable, because the geoms have moved too far since the beginning of the step.
     #[inline(always)]
@@ -377,10 +379,11 @@ impl<R: Real> Scene<'_, R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Lanes of `near` in which the contacts of a pair are unreliable, because a geom may have tunnelled since the beginning of the step.
+    /// Lanes of `near` in which the contacts of a pair are unreliable, because a geom may have passed through the other one (tunnelled)
+    /// since the beginning of the step.
     ///
-    /// In these lanes, the geoms have moved farther than the tunnelling distance of the pair. In addition, they overlap, may have passed
-    /// each other, or hit a surface.
+    /// In these lanes, the geoms have moved farther than the tunnelling distance of the pair ([`LaneModel::tunnelling_distance`]). In
+    /// addition, they overlap, may have passed through each other, or hit a surface of triangles.
     #[inline(always)]
     fn may_have_tunnelled(
         &self,
@@ -396,11 +399,12 @@ impl<R: Real> Scene<'_, R> {
         if far.none() {
             return far;
         }
-        // Limbs that fly in the same direction have a small relative displacement.
+        // Two geoms that move together, such as the limbs of a falling robot, have a small relative displacement. They cannot have passed
+        // each other.
         let displacement = self.relative_displacement(a, b).min(self.relative_displacement(b, a));
         let far = far.and(displacement.gt(distance));
-        // Geoms at a distance from each other after the motion have passed completely. A grazing hit is missed if the path inside the other
-        // geom is shorter than twice the tunnelling distance.
+        // If the geoms passed through each other, their gap now is at most the displacement minus the path inside. The test assumes a path
+        // inside of two tunnelling distances, and misses shorter grazing hits.
         let most = (displacement - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
         far.and(passed.or(self.hits_surface(index, pair, far, contacts)))

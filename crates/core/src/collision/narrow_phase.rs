@@ -215,7 +215,7 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Solid (collision shape) of a geom, with the size that the model has.
+    /// Solid (collision shape) of a geom, with the size in the shared model. The size may differ between lanes.
     #[inline(always)]
     fn solid(&self, geom: usize) -> &Solid {
         self.compiled.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
@@ -278,8 +278,8 @@ impl<R: Real> Scene<'_, R> {
         separated
     }
 
-    /// Relative motion of the second geom of a pair in the first geom's frame during a step: displacement and rotation. `reach` is the
-    /// greatest gap of a contact, m.
+    /// Relative motion of the second geom of a pair in the first geom's frame during a step: displacement and rotation. It applies to all
+    /// contacts with a gap of at most `reach`, m.
     #[inline(always)]
     fn approach(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
@@ -303,7 +303,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
         let mat = &self.poses.mat[geoms[0]];
-        // `map` of an array would be a function call.
+        // The two values are computed one by one, because `map` of an array would not be inlined.
         let [turn, velocity] = self.relative_motion(geoms, centre);
         let [rotation, displacement] = [scale(rotate_back(mat, turn), self.h), scale(rotate_back(mat, velocity), self.h)];
         Approach { displacement, rotation, radius, slack: margin.max(R::zero()) + self.slack }
@@ -350,7 +350,8 @@ impl<R: Real> Scene<'_, R> {
             #[inline(always)]
             || {
                 point.distance -= R::splat(pair.margin);
-                // No point of the geom moves further than the bound, so the exact test is needed only below it.
+                // `travel` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch, and needs no
+                // exact test.
                 let [a, b] = pair.geoms;
                 let near = near.and(point.distance.lt(self.poses.travel[a] + self.poses.travel[b] + self.slack));
                 if near.none() {

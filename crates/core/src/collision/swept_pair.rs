@@ -148,7 +148,7 @@ impl<R: Real> SweptPair<R> {
     }
 }
 
-/// Result of [`find_touch`]: lanes, time and overlap of the touch that the search found first.
+/// Result of [`find_touch`]: lanes, time and overlap of the first overlap that the search found.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Touch<R: Real> {
     /// Lanes in which the geoms of the pair overlap at some time of the path.

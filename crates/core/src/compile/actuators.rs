@@ -83,9 +83,9 @@ pub enum MotorControl {
 /// Part of an actuator's dynamics that acts within a step: force bounds and affine forces, which may differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
-    /// Index of these dynamics among all actuator dynamics that act within a step.
+    /// Index in the list of actuator dynamics that act within a step.
     pub index: usize,
-    /// Whether the dynamics are a continuous servo (a PD law that acts within the step).
+    /// Whether the dynamics have a continuous servo: a proportional-derivative law that acts within the step.
     pub servo: bool,
     /// Control of a motor with a torque-speed curve; `None` for actuators without such a motor.
     pub motor: Option<MotorControl>,

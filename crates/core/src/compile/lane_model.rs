@@ -13,7 +13,7 @@ use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 /// The type gives no access to the shared parameters, so that a step cannot use them by mistake.
 #[derive(Clone, Debug)]
 pub struct LaneModel<R: Real> {
-    /// Structure that all environments share. It is stored inline, so that a step reads it as fast as from a compiled model.
+    /// Structure that all environments share. It is a copy and not a reference, so that reading it takes no additional memory access.
     structure: ModelStructure<R::Scalar>,
     /// Parameters with one value per lane.
     pub params: Params<R>,

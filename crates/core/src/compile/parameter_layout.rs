@@ -1,4 +1,4 @@
-//! Parameters of a model in the layout of a compiled model: one list made of tables.
+//! Computation of all parameters of a compiled model from a model: the rows of every parameter table ([`ParameterRows`]).
 
 use stepper_real::Scalar;
 
@@ -13,7 +13,8 @@ use crate::compile::passive::{FluidShape, inertia_box};
 use crate::model::{Body, Filter, GeomPair, Joint, JointKind, Model, Object};
 
 impl<S: Scalar> ModelStructure<S> {
-    /// Parameters of `model` in the layout of this structure. `model` must be the compiled model, or a variant with other parameter values.
+    /// Parameters of `model`, in the tables and order of this structure. `model` must be the model that was compiled, or a variant of it
+    /// with other values.
     pub fn params_of(&self, model: &Model) -> Params<f64> {
         let source = Source { structure: self, model };
         let joints = model.joints.iter();

@@ -1,8 +1,9 @@
 //! Parameters: the numbers of a compiled model that can differ between environments.
 //!
-//! The parameters are one flat list, made of tables, so that one index identifies each number. A batch stores only the overridden ones:
-//! index, and a value for every lane. A worker overwrites the shared values with them before it steps a group. The stages of a step read
-//! all parameters through a [`LaneModel`](crate::compile::LaneModel), one value per lane.
+//! All parameters are in one flat list, so that one index identifies each number. The list consists of tables, such as that of the contact
+//! parameters of all pairs. A batch stores only overridden parameters: their indices, and a value for every lane. Before a worker steps a
+//! group, it overwrites the shared values with them (`load_lanes`). The stages of a step read all parameters from a
+//! [`LaneModel`](crate::compile::LaneModel), one value per lane.
 //!
 //! Each table has a row type, which defines the width of its rows and how they are read and written.
 

@@ -5,9 +5,9 @@
 //! contact and marks them as deferred, so that the solver leaves them out. The solution without them gives the motion of the step. Stage 5
 //! activates the rows of the pairs that collide in this motion, and solves their lanes again ([`crate::integrators::contact_activation`]).
 //!
-//! Contacts that rest, slide or roll are never deferred. Contacts with a half space, which has one normal everywhere, are not deferred
-//! either. Nor are contacts of a ball that stays over one face of a box. A face of a surface is a triangle together with those neighbours
-//! that do not slope away from it.
+//! Contacts that rest, slide or roll are never deferred. Nor are two kinds of contacts whose normal cannot change: contacts with a half
+//! space, and contacts of a ball that stays over one flat face of the other geom during the step. On a surface of triangles, a face is a
+//! triangle together with its neighbours across flat or concave edges, because a ball cannot hit such an edge.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -93,8 +93,8 @@ impl<R: Real> ConstraintProblem<R> {
         deferred.and(lanes)
     }
 
-    /// Largest overlap in lane `lane` among the active contacts between two bodies, m. `frames` are the bodies' frames, and `frames_of`
-    /// returns the two frames of a pair of geoms.
+    /// Largest overlap in lane `lane` among the active contacts of either of two bodies, m. `frames` are the bodies' frames, and
+    /// `frames_of` returns the two frames of a pair of geoms.
     pub(crate) fn resting_overlap(
         &self,
         contacts: &Contacts<R>,
@@ -232,7 +232,8 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Activates deferred contact number `i` in the lanes `lanes`, with the initial impulse `impulse`, N s and N m s.
     ///
-    /// The function also stores the impulse in [`VelocitySolution::saved_impulses`], so that restoring the impulses keeps it.
+    /// The function also stores the impulse in [`VelocitySolution::saved_impulses`]: the predictor may restore the saved impulses, and
+    /// these must include it.
     #[inline(always)]
     fn activate_contact(&mut self, velocity: &mut VelocitySolution<R>, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {

@@ -28,7 +28,8 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub q: &'a [R],
     /// Generalized velocity before the step.
     pub v: &'a [R],
-    /// Velocities of the links at `v` and `q`, and their accelerations if no joint accelerates.
+    /// Velocities of the links at `v` and `q`, and their accelerations at zero joint accelerations (Coriolis, centrifugal and gravity
+    /// terms).
     pub motion: &'a NewtonEuler<R>,
     /// Generalized velocity after the step without constraints.
     pub v_free: &'a [R],
@@ -43,9 +44,11 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub in_the_middle: bool,
     /// Fraction of a contact gap that may close in the step.
     pub closing_fraction: R,
-    /// Lanes that evaluate contacts at the beginning of the step, because their bodies are very fast and no impact occurs within the step.
+    /// Lanes that evaluate contacts at the beginning of the step because their bodies are very fast. Lanes with an impact within the step
+    /// are not included.
     pub very_fast: R::Mask,
-    /// Overlaps of the step that is differentiated. Rows then use these instead of the present overlaps; `None` in a normal step.
+    /// Overlaps in the solution of the step that is differentiated; `None` in a normal step. They decide which rows correct an overlap, so
+    /// that all displaced states have the same corrections.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
     /// Lanes that hold an environment.
     pub alive: R::Mask,
@@ -61,9 +64,9 @@ impl<R: Real> AssemblyInput<'_, R> {
     /// Part of the gap in slot `k` that may close in the step, m. It is that of [`AssemblyInput::gap`], or the whole gap if the gap is
     /// wide.
     ///
-    /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. It is then still very fast, so that the next step also
-    /// evaluates contacts at its beginning, where the body touches. With [`AssemblyInput::gap`] the body would close two thirds of its gap
-    /// in each step, and slow down long before it touches.
+    /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. Because it is still very fast, the next step also
+    /// evaluates contacts at its beginning, and finds the touching contact there. With [`AssemblyInput::gap`] the body could close only two
+    /// thirds of its gap in each step, and would slow down before it touches.
     #[inline(always)]
     pub(crate) fn gap_of_slot(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];

@@ -34,8 +34,8 @@ pub struct ConstraintProblem<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes with an impact, if the integrator is Euler's rule. [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In
-    /// these lanes, only the speeds of the step bound the position correction.
+    /// Lanes with an impact, if the integrator is Euler's rule; [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In
+    /// these lanes the largest speed of the step bounds the position correction, instead of `max_correction_speed`.
     pub euler_impact_lanes: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom moves along them.
     pub(crate) may_have_immovable_rows: bool,
@@ -91,7 +91,8 @@ pub(crate) struct DeferredContact<R: Real> {
     pub(crate) impulse: [R; 6],
 }
 
-/// Curvature terms in the offsets of one contact's friction rows. They account for the motion of the contact point.
+/// Curvature terms in the offsets of one contact's friction rows. A curvature term is the change of the row's velocity by the motion of the
+/// contact point until the end of the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CurvatureTerms<R: Real> {
     /// Index of the contact in the problem. Contacts with three rows come first, then those with six.

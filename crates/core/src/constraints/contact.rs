@@ -13,29 +13,34 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
 
-/// Smallest inverse inertia along a contact's normal with which the contact counts as movable. It is a fraction of the inverse inertia of
-/// all moving bodies as one rigid body.
+/// Smallest inverse inertia along a contact's normal with which the contact counts as movable. It is given as a fraction of 1 / (total mass
+/// of all moving bodies).
 ///
-/// Below this, the lever arm of a hinge along the normal is rounding error: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
+/// The inverse inertia is proportional to the square of a lever arm, the displacement of the contact point along the normal per rotation of
+/// a hinge. Below this fraction the lever arm is rounding error: less than 1e-7 (3e-5 in 32 bits) of the distance between hinge and
+/// contact.
 pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero, as a fraction of the terms that cancel in it.
+/// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. It is given as a fraction of the size of the
+/// terms whose sum it is.
 ///
-/// With a smaller lever arm, holding a body needs 1e5 times the force that rotates it, or the result is rounding error.
+/// A force along the normal acts on the joint through this lever arm. Below 1e-5 it would need 1e5 times the force that a normal lever arm
+/// needs, and in 32 bits the lever arm is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
-/// Approach speed that is negligible for an immovable contact, whose normal no degree of freedom moves, m/s. `velocity` and `position` are
-/// its offsets g in the velocity and position solves, m/s.
+/// Approach speed that is negligible for an immovable contact, m/s: no degree of freedom moves it along its normal. `velocity` and
+/// `position` are the offsets g of its normal row in the velocity and position solves, m/s.
 ///
-/// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Within the rounding of the model file,
-/// such contacts exist where a face is normal to a hinge axis or parallel to a slide.
+/// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Example: a face that is normal to a
+/// hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
 ///
-/// The resting speed is negligible: at that speed a touching contact stays within the slop for about a second. The result is 0 if only the
-/// residual can report that an overlap grows. Stage 8 reports position targets above [`MIN_UNMET_TARGET`], but none below.
+/// The result is the resting speed, at which a touching contact takes about a second to exceed the slop. In one case it is 0: if the
+/// overlap needs a correction (more than the resting speed) that stage 8 does not report, because stage 8 reports only unmet corrections
+/// above [`MIN_UNMET_TARGET`]. The residual must then report it.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -115,9 +120,9 @@ impl<R: Real> Assembler<'_, R> {
     /// Finds the lanes in which the contact in slot `k` can move along its normal, although the solver counts it as immovable. The second
     /// result is the approach speed that is negligible in the other lanes, m/s.
     ///
-    /// The solver compares the inverse inertia along the normal with those along the tangents, and with that of a body of the whole moving
-    /// mass. Below these, the contact can still move if some degree of freedom has a lever arm above [`least_lever`]. `offsets` are the
-    /// offsets g of the normal row in the two solves. Overwrites `column`.
+    /// The solver counts a contact as immovable if its inverse inertia along the normal is tiny compared with those along the tangents, or
+    /// compared with 1 / (total moving mass). It can still move if some degree of freedom has a lever arm above [`least_lever`]. `offsets`
+    /// are the offsets g of the normal row in the two solves. Overwrites `column`.
     #[cold]
     #[inline(never)]
     pub(crate) fn find_movable(
@@ -142,7 +147,8 @@ impl<R: Real> Assembler<'_, R> {
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
                     let (motion, turn) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
                     let square = (dot(motion, motion) + turn * dot(arm, arm)) * sign.square();
-                    // At a joint, the lever arm is rounding error. The added term makes such a contact immovable.
+                    // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
+                    // immovable.
                     self.builder.scales[d] = [square + turn * (arm_rounding * sign).square(); 3];
                     speed += square * assembly.v_free[d].square();
                 }
@@ -181,8 +187,8 @@ impl<R: Real> Assembler<'_, R> {
             // The spring determines the position, so that no position correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
-        // Restitution: `bounce_euler` and its correction after the elimination are for Euler's rule. `bounce_midpoint` is for the midpoint
-        // rule. With the other rule each changes nothing.
+        // Restitution: with Euler's rule `bounce_euler` and `bounce_euler_eliminated` apply it, with the midpoint rule `bounce_midpoint`.
+        // With the other rule these functions change nothing.
         let (bias, mut exists) = self.bounce_euler(compiled, options, slot, assembly, exists, [free[0], before[0]], bias);
         let mut offsets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut offsets);

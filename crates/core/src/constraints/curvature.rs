@@ -1,4 +1,4 @@
-//! Change of a contact's velocity due to the motion of its position.
+//! Curvature terms: change of a contact's velocity by the motion of the contact point within the step.
 //!
 //! The midpoint rule evaluates its rows in the middle of the step, but their target is a velocity at the end, `time_after` seconds later.
 //! There
@@ -8,12 +8,14 @@
 //! ```
 //!
 //! to second order. A are the accelerations of the two bodies' velocity fields at the contact while no joint accelerates. c' is the
-//! velocity of the contact point. For example, a ball that rolls on a turntable is at a point of another velocity at the end of the step.
-//! Without kappa its velocity would always lag by half a step. Its circle would follow Euler's explicit rule and gain energy.
+//! velocity of the contact point. Example: a ball rolls on a turntable. At the end of the step it touches another point of the turntable,
+//! which has another velocity. Without kappa the ball would get the velocity of the point in the middle of the step. It would lag by half a
+//! step and gain energy, as with Euler's explicit rule.
 //!
-//! A sphere or a capsule's end touches at the point one radius from its centre, along the normal. The point moves with the centre, and
-//! swings about it as the normal turns. The normal turns with the surface of the other body. Between two round geoms it turns with the line
-//! between their centres. Between two other geoms a corner touches, and the point moves with the second body.
+//! The velocity c' of the contact point depends on the shapes. A round geom (sphere, capsule end) touches at the point one radius from its
+//! centre, along the normal. This point moves with the centre, and rotates about it as the normal does. On a flat surface the normal
+//! rotates with the surface; between two round geoms it rotates with the line between their centres. Between two other geoms a corner of
+//! the second body touches, and the point moves with that body.
 
 use stepper_real::{Mask, Real};
 
@@ -39,8 +41,9 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the curvature terms to the offsets of a contact's friction rows, except at impacts. Returns the terms, m/s.
     ///
     /// `free` are the velocities of the rows without constraints, and `change` is the change of these velocities by the free motion, m/s.
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed therefore
-    /// adds no energy. The function is compiled separately, because few contacts need it, and inlined it would slow down all.
+    /// Let t be the target velocity of a row, J v its velocity before the step and G its diagonal entry of the Delassus matrix. The work of
+    /// its impulse is (t^2 - (J v)^2) / 2 G. A term is therefore at most the present speed |J v|, so that it adds no energy. The function
+    /// is compiled separately, because few contacts need it, and inlined it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curve(
         &self,

@@ -1,14 +1,14 @@
 //! Removal of curvature terms ([`crate::constraints::curvature`]) from the offsets of friction rows.
 //!
-//! A curvature term is computed for the free motion. If contacts jam a body, this motion does not occur, and no impulse satisfies rows with
-//! the terms.
+//! A curvature term assumes the free motion. If contacts hold a body from several sides (a jam), this motion does not occur. The terms can
+//! then be target velocities that no impulses reach.
 
 use stepper_real::{Mask, Real};
 
 use crate::constraints::constraint_problem::{ConstraintProblem, CurvatureTerms};
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Stores the curvature terms (m/s) in the offsets of contact number `contact`, so that they can be removed later.
+    /// Records the curvature terms (m/s) that the offsets of contact number `contact` contain, so that they can be removed later.
     pub(crate) fn store_curvature(&mut self, contact: usize, terms: [R; 2]) {
         self.curvature_terms.push(CurvatureTerms { contact, terms });
     }

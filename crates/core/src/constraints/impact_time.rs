@@ -7,9 +7,8 @@
 //! t* = (-v - s) / a = 2 phi / (s - v),    s = sqrt(v^2 - 2 a phi),    where v(t*) = -s
 //! ```
 //!
-//! Newton's law applies at this time. Let contacts collide at times t_i with impulses lambda_i, under forces that are constant within the
-//! step. The work of the impulses is then lambda^T G lambda (1/2 - 1/(1 + e)) for any t_i. Impacts add no energy, and with e = 1 they
-//! dissipate none.
+//! Newton's law applies at this time. For any impact times, and forces that are constant within the step, the work of the impulses lambda
+//! is lambda^T G lambda (1/2 - 1/(1 + e)). It is negative, so that impacts add no energy, and zero for e = 1.
 
 use stepper_real::{Mask, Real};
 
@@ -36,7 +35,7 @@ pub struct Flight<R> {
 pub struct ImpactPrediction<R: Real> {
     /// Lanes in which the contact collides fast enough to bounce.
     pub collides: R::Mask,
-    /// Lanes in which the contact touches and separates. Another impact elsewhere may close it, and both are then solved as one impact.
+    /// Lanes in which the contact touches and separates. It is solved together with the impacts, because an impact elsewhere may close it.
     pub separates: R::Mask,
     /// Lanes in which the contact touches or is about to touch, and does not bounce.
     pub rests: R::Mask,

@@ -1,14 +1,15 @@
-//! Redundant supports: contact forces that the equations of motion do not determine. Their loads are shared evenly.
+//! Redundant supports: contacts whose forces the equations of motion do not determine, such as four legs of a table. The solver distributes
+//! the load evenly over them.
 //!
 //! Three contacts between two bodies have nine unknown force components; a rigid body gives six equations. While all points stick, the
 //! motion is the same for all solutions. When they slip, the torque of friction depends on how the points share the load. Gauss-Seidel
 //! iterations load the contacts that they visit first, and such forces rotate a box that two fingers hold.
 //!
-//! The contacts between two bodies form a contact group. Groups that move a common coordinate form a cluster, whose loads are shared
-//! together. An example is a box between two fingers: the point on each finger where the load acts is undetermined too. Among all
-//! nonnegative normal impulses with the same effect on the joints, those of least norm are used. Friction of a slipping contact is
-//! recomputed as mu times the normal impulse, against the motion. If a group slips along a plane without rotating, its force, its friction
-//! moment and all velocities do not change. If it rotates, the solver continues from the shared loads.
+//! The contacts between two bodies form a contact group. Groups that act on a common degree of freedom form a cluster, whose loads are
+//! shared together. Example: a box between two fingers has two groups in one cluster. Among all nonnegative normal impulses with the same
+//! effect on the joints, those of least norm are used. Friction of a slipping contact is recomputed as mu times the normal impulse, against
+//! the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque changes, and the solver
+//! continues from the shared loads.
 
 use std::ops::Range;
 
@@ -155,10 +156,10 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(self.groups.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
-    /// Lanes with a contact group that bears no load yet and closes in this step.
+    /// Lanes with a contact group that has no impulse yet and closes in this step, so that it takes up load for the first time.
     ///
-    /// The first impulses of such a group must be those of least norm, because the result of Gauss-Seidel iterations depends on the order
-    /// of contacts.
+    /// The first impulses of such a group must be those of least norm. Gauss-Seidel iterations would load the contacts that they visit
+    /// first.
     pub(crate) fn newly_loaded_lanes(
         &self,
         contacts: &Contacts<R>,

@@ -48,9 +48,9 @@ impl<R: Real> Assembler<'_, R> {
     /// Bias of a contact's normal row by Euler's rule, m/s, and the lanes of `exists` in which the row is needed. With the midpoint rule
     /// both are returned unchanged.
     ///
-    /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed contacts share an impact: 0
-    /// <= lambda, complementary to v+ + e v- >= 0, even if v- separates. A contact that is slower than the threshold before the step rests.
-    /// The velocity that gravity adds within the step does not make it bounce.
+    /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed elastic contacts take part in
+    /// an impact with 0 <= lambda, complementary to v+ + e v- >= 0, even if v- separates. A contact that is slower than the threshold
+    /// before the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
     pub(crate) fn bounce_euler(
@@ -210,9 +210,9 @@ impl<R: Real> ConstraintProblem<R> {
     /// Sets the coefficient of restitution to 0 for impacts at which Newton's law has no plausible solution. Returns the lanes with such an
     /// impact.
     ///
-    /// Newton's law fixes the normal velocity after an impact, however hard the friction of another contact pushes. A ball that flies into
-    /// a corner with a friction coefficient of 1 or more has no solution, and just below 1 the impulses are enormous. The friction of such
-    /// impacts adds energy (Kane and Levinson, Dynamics: Theory and Applications, 1985, section 5.7). An inelastic impact always has a
+    /// Newton's law prescribes the normal velocity after an impact. The friction of another contact can act against it: a ball that flies
+    /// into a corner with a friction coefficient of 1 or more has no solution, and just below 1 the impulses are enormous. The friction of
+    /// such impacts adds energy (Kane and Levinson, Dynamics: Theory and Applications, 1985, section 5.7). An inelastic impact always has a
     /// solution.
     ///
     /// An impact is implausible if its friction adds more than `energy` (J), or if the rounding error of its impulse exceeds `max_rounding`

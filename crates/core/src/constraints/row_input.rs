@@ -8,7 +8,7 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
 use crate::options::StepSettings;
 
-/// Inputs of the assembly of rows: model, settings, poses, mass matrix, and velocities.
+/// Input of the assembly of rows: model, settings, poses, mass matrix, and velocities.
 #[derive(Clone, Copy)]
 pub(crate) struct RowInput<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,

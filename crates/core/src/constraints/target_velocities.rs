@@ -1,7 +1,7 @@
 //! Target velocities of rows, computed from their distance or overlap.
 //!
-//! A row is Y^T w + g >= 0 (for equalities = 0) with g = (its free velocity) + bias. The bias is minus the target velocity at the end of
-//! the step.
+//! A row is Y^T w + g >= 0 (for equalities = 0). Its offset g is its free velocity plus its bias. The bias is minus the target velocity at
+//! the end of the step.
 
 use stepper_real::{Mask, Real};
 
@@ -41,7 +41,7 @@ impl<R: Real> Assembler<'_, R> {
         let (wanted, fastest) = (overlap * R::of(options.baumgarte) / h, R::of(fastest));
         let mut correction = wanted.min(fastest);
         if options.stabilization == Stabilization::Split && overlap.gt(R::zero()).any() {
-            // A smooth bound preserves the order of two contradicting targets.
+            // A smooth bound instead of `min` keeps the larger of two contradicting corrections larger.
             let most = (wanted * wanted + fastest * fastest).sqrt();
             correction = wanted * fastest / most.max(R::of(f64::from(f32::MIN_POSITIVE)));
         }

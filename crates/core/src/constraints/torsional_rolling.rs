@@ -33,7 +33,7 @@ impl<R: Real> RowBuilder<R> {
             let axis = angular(&input.kinematics.axes[d]);
             let mut j = zero();
             for i in 0..3 {
-                // Adding zero converts -0 to 0, so that the bits of a lane do not depend on the contacts of its neighbours.
+                // Adding zero converts -0 to 0, so that the bits of a lane do not depend on the contacts of other lanes.
                 j[i] = dot(axes[i], axis) * sign * weight[i] + R::zero();
             }
             free = add_scaled(free, j, input.assembly.v_free[d]);
@@ -104,7 +104,7 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.rolling_contacts.set_compliance(compliance);
         }
-        // As in `add_contact`: for all rows except the normal one, the position solve adds to g.
+        // As in `add_contact`: the position solve replaces g of the normal row, and adds to g of the other rows.
         let change = |[velocity, position]: [R; 2]| position - velocity;
         let [spin, roll, other] = turns.map(change);
         self.problem.rows.rolling_contacts.set_position_offset([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
@@ -133,7 +133,7 @@ struct Friction<R: Real> {
     mu: R,
     /// Factor that is 1 for contacts with sliding friction, otherwise 0.
     slides: R,
-    /// Factors of the torsional and rolling rows, m.
+    /// Factors of the torsional and rolling rows, m. They scale these rows so that their friction coefficient is `mu` too.
     scale: V3<R>,
 }
 

@@ -20,8 +20,8 @@ use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
 /// Lanes in which the solver's residual may change the kinetic energy noticeably, so that the energy after the step is ambiguous.
 ///
-/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses nearly cancel. Even at a small residual, the work of such
-/// impulses exceeds the kinetic energy ([`stepper_solve::energy_is_ambiguous`]).
+/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses nearly cancel. The error of their work is the residual times
+/// the impulse, which can exceed the kinetic energy even at a small residual ([`stepper_solve::energy_is_ambiguous`]).
 pub(crate) fn ambiguous<R: Real>(
     context: StepContext<'_, R>,
     free: &FreeMotion<R>,
@@ -43,7 +43,8 @@ pub(crate) fn ambiguous<R: Real>(
 
 /// Solves the lanes whose kinetic energy is [`ambiguous`] again, if their residual meets the tolerance.
 ///
-/// In jammed bodies, impulses a million times the load nearly cancel. Their residual must be smaller by that factor.
+/// Where contacts press a body from several sides (a jam), impulses can be a million times the load and nearly cancel. The residual must
+/// then be smaller by that factor.
 #[inline(always)]
 pub(crate) fn resolve_ambiguous<R: Real>(
     context: StepContext<'_, R>,
@@ -61,8 +62,8 @@ pub(crate) fn resolve_ambiguous<R: Real>(
 
 /// Solves the lanes `lanes` to a residual that changes the kinetic energy only a little, as far as rounding permits.
 ///
-/// Many impulses may give the same motion: a wedge can hold itself with any load. The function therefore first computes the impulses of
-/// least norm. It then solves the lanes that are still ambiguous to a smaller residual.
+/// Different impulses may give the same motion: two walls can press on a wedge with any pair of equal forces. The function therefore first
+/// computes the impulses of least norm. It then solves the lanes that are still ambiguous to a smaller residual.
 #[cold]
 #[inline(never)]
 fn solve_further<R: Real>(

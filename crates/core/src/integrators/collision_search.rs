@@ -26,8 +26,8 @@ const MAX_EVALUATIONS: usize = SECANTS + 10;
 #[derive(Clone, Debug)]
 pub(crate) struct CollisionSearch<R: Real> {
     swept: SweptPair<R>,
-    /// For each deferred contact: normal velocity in the searched motion, m/s, and lanes in which its linearised gap closes. Deferred
-    /// contacts are those that the solver leaves out.
+    /// For each deferred contact: normal velocity in the searched motion, m/s, and lanes in which its linearised gap closes (the gap at a
+    /// constant normal velocity). Deferred contacts are those that the solver leaves out.
     rates: Vec<(R, R::Mask)>,
     /// Candidate pairs: pairs whose linearised gap closes in some lane.
     pairs: Vec<CandidatePair<R>>,
@@ -60,8 +60,8 @@ struct CandidatePair<R: Real> {
     lanes: R::Mask,
     /// Overlap on the path up to which the pair counts as not colliding, m.
     tolerance: R,
-    /// Time at which the pair touches, s. `before` is an earlier time at which it does not touch yet. The search narrows this bracket where
-    /// the order of collisions matters.
+    /// Time at which the pair overlaps, s. `before` is an earlier time at which it does not touch yet, so that the first touch is between
+    /// them. The search narrows this bracket where the order of collisions matters.
     time: R,
     before: R,
     /// Distance plus tolerance at the time `time`, m, which is negative. `distance_before` is the same quantity at the time `before`.
@@ -69,7 +69,7 @@ struct CandidatePair<R: Real> {
     distance_before: R,
     /// Lanes in which it is uncertain whether this pair or another one of the same trees touches first.
     uncertain: R::Mask,
-    /// Lanes in which the collision is doubtful: the error of the predicted motion may cause its overlap.
+    /// Lanes in which the collision is doubtful: it may be an error of the predicted motion.
     doubtful: R::Mask,
     /// Lanes in which another pair of the same kinematic trees touches earlier.
     later: R::Mask,
@@ -165,9 +165,10 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     /// Lanes to search.
     pub(crate) lanes: R::Mask,
-    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap.
+    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap: the overlap at the end of the path
+    /// if the gap closed at its initial rate.
     ///
-    /// It is 0 for a solved motion, and positive for a predicted motion, which has an error.
+    /// It is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
     pub(crate) margin: f64,
     /// Overlap that the error of the predicted motion may cause, m.
     pub(crate) error: R,
@@ -254,7 +255,8 @@ impl<R: Real> CollisionSearch<R> {
         !self.pairs.is_empty()
     }
 
-    /// Tests the path of each candidate. Its lanes become those in which it collides, and collides first if the order matters.
+    /// Tests the path of each candidate pair. Its lanes become those in which it collides. Unless `ignores_order` is set, lanes in which
+    /// another pair of the same trees collides earlier are removed.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let CollisionQuery { compiled, kinematics, collision, .. } = *query;
@@ -484,8 +486,8 @@ fn farthest_closing_gap<R: Real>(
     (gap, touch)
 }
 
-/// Largest overlap of resting contacts of the same bodies, at most the slop, m. A body that slides over flush supports has this overlap at
-/// the next support too.
+/// Largest overlap of resting contacts of the same bodies, at most the slop (the overlap that position correction leaves), m. A body that
+/// slides to a support of the same height has this overlap there too.
 #[inline(always)]
 fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;

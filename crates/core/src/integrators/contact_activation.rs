@@ -3,9 +3,10 @@
 //! [`crate::constraints::approaching`] defines which contacts are deferred. The pairs that touch first are activated first, because an
 //! impact may prevent later ones. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
 //!
-//! The predicted motion has approximate impulses. A body in it sinks a little into its supports, and then collides with a flush support
-//! ahead. A predicted collision is doubtful if the error of the prediction can cause its overlap. Such a contact is active only in the
-//! prediction. Stage 5 starts without it, and the solved motion decides.
+//! The impulses of the predicted motion are approximate, so that a body sinks a little into its supports. It then seems to collide with the
+//! edge of the next support, although both supports have the same height. A predicted collision is doubtful if the error of the prediction
+//! can cause its overlap. The contact of a doubtful collision is active only in the prediction. Stage 5 starts without it, and activates it
+//! if the solved motion has the collision too.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::residual;

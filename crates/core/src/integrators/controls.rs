@@ -8,8 +8,8 @@ use crate::integrators::inputs::Inputs;
 use crate::integrators::state::State;
 use crate::options::StepSettings;
 
-/// Computes the actuators' controls from the user's controls by the actuator pipelines (delay, lag ...), as part of stage 1. The pipelines
-/// read the state before the step.
+/// Runs the actuator pipelines (delay, lag ...), the first part of stage 1. From the user's controls and the state before the step they
+/// compute the controls of the step, `inputs.ctrl`.
 pub(crate) fn run_actuator_pipelines<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -26,7 +26,8 @@ pub(crate) fn run_actuator_pipelines<R: Real>(
     }
 }
 
-/// Writes the outputs of the actuator pipelines at the end of the step to `inputs`, for sensors and derived quantities of the new state.
+/// Sets `inputs` to the outputs of the actuator pipelines at the end of the step. Sensors and derived quantities of the new state read
+/// them.
 pub(crate) fn write_outputs_after_step<R: Real>(compiled: &LaneModel<R>, inputs: &mut Inputs<R>, devices: &mut Devices<'_, R::Scalar>) {
     if let Some(actuators) = &mut devices.actuators {
         let outputs = (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]);

@@ -13,7 +13,8 @@ use crate::integrators::scheme::Scheme;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 
-/// Evaluation point of a step: the time at which forces, contacts and rows are evaluated, and the poses there.
+/// Evaluation point of a step (the time in the step at which forces, contacts and rows are evaluated), with the poses and contacts at this
+/// time.
 #[derive(Clone, Debug)]
 pub(crate) struct Evaluation<R: Real> {
     /// Scheme of the step, with the evaluation time of each lane.
@@ -22,19 +23,20 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) at_start: R::Mask,
     /// Configuration at the evaluation point, nq.
     pub(crate) q: Vec<R>,
-    /// Configuration at which springs and servos are evaluated, nq. The implicit scheme evaluates them later in the step than other forces.
+    /// Configuration at which springs and servos are evaluated, nq. Only the implicit rule uses it: it evaluates them later in the step
+    /// than other forces.
     pub(crate) q_ahead: Vec<R>,
     /// Activations at the evaluation point, na.
     pub(crate) act: Vec<R>,
     /// Poses at `q`.
     pub(crate) kinematics: Kinematics<R>,
-    /// Poses of the geoms, and the workspace of collision detection.
+    /// Workspace of collision detection, with the poses of the geoms.
     pub(crate) collision: CollisionWorkspace<R>,
     /// Contacts at `q`.
     pub(crate) contacts: Contacts<R>,
     /// Impacts within the step.
     pub(crate) impacts: Impacts<R>,
-    /// Overlaps of the step that is being differentiated; `None` in a normal step.
+    /// Overlaps in the solution of the step that is being differentiated; `None` in a normal step.
     pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
 }
 
@@ -64,8 +66,8 @@ impl<R: Real> Evaluation<R> {
 
     /// Prepares the contacts of a step.
     ///
-    /// The function chooses their tangents, and copies the impulses of the same contacts from `last`, the contacts of the last step. In
-    /// single precision, it sets gaps within rounding to zero. `last` is overwritten.
+    /// The function chooses their tangents. It copies the impulses of the same contacts from `last`, the contacts of the last step, and
+    /// overwrites `last`. In single precision, it sets gaps to zero that are smaller than the rounding error of positions.
     #[inline(always)]
     pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
         self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);

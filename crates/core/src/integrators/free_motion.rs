@@ -12,7 +12,7 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::{actuate, advance_activation};
 use crate::stages::s02_smooth::Smooth;
 
-/// Free motion of the step (without constraints), the forces that cause it, and the predicted effect of the constraints.
+/// Free motion of the step (the motion without constraints), the forces that cause it, and the predicted velocity after the step.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeMotion<R: Real> {
     /// Mass matrix, bias forces and acceleration.
@@ -23,14 +23,14 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) applied: Vec<R>,
     /// Velocity after the step without constraints, nv.
     pub(crate) v: Vec<R>,
-    /// Predicted velocity after the step, nv. Velocity-dependent forces are evaluated between this and the velocity before the step
-    /// ([`Scheme::velocity_weight`]).
+    /// Predicted velocity after the step, constraints included, nv. Velocity-dependent forces are evaluated between it and the velocity
+    /// before the step ([`Scheme::velocity_weight`]).
     pub(crate) v_expected: Vec<R>,
     /// Generalized impulse of the constraints in this step, nv.
     pub(crate) impulse: Vec<R>,
     /// Lanes whose motion is too fast for the time step.
     pub(crate) unresolved: R::Mask,
-    /// Lanes whose motion is so fast that the error of the time step may add energy.
+    /// Lanes whose motion is so fast that the error of the integration rule may add energy.
     pub(crate) may_gain: R::Mask,
     /// Buffers of the functions that compute the free motion.
     pub(crate) scratch: Scratch<R>,
@@ -45,17 +45,19 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) velocity_change: Vec<R>,
     /// Generalized impulses.
     pub(crate) impulse: Vec<R>,
-    /// Velocity at which velocity-dependent forces are evaluated.
+    /// Force velocity: velocity at which velocity-dependent forces are evaluated, between those before and after the step. With the
+    /// midpoint rule it is their mean.
     pub(crate) force_velocity: Vec<R>,
-    /// Mean velocity of the step; in lanes without inertial forces the velocity before the step.
+    /// Velocity at which actuator forces are recomputed if some lanes are too fast for the time step: the velocity before the step in these
+    /// lanes, the force velocity in the others.
     pub(crate) actuator_velocity: Vec<R>,
-    /// Free velocity with recomputed forces.
+    /// Velocity after the step without constraints, with the forces at the force velocity.
     pub(crate) v_free_corrected: Vec<R>,
-    /// Difference between the recomputed and the previous free velocity.
+    /// Change of the free velocity by this recomputation.
     pub(crate) free_change: Vec<R>,
     /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
-    /// Velocity before impacts, or its change.
+    /// Velocity just before the impacts of the step, or its change by recomputed forces.
     pub(crate) before_impact: Vec<R>,
 }
 
@@ -130,7 +132,8 @@ impl<R: Real> FreeMotion<R> {
     }
 }
 
-/// Computes stages 1 and 2: forces, mass matrix and free velocity at the evaluation point. The forces use the velocity before the step.
+/// Computes stages 1 and 2 at the evaluation point: forces, mass matrix and free velocity. Velocity-dependent forces are evaluated at the
+/// velocity before the step.
 #[inline(always)]
 pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
@@ -175,7 +178,8 @@ pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: 
     }
 }
 
-/// Whether the model has servos with bounds whose forces are implicit. Their active bounds then change the mass matrix.
+/// Whether the model has servos with implicit and bounded forces. Such a servo adds inertia to the mass matrix only while its force is
+/// within its bounds.
 pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>) -> bool {
     compiled.servos_are_bounded && (scheme.implicit_forces || compiled.num_actuator_dynamics > 0)
 }

@@ -13,11 +13,11 @@ use crate::probe::{Probe, Span};
 use crate::stages::s03_detect::detect;
 use crate::tuning::MAX_PLACEMENTS;
 
-/// Finds the evaluation point of the step, and computes stages 1 to 3 there: forces, free velocity and contacts.
+/// Finds the evaluation point of the step (a time within the step), and computes stages 1 to 3 at it: forces, free velocity and contacts.
 ///
-/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. A loop moves the evaluation point of some lanes. Very
-/// fast bodies could pass a thin geom before the middle, so their lanes move to the beginning of the step. Lanes with an elastic impact
-/// move to the time of the first impact.
+/// With Euler's rule the point is the beginning of the step, with the midpoint rule its middle. The midpoint rule has two exceptions. A
+/// very fast body could pass through a thin geom before the middle, so its lane is evaluated at the beginning. A lane with an elastic
+/// impact is evaluated at the time of its first impact.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.scheme = scheme(input.options);
@@ -46,11 +46,12 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
 }
 
 /// Computes stages 1 to 3 (forces, free velocity, contacts) at the present evaluation point. Returns the lanes whose contacts are
-/// unreliable because the evaluation point is too late in the step.
+/// unreliable, because geoms may have passed through each other before this point.
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
     place_bodies(input, evaluation, free, probe);
-    // A step for derivatives has solved overlaps, and keeps the active servo bounds of the solution.
+    // A step that is evaluated for derivatives (it has `solved_overlaps`) keeps the active bounds of servos from the solution that is
+    // differentiated.
     if evaluation.solved_overlaps.is_none() {
         free.actuator_forces.reset_active_bounds();
     }
@@ -60,7 +61,8 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, collision, contacts, probe)
 }
 
-/// Computes configuration, poses and actuator transmissions at the evaluation point, the time in the step at which forces are evaluated.
+/// Computes configuration, activations, poses, and moment arms of actuators at the evaluation point, the time in the step at which forces
+/// are evaluated.
 #[inline(always)]
 fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepInput { compiled, state, inputs, .. } = input;
@@ -73,8 +75,8 @@ fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>
     probe.span(Span::Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));
 }
 
-/// Computes the configuration and the activations at the evaluation point of the step, such as its middle. They follow from the state
-/// before the step.
+/// Computes the configuration and the activations at the evaluation point of the step (such as its middle) from the state before the step.
+/// Positions move at the velocity before the step.
 #[inline(always)]
 fn displace_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
     let StepInput { compiled, state, .. } = input;

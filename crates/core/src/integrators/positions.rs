@@ -65,8 +65,8 @@ pub(crate) fn correct_positions<R: Real>(
 
 /// Lanes in which one geom may have passed through another (tunnelling check).
 ///
-/// In lanes with a rebound, the checked displacement is that of the corrected positions. It is stored in `position.impact_displacement` as
-/// a velocity over the whole step.
+/// The check assumes motion at a constant velocity. In lanes with a rebound, this velocity is the displacement to the corrected positions
+/// divided by the time step; it is stored in `position.impact_displacement`.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,
@@ -91,8 +91,8 @@ pub(crate) fn find_tunnelling<R: Real>(
     };
     let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
     let passed = may_have_passed(input.compiled, kinematics, step, input.alive, collision);
-    // Each time step checks the path from its evaluation point to the expected one of the next step. The search for an impact may have
-    // moved the evaluation point later, so that the path from the beginning of the step to it is checked here.
+    // Each step checks the path from its evaluation point to that of the next step. If an impact moved the evaluation point of this step,
+    // the path from the beginning of the step to this point is checked here.
     let moved = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
     if moved.none() {
         return passed;
@@ -101,8 +101,8 @@ pub(crate) fn find_tunnelling<R: Real>(
     passed.or(may_have_passed(input.compiled, kinematics, flight, moved, collision))
 }
 
-/// Replaces the configuration after the step by the corrected one. If contradictory constraints make the correction of an island
-/// ineffective, it is reverted.
+/// Replaces the configuration after the step by the corrected one. If the constraints of an island contradict each other and the correction
+/// reduces no overlap, the island keeps its uncorrected positions.
 #[inline(always)]
 pub(crate) fn accept_corrections<R: Real>(
     input: StepInput<'_, R>,

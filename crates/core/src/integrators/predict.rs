@@ -18,10 +18,10 @@ use crate::stages::s04_assemble::shift_offsets;
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::MAX_IMPACT_ROTATION;
 
-/// Predicts the velocity after the step from approximate impulses, and recomputes the forces that depend on it.
+/// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
 ///
-/// Because the prediction includes impulses, a robot at rest gets no forces of a motion that its contacts prevent. In moving lanes the
-/// prediction depends on the previous impulses only within its tolerance.
+/// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. In
+/// moving lanes the previous impulses are only the first guess: they change the prediction by less than its tolerance.
 pub(crate) fn predict<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
@@ -51,11 +51,11 @@ pub(crate) fn predict<R: Real>(
     }
 }
 
-/// Recomputes the free velocity, with velocity-dependent forces at the mean velocity of the step. The mean velocity includes the present
-/// impulses.
+/// Recomputes the free velocity, with velocity-dependent forces at the force velocity. This velocity includes the present impulses: with
+/// the midpoint rule it is the mean of the velocities before and after the step, with the implicit rule the velocity after it.
 ///
-/// The implicit rule evaluates these forces at the velocity after the step instead of the mean. One such correction keeps the second order
-/// of the midpoint rule. The offsets g of `problem` are updated with the free velocity.
+/// One such correction suffices for the second order of the midpoint rule. The offsets g of the rows of `problem` contain the free velocity
+/// and change with it.
 pub(crate) fn correct_free_velocity<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
@@ -70,7 +70,7 @@ pub(crate) fn correct_free_velocity<R: Real>(
     ignore_large_impacts(scheme, v, velocity_by_impulses);
     advance(v, velocity_by_impulses, R::one(), v_expected);
     blend(&state.v, v_expected, scheme.velocity_weight, force_velocity);
-    // Without servos, no force of stage 1 depends on the velocity. With servos, their explicit parts do.
+    // In stage 1 only forces of servos depend on the velocity.
     if !compiled.servos.is_empty() {
         probe.span(Span::Actuate, || {
             actuate(compiled, &context.forces_at(force_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
@@ -93,9 +93,9 @@ pub(crate) fn correct_free_velocity<R: Real>(
     shift_offsets(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
 }
 
-/// Sets the velocity change by the predicted impulses to zero in lanes in which it makes the motion too fast for the time step.
+/// Sets the velocity change by the predicted impulses, `change`, to zero in lanes in which it makes the motion too fast for the time step.
 ///
-/// Velocity-dependent forces at such a velocity would add energy to the motion.
+/// Inertial forces at such a velocity would add energy to the motion.
 fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -116,12 +116,14 @@ fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut 
     )
 }
 
-/// Computes the free velocity without velocity-dependent inertial forces in the lanes whose motion is too fast for the time step.
+/// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) in the lanes whose motion is
+/// too fast for the time step.
 fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
     let Scratch { force_velocity: zero_velocity, actuator_velocity, v_free_corrected, free_change, .. } = scratch;
-    // The forces in the other lanes must remain those at their mean velocity, to the bit, because further solutions read them.
+    // In the other lanes, actuator forces must keep all bits, because later solves of the step read them. They are evaluated again at the
+    // same velocity.
     R::vectorize(
         #[inline(always)]
         || {

@@ -15,12 +15,13 @@ pub(crate) struct Scheme<R> {
     pub(crate) time_before: R,
     /// Time from the evaluation point to the configuration after the step, s.
     pub(crate) time_after: R,
-    /// Time from the evaluation point to the point at which springs and servos are evaluated, s. The change of their force with the
-    /// velocity is implicit, in the mass matrix.
+    /// Time from the evaluation point to the time at which springs and servos are evaluated, s. The part of their force that depends on the
+    /// velocity change is implicit, in the mass matrix.
     pub(crate) time_ahead: R,
     /// Weights of implicit damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
-    /// Velocity at which velocity-dependent forces are evaluated, as a weight: 0 is the velocity before the step, 1 the velocity after it.
+    /// Weight of the velocity after the step in the force velocity, at which velocity-dependent forces are evaluated. With 0 this is the
+    /// velocity before the step, with 1 the velocity after it.
     pub(crate) velocity_weight: R,
     /// Whether the scheme evaluates forces and rows in the middle of the step, and impacts at their times.
     pub(crate) in_the_middle: bool,
@@ -34,16 +35,17 @@ pub(crate) struct Scheme<R> {
 impl<R: Real> Scheme<R> {
     /// Whether the step predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     ///
-    /// Exactly the schemes with `implicit_forces` do so.
+    /// These are exactly the schemes with `implicit_forces`.
     pub(crate) fn predicts(&self) -> bool {
         self.implicit_forces
     }
 
     /// Fraction of a contact gap that may close in a step.
     ///
-    /// It is the time step divided by the time from the rows' evaluation to that of the next step. A body then meets the surface there and
-    /// not before. The fraction is two thirds if the midpoint rule evaluates this step at its beginning and the next one in its middle. The
-    /// lanes `impacts` are evaluated at the time of an impact instead.
+    /// The fraction is h / T, where T is the time from the evaluation point of this step to that of the next. A body that closes this
+    /// fraction of its gap per time step h touches the surface exactly at the next evaluation point. T is normally h, so that the fraction
+    /// is 1. In the lanes `at_beginning` T is 1.5 h, from the beginning of this step to the middle of the next. In the lanes `impacts` T is
+    /// the rest of this step plus h / 2.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
@@ -68,7 +70,8 @@ impl<R: Real> Scheme<R> {
         ImplicitServos { predicted: true, ..self.implicit_servos() }
     }
 
-    /// Weights of implicit joint damping and stiffness. Without `implicit_forces`, damping is explicit in models that select it.
+    /// Weights of joint damping and stiffness in the mass matrix. Without `implicit_forces`, models can select explicit damping, whose
+    /// weight is 0.
     pub(crate) fn joint_weights(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
         let explicit = compiled.explicit_damping && !self.implicit_forces;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }

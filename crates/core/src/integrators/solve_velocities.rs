@@ -23,16 +23,16 @@ use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, ROUGH_ITERATIONS, SATURATION_PASSES};
 
-/// Solves for the velocity after the step, and repeats the solve until the solution is consistent with the assembled problem.
+/// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem.
 ///
-/// Three conditions must hold. No deferred contact, which the solver leaves out, may collide in the solved motion; colliding ones become
-/// active. After an impact, half of the inertial forces act at the velocity before the step and half at the solved velocity. If not, the
-/// free velocity is recomputed, at most three times. Impacts must have a plausible solution by Newton's law; otherwise they become
-/// inelastic.
+/// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact
+/// that collides becomes active. (2) Inertial forces were evaluated at the mean of the velocities before and after the step. If an impact
+/// changed the velocity, they are recomputed, at most three times. (3) Newton's law of impact has a plausible solution. If not, the impact
+/// becomes inelastic. (4) The active bounds of stiff servos are those of the solution. If not, the mass matrix changes, so that the problem
+/// is assembled and solved again, at most four times.
 ///
-/// The assumed active bounds of stiff servos must also be those of the solution. Another active bound changes the mass matrix, so that the
-/// problem is assembled and solved again, at most four times. The second result has the lanes that are still inconsistent, and those with
-/// impacts made inelastic. A shorter step resolves them.
+/// The second result has the lanes in which assumption 4 still fails, and those with an impact that became inelastic. In these lanes the
+/// energy may be wrong; a shorter time step helps.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     context: StepContext<'_, R>,
@@ -46,7 +46,7 @@ pub(crate) fn solve_velocities<R: Real>(
     let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = context;
     let none = R::Mask::splat(false);
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    // Each assembly resets these variables; the number of reassemblies below is kept.
+    // Each assembly resets the variables of this line.
     let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
     let (mut begins, mut reassemblies) = (true, 0);
     let disagrees = loop {
@@ -56,7 +56,8 @@ pub(crate) fn solve_velocities<R: Real>(
             (lanes, inelastic, passes, impacts) = (problem.constrained, none, 0, 0);
         }
         let solved = probe.span(Span::Solve, || solve_lanes(context, lanes, problem, velocity));
-        // The effort of earlier assemblies is not counted, because another lane may have caused them.
+        // A new assembly resets the numbers of iterations in `outcome`. Another lane may have caused it, and a lane's record must not
+        // depend on other lanes.
         if begins {
             outcome = solved;
         } else {
@@ -81,7 +82,7 @@ pub(crate) fn solve_velocities<R: Real>(
                 break changed;
             }
             compute_free_motion(context, free, probe);
-            // All lanes are solved again. Lanes in which no active bound changed get the same bits.
+            // All lanes are assembled and solved again. Lanes without a changed bound get the same bits as before.
             (begins, reassemblies) = (true, reassemblies + 1);
         }
     };
@@ -91,7 +92,8 @@ pub(crate) fn solve_velocities<R: Real>(
     (outcome, inelastic.or(disagrees))
 }
 
-/// Updates the active bounds of servos to those of the solution. Returns the lanes in which any bound changed.
+/// Updates the assumed active bounds of servos (none, a force bound, or the torque-speed curve) to those of the solution. Returns the lanes
+/// in which any of them changed.
 ///
 /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
 fn update_active_bounds<R: Real>(
@@ -112,8 +114,8 @@ fn update_active_bounds<R: Real>(
 
 /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
 ///
-/// If jammed bodies cannot reach the target velocities, the impulses of the first solve diverge. The second solve therefore starts from
-/// zero impulses.
+/// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), it may not be able to
+/// reach these velocities, and the impulses of the first solve diverge. The second solve therefore starts from zero impulses.
 fn solve_lanes<R: Real>(
     context: StepContext<'_, R>,
     lanes: R::Mask,
@@ -134,8 +136,8 @@ fn solve_lanes<R: Real>(
     outcome
 }
 
-/// Limits the velocity in lanes with a large Baumgarte correction, with a motion that is too fast for the time step, or with an ambiguous
-/// energy.
+/// Limits the velocity after the step in three kinds of lanes: with a large Baumgarte correction, with a motion that is too fast for the
+/// time step, and with an ambiguous energy ([`ambiguous`]).
 #[inline(always)]
 pub(crate) fn bound_velocities<R: Real>(
     context: StepContext<'_, R>,

@@ -4,8 +4,8 @@ use stepper_real::Real;
 
 use crate::collision::contact_set::Contacts;
 
-/// State of a group of lanes, which a step hands over to the next. The impulses of scalar rows ([`VelocitySolution::scalar_impulse`]) and
-/// the memories of sensors and actuator pipelines are stored elsewhere.
+/// State of a group of lanes, which one step hands over to the next. The state also includes the impulses of scalar rows, in
+/// [`VelocitySolution::scalar_impulse`], and the memories of sensors and actuator pipelines, which the batch stores.
 ///
 /// [`VelocitySolution::scalar_impulse`]: crate::constraints::VelocitySolution::scalar_impulse
 #[derive(Clone, Debug)]
@@ -16,11 +16,11 @@ pub(crate) struct State<R: Real> {
     pub(crate) v: Vec<R>,
     /// Activations, na.
     pub(crate) act: Vec<R>,
-    /// Contacts of the last step with their impulses, the warm start of the next.
+    /// Contacts of the last step with their impulses, from which the next step starts.
     pub(crate) contacts: Contacts<R>,
     /// Generalized impulse of all constraints in the last step, nv.
     pub(crate) impulse: Vec<R>,
-    /// Simulated time of every lane, s, in 64 bits because it is a sum of many steps.
+    /// Simulated time of every lane, s. It has 64 bits in every precision, because it is a sum of many steps.
     pub(crate) time: Vec<f64>,
     /// Time since the beginning of the call, s. It determines the poses of mocap bodies.
     pub(crate) elapsed: f64,

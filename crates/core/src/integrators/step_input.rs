@@ -16,11 +16,12 @@ pub(crate) struct StepInput<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     pub(crate) state: &'a State<R>,
     pub(crate) inputs: &'a Inputs<R>,
-    /// Lanes that have an environment.
+    /// Lanes that have an environment. The last group of a batch can have unused lanes.
     pub(crate) alive: R::Mask,
 }
 
-/// Input of a step together with its evaluation point (the time at which forces and contacts are evaluated). Stages 4 to 8 do not move it.
+/// Input of a step together with its evaluation point (the time in the step at which forces and contacts are evaluated). Stages 4 to 8 read
+/// it and do not change it.
 #[derive(Clone, Copy)]
 pub(crate) struct StepContext<'a, R: Real> {
     pub(crate) input: StepInput<'a, R>,
@@ -28,7 +29,8 @@ pub(crate) struct StepContext<'a, R: Real> {
 }
 
 impl<'a, R: Real> StepContext<'a, R> {
-    /// Inputs of the force computation at the evaluation point. Explicit velocity-dependent forces use the velocity `v_at`.
+    /// Inputs of the force computation (stage 1) at the evaluation point. Explicit velocity-dependent forces are evaluated at the velocity
+    /// `v_at`.
     pub(crate) fn forces_at(&self, v_at: &'a [R]) -> ForceState<'a, R> {
         let StepContext { input: StepInput { state, inputs, .. }, evaluation: Evaluation { scheme, q, q_ahead, act, .. } } = *self;
         let Inputs { ctrl, actuator_dynamics, .. } = inputs;

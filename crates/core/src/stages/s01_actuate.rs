@@ -12,8 +12,9 @@ use crate::model::{Activation, JointKind};
 
 /// Computes the forces of actuators and springs, N or N m, and the added inertia of servos.
 ///
-/// Stage 2 adds joint damping, and the implicit terms of both to the mass matrix. The assumed active bounds of servos do not change until
-/// [`ActuatorForces::reset_active_bounds`]. If `implicit` is `None`, all terms are explicit.
+/// Stage 2 adds joint damping. It also adds the implicit terms of servos, springs and damping to the mass matrix. If `implicit` is `None`,
+/// all forces are explicit. The first call after [`ActuatorForces::reset_active_bounds`] guesses the active bounds of servos (none, a force
+/// bound, or a torque-speed curve); later calls keep them.
 pub fn actuate<R: Real>(
     compiled: &LaneModel<R>,
     at: &ForceState<'_, R>,
@@ -97,7 +98,8 @@ pub fn actuate<R: Real>(
     )
 }
 
-/// Computes the added inertia of every servo along its moment if only its damping is implicit: `h` times its damping, of either sign.
+/// Computes the added inertia of every servo along its moment, for a rule in which only its damping is implicit: `h` times its damping,
+/// which may be negative.
 ///
 /// The added inertia is zero if the force is at a bound. [`actuate`] must have been called before, with explicit terms.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
@@ -153,8 +155,8 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
     R::select(u.is_finite(), within(u, range), R::of(f64::NAN))
 }
 
-/// Setpoint of an angle, shifted by full rotations to the equivalent angle nearest to `angle`, as in MuJoCo. A servo then need not rotate
-/// back after more than half a turn.
+/// Setpoint `input` of an angle, shifted by full rotations to the equivalent angle nearest to `angle`, as in MuJoCo. A servo then takes the
+/// shorter way to its setpoint.
 ///
 /// Only inputs that are setpoints are shifted: those whose gain equals minus the bias coefficient of the length.
 #[inline(always)]
@@ -186,7 +188,8 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
 
 /// Affine force of an actuator: gain . (1, length, velocity) input + bias . (1, length, velocity).
 ///
-/// With actuator dynamics, it is instead the force of a continuous servo, or of a motor whose control is a fraction of its voltage.
+/// With actuator dynamics, slope and rate are those of their continuous servo, and a motor with voltage control multiplies the force by its
+/// stall torque and subtracts its back-EMF.
 #[inline(always)]
 fn affine_force<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,

@@ -1,16 +1,16 @@
 //! Stage 3: detects contacts from poses.
 //!
-//! Detection lists a contact if it can touch before the next evaluation point. Its distance must be below the distance that the free
-//! velocity covers in two steps, plus the distance that gravity covers in one. Geoms need not overlap first.
+//! Detection lists a contact if its gap can close before the evaluation point of the next step. The gap must be below the distance that the
+//! free velocity covers in two steps, plus the distance that gravity covers in one. Geoms need not overlap.
 //!
-//! Two steps, because a row lets its gap close until the evaluation point of the next step, up to 1.5 steps later
-//! (`ConstraintProblem::closing_time`). The rest is a margin for impulses that make a body faster than its free velocity.
+//! The next evaluation point is up to 1.5 steps later (`ConstraintProblem::closing_time`). The rest of the two steps is a margin for
+//! impulses that make a body faster than its free velocity.
 //!
-//! A gap at the beginning of a step is a row, however fast it closes, so a fast body stops before a thin wall. In the middle of the step
-//! the body may be beyond the wall. [`detect`] returns the lanes in which a fast pair overlaps, may have passed, or hits a surface of
-//! triangles. The step then evaluates these lanes at its beginning. Bodies can still pass through a geom: an impulse may make them faster
-//! than the search assumed, or they may turn too far for a straight row.
-//! [`may_have_passed`](crate::collision::tunnelling::may_have_passed) reports these lanes.
+//! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] returns the lanes
+//! in which a fast pair overlaps, may have passed through each other, or hits a surface of triangles. The step then evaluates these lanes
+//! at its beginning, where the wall is still ahead and its contact stops the body. Bodies can still pass through a geom in two cases: an
+//! impulse makes them faster than the search assumed, or they rotate so far that the contact normal at the evaluation point is no longer
+//! valid. [`may_have_passed`](crate::collision::tunnelling::may_have_passed) reports these lanes.
 
 use stepper_real::{Mask, Real};
 
@@ -21,7 +21,7 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::probe::{Counter, Probe, Span};
 
 /// Finds the contacts of the lanes `alive`, at the poses `time_before` seconds after the beginning of the step. Returns the lanes whose
-/// contacts are unreliable at this time, because geoms may already have passed each other.
+/// contacts are unreliable at this time, because geoms may already have passed through each other.
 #[expect(clippy::too_many_arguments, reason = "poses, contacts and probe are separate buffers")]
 #[inline(always)]
 pub fn detect<R: Real>(
@@ -55,8 +55,8 @@ pub fn detect<R: Real>(
 /// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps. `v` and `v_free` are the velocities
 /// before the step, and after it without constraints.
 ///
-/// With `checks_passing`, it also finds the static pairs (moving geom and world geom) whose geoms may have passed each other since the
-/// beginning of the step.
+/// With `checks_passing`, it also finds the static pairs (moving geom and world geom) whose geoms may have passed through each other since
+/// the beginning of the step.
 fn find_pairs<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -86,8 +86,8 @@ fn find_pairs<R: Real>(
 
 /// Narrow phase: finds the contacts of the pairs from [`find_pairs`].
 ///
-/// With `checks_passing`, returns the lanes whose contacts are unreliable, because geoms may have passed each other since the beginning of
-/// the step.
+/// With `checks_passing`, returns the lanes whose contacts are unreliable, because geoms may have passed through each other since the
+/// beginning of the step.
 fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

@@ -1,17 +1,17 @@
 //! Stage 4: contacts, equalities, limits, tendon springs and dry friction become the constraint problem.
 //!
-//! Each row is scaled to y = D^-1/2 L^-T J^T, which touches only the ancestors of the bodies that it joins. The Delassus matrix is then Y^T
-//! Y. The bias of a row sets its target velocity v_n+ at the end of the step:
+//! With the mass matrix M = L^T D L, each row of the Jacobian J is scaled to y = D^-1/2 L^-T J^T. It has entries only for the degrees of
+//! freedom that move its bodies. The Delassus matrix is Y^T Y. The bias of a row sets its target velocity v_n+ at the end of the step:
 //!
 //! ```text
-//! apart (phi > 0):                v_n+ >= -c phi / h           the gap may just close (c: `AssemblyInput::closing_fraction`)
+//! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `AssemblyInput::closing_fraction`)
 //! touching, or overlapping:       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
 //! closing and fast, e > 0:        v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
 //! ```
 //!
 //! The midpoint rule applies the last line at the time of the impact (`constraints/restitution.rs`). A contact with e > 0 that neither
-//! collides nor comes to rest in this step has no row. A row would stop it at the surface and take the energy of its bounce.
+//! bounces nor comes to rest in this step has no row, because a row would stop it at the surface and remove the energy of its later bounce.
 
 use stepper_real::{Mask, Real};
 
@@ -92,8 +92,8 @@ impl<R: Real> Assembler<'_, R> {
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
     }
 
-    /// Completes the problem: activates contacts between faces that already rest on each other, and finds contact groups with redundant
-    /// supports.
+    /// Completes the problem. It activates deferred contacts of two faces that already rest on each other. Then it finds the contact
+    /// groups, and the lanes in which a group with redundant supports takes up load for the first time.
     #[inline(always)]
     fn finish(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
         let Self { problem, velocity, .. } = self;
@@ -106,7 +106,8 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of the rows. Overwrites `change` and `before_impacts`.
+/// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`. Overwrites `change` and
+/// `before_impacts`.
 ///
 /// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step.
 pub(crate) fn shift_offsets<R: Real>(

@@ -16,7 +16,8 @@ use crate::tuning::{
 /// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or less. Afterwards, [`store_impulses`] can store
 /// the impulses for the next step.
 ///
-/// The tolerance of slow lanes is a fraction of their speed `v`. Otherwise a robot at rest would creep at the speed of the tolerance.
+/// The tolerance of slow lanes is a fraction of the speed before the step, `v`. Otherwise a robot at rest would creep at the speed of the
+/// tolerance.
 #[inline(always)]
 pub fn solve<R: Real>(
     options: &StepSettings,
@@ -78,10 +79,11 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
     );
 }
 
-/// Shares the loads of redundant supports that slip evenly, in the lanes `solved` (see [`crate::constraints::redundant_supports`]).
+/// Distributes the load evenly over the contacts of redundant supports that slip, in the lanes `solved` (see
+/// [`crate::constraints::redundant_supports`]).
 ///
-/// This changes the velocity of a contact group that rotates while it slips. The lanes of such groups are solved again, starting from the
-/// shared loads.
+/// If a group of contacts rotates while it slips, the new loads change its velocity. Its lanes are solved again, starting from the new
+/// loads.
 #[inline(always)]
 fn share_loads<R: Real>(
     problem: &ConstraintProblem<R>,
@@ -117,8 +119,8 @@ pub struct ImpulsePredictor<R: Real> {
     /// Lanes that move. Their prediction depends on the previous impulses only within its tolerance. Lanes at rest keep the previous
     /// impulses as their prediction.
     moving: R::Mask,
-    /// Moving lanes whose impulses a few Gauss-Seidel iterations from zero predict accurately enough. The other moving lanes iterate to
-    /// `tolerance`.
+    /// Moving lanes in which [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero impulses predict accurately enough. The other moving
+    /// lanes iterate to `tolerance`.
     rough: R::Mask,
     /// Change of the contact velocities per iteration at which lanes outside `rough` stop iterating, m/s.
     tolerance: R,
@@ -127,8 +129,9 @@ pub struct ImpulsePredictor<R: Real> {
 impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// A rough prediction causes an error of up to [`ESTIMATE_ERROR`]. If a smaller error is required, the predictor iterates to a
-    /// tolerance. It also does so in lanes with shared loads, and with Newton's method.
+    /// A rough prediction changes the free velocity by an error of up to [`ESTIMATE_ERROR`]. If the options require a smaller error, the
+    /// predictor iterates to a tolerance in all moving lanes. So it does with Newton's method, and in lanes with contact groups, whose
+    /// loads are shared.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
@@ -156,7 +159,8 @@ impl<R: Real> ImpulsePredictor<R> {
         self.repeat(options, lanes, problem, velocity);
     }
 
-    /// Repeats the prediction of the impulses in the lanes `lanes`, after more rows have become active.
+    /// Repeats the prediction in the lanes `lanes` from the present impulses or, in rough lanes, from zero. Called after more contacts have
+    /// become active.
     #[inline(always)]
     pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let (rows, impulses) = (&problem.rows, &mut velocity.impulses);
@@ -175,8 +179,8 @@ impl<R: Real> ImpulsePredictor<R> {
 
     /// Selects the impulses from which the solve of the lanes `lanes` starts: the predicted or the previous ones.
     ///
-    /// Lanes with shared loads start from the previous impulses, because Gauss-Seidel iterations would change the shares. So do lanes in
-    /// which the previous impulses are as close to the solution as the rough prediction.
+    /// Lanes with contact groups start from the previous impulses, because the iterations of the prediction change the distribution of the
+    /// load. So do lanes in which the previous impulses are at least as close to the solution as the rough prediction.
     #[inline(always)]
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = velocity;
@@ -186,7 +190,7 @@ impl<R: Real> ImpulsePredictor<R> {
     }
 }
 
-/// Lanes that move at the velocity `v`, so that their impulses are predicted. The others keep the impulses of the last step.
+/// Lanes that move at the velocity `v`, whose impulses are predicted. The others take the impulses of the last step as their prediction.
 pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]

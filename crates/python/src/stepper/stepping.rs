@@ -13,8 +13,8 @@ use crate::stepper::recording::tell_of_step;
 use crate::stepper::{Stepper, borrow};
 
 impl Stepper {
-    /// Copies the controls from the argument `ctrl` to the core. They stay in force until they are replaced. None keeps the current
-    /// controls, and with `nstep` = 0 the argument is only checked.
+    /// Copies the controls of the argument `ctrl` to the simulation, where they apply until they are replaced. None keeps the current
+    /// controls. With `nstep` = 0 the argument is only checked.
     fn take_ctrl(&mut self, given: Option<&Bound<'_, PyAny>>, nstep: usize) -> PyResult<()> {
         let Some(given) = given else { return Ok(()) };
         let (n, nu) = (self.n(), self.simulation.model().nu());
@@ -35,9 +35,8 @@ impl Stepper {
         self.simulation.set_ctrl(rows.as_slice()?, nstep).map_err(value_error)
     }
 
-    /// Makes `nstep` steps with the controls in `inputs`, and with the forces, mocap poses and active equalities in the writable arrays.
-    ///
-    /// If a signal interrupts the steps, the result contains the number of steps made. Otherwise it is None.
+    /// Makes `nstep` steps with the given inputs and the applied inputs (forces, mocap poses ...). A signal can interrupt the steps; the
+    /// result then has the number of steps made.
     fn advance(&mut self, py: Python<'_>, inputs: StepInputs<'_>, nstep: usize) -> PyResult<Option<Interrupted>> {
         self.apply(py)?;
         let simulation = &mut self.simulation;
@@ -142,8 +141,8 @@ impl Stepper {
     ///         NON_FINITE in `status`.
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
     ///     KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
-    ///         made the same number of steps, which is the exception's attribute `steps`. The results equal those of a call with this
-    ///         `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving mocap bodies can be
+    ///         made the same number of steps, the attribute `steps` of the exception. The result is that of a call with `nstep` equal to
+    ///         this number, with one difference: moving mocap bodies have not reached their targets, and a recording with them can be
     ///         replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
     #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
     fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, envs: Option<&Bound<'_, PyAny>>) -> PyResult<()> {

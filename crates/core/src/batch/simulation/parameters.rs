@@ -116,7 +116,7 @@ impl Simulation {
             return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
         };
         let actuator_models = |variant: &Model| {
-            // The actuator dynamics already include the model's delays, so that the variant must not add them again.
+            // `specs` already include the actuator delays of the model, so that the variant must not add them again.
             let folded = ActuatorSpec::fold(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
             folded.expect("actuator dynamics were checked with the model, and a variant has its structure").0
         };

@@ -137,8 +137,8 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,
     /// Lanes in which the step assumes that a servo is at a bound of its `force_range`.
     assumed_saturated: Vec<R::Mask>,
-    /// Lanes in which the step assumes that a servo has a constant force and no added inertia, because its force, or a bounded sum that
-    /// contains it, is at a bound.
+    /// Lanes in which the step assumes that a servo has a constant force and no added inertia. There the servo, or a bounded sum that
+    /// contains its force, is at a bound.
     fixed: Vec<R::Mask>,
     /// Force of each servo in the lanes `fixed`, N or N m.
     fixed_force: Vec<R>,
@@ -151,8 +151,8 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) unclamped: Vec<[R; 2]>,
     /// Force of every actuator in the last trial, clamped to its `force_range`, N or N m.
     trial_force: Vec<R>,
-    /// Lanes in which the force of an actuator is outside its bounds: an explicit force at the last call of stage 1, an implicit force in
-    /// the last trial.
+    /// Lanes in which the force of an actuator is outside its bounds. Stage 1 sets them for explicit forces, and a trial for implicit
+    /// forces.
     pub(crate) found_saturated: Vec<R::Mask>,
     /// Lanes in which each bounded sum is outside its bounds. Sums with implicit servos are evaluated in trials only; stage 1 copies the
     /// assumed lanes for them.

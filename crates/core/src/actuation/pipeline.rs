@@ -449,7 +449,7 @@ impl ActuatorPipeline {
     ///
     /// Without a continuous servo, the stored output is that at the end of this step. With one, `u` and the result exclude the part that
     /// depends on the motion of this step, which is unknown yet. The function therefore first advances the stored output over the previous
-    /// step, from the present motion, and stores the output at the beginning of this step.
+    /// step, with the present motion. It stores the output at the beginning of this step.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

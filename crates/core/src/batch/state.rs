@@ -110,8 +110,8 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Clears the results of earlier steps in a lane: impulses, contacts, separating planes, status, residual, the numbers of the record
-    /// (iterations, largest errors), and the memories of sensors and actuator pipelines.
+    /// Clears the results of earlier steps in a lane: impulses, contacts, separating planes, and the record of the last call (status,
+    /// residual, iterations, largest errors). Also clears the memories of sensors and actuator pipelines.
     pub fn clear_memory(&mut self, lane: usize) {
         let lanes = self.lanes;
         for numbers in [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap] {

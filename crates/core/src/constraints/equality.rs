@@ -1,15 +1,17 @@
 //! Rows of equalities: J v = 0 along the whole step, so that closed loops stay closed.
 //!
-//! Let e(q) be the error, J its Jacobian and kappa = J' v (J' the rate of J). To third order in h, a step changes the error as follows:
+//! Let e(q) be the position error and J its Jacobian. The curvature term kappa = J' v is the acceleration along the rows at zero joint
+//! acceleration (J' is the time derivative of J). To third order in h, a step changes the error as follows:
 //!
 //! ```text
 //! Euler (q+ = q + h v+, rows at q):                             e+ = e + h J v+ + h^2/2 kappa
 //! midpoint (q+ = q_m + h/2 v+, rows at q_m = q + h/2 v):         e+ = (e_m - h^2/8 kappa) + h/2 (J v+ + h/2 kappa)
 //! ```
 //!
-//! The target velocity is therefore `J v+ = -h/2 kappa - beta/h (e - c h^2 kappa)` with c = 0 or 1/8. The velocity before the step has J v
-//! = +h/2 kappa in both. The work of the impulses, lambda J (v + v+) / 2, is then zero except for the correction. A moving loop keeps its
-//! energy. Without kappa every step would remove the energy of the velocity that the curvature turns away, (h kappa)^2 / 2 G.
+//! The target velocity is therefore `J v+ = -h/2 kappa - beta/h (e - c h^2 kappa)` with c = 0 (Euler) or 1/8 (midpoint). The velocity
+//! before the step has J v = +h/2 kappa. The work of the impulses, lambda J (v + v+) / 2, is then zero except for the correction, so that a
+//! moving loop keeps its energy. Without kappa every step would remove the energy (h kappa)^2 / 2 G, where G is the row's entry of the
+//! Delassus matrix.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};

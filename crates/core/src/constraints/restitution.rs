@@ -210,7 +210,7 @@ impl<R: Real> ConstraintProblem<R> {
     /// Sets the coefficient of restitution to 0 for impacts at which Newton's law has no plausible solution. Returns the lanes with such an
     /// impact.
     ///
-    /// Newton's law prescribes the normal velocity after an impact. The friction of another contact can act against it: a ball that flies
+    /// Newton's law prescribes the normal velocity after an impact. The friction of another contact can act against it. A ball that flies
     /// into a corner with a friction coefficient of 1 or more has no solution, and just below 1 the impulses are enormous. The friction of
     /// such impacts adds energy (Kane and Levinson, Dynamics: Theory and Applications, 1985, section 5.7). An inelastic impact always has a
     /// solution.

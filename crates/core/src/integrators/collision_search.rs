@@ -165,8 +165,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     /// Lanes to search.
     pub(crate) lanes: R::Mask,
-    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap: the overlap at the end of the path
-    /// if the gap closed at its initial rate.
+    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is that at
+    /// the end of the path if the gap closed at its initial rate.
     ///
     /// It is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
     pub(crate) margin: f64,

@@ -48,8 +48,8 @@ pub(crate) struct Scratch<R: Real> {
     /// Force velocity: velocity at which velocity-dependent forces are evaluated, between those before and after the step. With the
     /// midpoint rule it is their mean.
     pub(crate) force_velocity: Vec<R>,
-    /// Velocity at which actuator forces are recomputed if some lanes are too fast for the time step: the velocity before the step in these
-    /// lanes, the force velocity in the others.
+    /// Velocity at which actuator forces are recomputed if some lanes are too fast for the time step. In these lanes it is the velocity
+    /// before the step, in the others the force velocity.
     pub(crate) actuator_velocity: Vec<R>,
     /// Velocity after the step without constraints, with the forces at the force velocity.
     pub(crate) v_free_corrected: Vec<R>,

@@ -51,7 +51,7 @@ pub(crate) fn predict<R: Real>(
     }
 }
 
-/// Recomputes the free velocity, with velocity-dependent forces at the force velocity. This velocity includes the present impulses: with
+/// Recomputes the free velocity, with velocity-dependent forces at the force velocity. This velocity includes the present impulses. With
 /// the midpoint rule it is the mean of the velocities before and after the step, with the implicit rule the velocity after it.
 ///
 /// One such correction suffices for the second order of the midpoint rule. The offsets g of the rows of `problem` contain the free velocity

@@ -136,8 +136,8 @@ fn solve_lanes<R: Real>(
     outcome
 }
 
-/// Limits the velocity after the step in three kinds of lanes: with a large Baumgarte correction, with a motion that is too fast for the
-/// time step, and with an ambiguous energy ([`ambiguous`]).
+/// Limits the velocity after the step in lanes with a large Baumgarte correction, a motion that is too fast for the time step, or an
+/// ambiguous energy.
 #[inline(always)]
 pub(crate) fn bound_velocities<R: Real>(
     context: StepContext<'_, R>,

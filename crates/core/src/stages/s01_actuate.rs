@@ -98,8 +98,8 @@ pub fn actuate<R: Real>(
     )
 }
 
-/// Computes the added inertia of every servo along its moment, for a rule in which only its damping is implicit: `h` times its damping,
-/// which may be negative.
+/// Computes the added inertia of every servo along its moment, for rules in which only its damping is implicit. It is `h` times the
+/// damping, which may be negative.
 ///
 /// The added inertia is zero if the force is at a bound. [`actuate`] must have been called before, with explicit terms.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
@@ -188,7 +188,7 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
 
 /// Affine force of an actuator: gain . (1, length, velocity) input + bias . (1, length, velocity).
 ///
-/// With actuator dynamics, slope and rate are those of their continuous servo, and a motor with voltage control multiplies the force by its
+/// With actuator dynamics, slope and rate are those of their continuous servo. A motor with voltage control multiplies the force by its
 /// stall torque and subtracts its back-EMF.
 #[inline(always)]
 fn affine_force<R: Real>(

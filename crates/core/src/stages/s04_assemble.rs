@@ -11,7 +11,7 @@
 //! ```
 //!
 //! The midpoint rule applies the last line at the time of the impact (`constraints/restitution.rs`). A contact with e > 0 that neither
-//! bounces nor comes to rest in this step has no row, because a row would stop it at the surface and remove the energy of its later bounce.
+//! bounces nor comes to rest in this step has no row. A row would stop it at the surface and remove the energy of its later bounce.
 
 use stepper_real::{Mask, Real};
 

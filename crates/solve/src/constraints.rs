@@ -10,7 +10,8 @@ pub(crate) mod rolling;
 pub(crate) mod scalar;
 pub(crate) mod sliding;
 
-/// Declares a struct with a field for each kind of constraint, in the order in which sweeps visit them. Other fields come first.
+/// Declares a struct with a field for each kind of constraint (`scalars`, `contacts`, `rolling_contacts`), in the order in which sweeps
+/// visit them. The fields in the braces come first.
 ///
 /// The word after `each` selects the type of these fields: `set` is a set of constraints, `rows` a reference to its rows, and `own_rows` an
 /// owned list of rows. `impulses` is a list of impulses, `numbers` a list of numbers, `count` a number, and `saved` a list of saved

@@ -1,7 +1,7 @@
 //! Projected Gauss-Seidel with the exact solution of every contact's local problem, and Anderson's acceleration: the fast solver.
 //!
 //! A sweep (one iteration) visits the rows in a fixed order. Each row gets the impulse that solves it at constant other impulses. A lane
-//! stops when its residual meets the tolerance. Its mask then preserves all of its bits.
+//! stops when its residual meets the tolerance. Later sweeps of other lanes do not change it, because every update is masked.
 
 mod acceleration;
 mod compaction;
@@ -112,7 +112,7 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
 /// Sweeps until every lane has paused. In a certified system the scaled velocity change w and the impulses then agree to the last bit.
 #[inline(always)]
 fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
-    // All lanes restart in the same way, no matter how long ago they paused.
+    // All lanes restart without history, no matter when they paused. Their results then do not depend on other lanes.
     reset_history(iterate);
     while progress.running.any() {
         if !sweep_compacted(system, iterate, progress) {

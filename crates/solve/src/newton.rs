@@ -44,7 +44,7 @@ use stepper_real::{Mask, Real, Scalar};
 /// Smallest limit of Newton steps per pass at which steps of the exact friction law are made, in small islands and in a last pass.
 ///
 /// Half of the problems that need them take 75 steps, six times this. With a smaller limit the residual is smaller, but unconverged
-/// contacts move: a cube pinched with five per pass slips (scene 31 of the atlas).
+/// contacts move: with five steps per pass, a pinched cube slips (scene 31 of docs/benchmarks/atlas.md).
 pub(crate) const LEAST_EXACT: u32 = 13;
 
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.

@@ -19,7 +19,7 @@ use crate::reference::Reference;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Rows of the position solve: copies of the rows of a [`Problem`], with other targets and more compliance. The problem does not
+    /// Rows of the position solve: copies of the rows of a [`Problem`], with other offsets g and more compliance. The problem does not
     /// change.
     #[derive(Clone, Debug)]
     pub struct PositionRows[R: Real] {} each own_rows
@@ -31,7 +31,7 @@ impl<R: Real> PositionRows<R> {
         make_kinds!(Self {} [count: capacity] => Rows::with_capacity(count))
     }
 
-    /// Copies the rows of a problem. Their targets are those of the velocity solve until [`PositionRows::exchange_offsets`].
+    /// Copies the rows of a problem. Their offsets are those of the velocity solve until [`PositionRows::exchange_offsets`].
     #[inline(always)]
     pub fn copy(&mut self, problem: &Problem<R>) {
         each_kind!([own: &mut self] [set: &problem] => own.copy(set.rows()));
@@ -43,14 +43,14 @@ impl<R: Real> PositionRows<R> {
         make_kinds!(System { problem, certified: true, } [own: &self] => own)
     }
 
-    /// Changes the targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
+    /// Changes the offsets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
     /// coordinates of w (scaled velocity change), see [`Problem::shift`].
     #[inline(always)]
     pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
         each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
     }
 
-    /// Changes the targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
+    /// Changes the offsets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
     /// coordinates of w (scaled velocity change), see [`Problem::shift_contact`].
     #[inline(always)]
     pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
@@ -70,7 +70,7 @@ impl<R: Real> PositionRows<R> {
         *active = active.and_not(lanes);
     }
 
-    /// Position target of the normal row of contact `i`, m/s. The index counts contacts with three rows, then those with six.
+    /// Offset of the normal row of contact `i` in the position solve, m/s. The index counts contacts with three rows, then those with six.
     #[inline(always)]
     pub fn normal_offset(&self, i: usize) -> R {
         match i.checked_sub(self.contacts.items.len()) {
@@ -79,19 +79,21 @@ impl<R: Real> PositionRows<R> {
         }
     }
 
-    /// Replaces the position target of the normal row of contact `i`, m/s, by the result of `target` for it, in the lanes `lanes`.
+    /// Replaces the offset of the normal row of contact `i` in the position solve, m/s, by the result of `offset_of` for it, in the lanes
+    /// `lanes`.
     ///
     /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
-    pub fn replace_normal_offset(&mut self, i: usize, lanes: R::Mask, target: impl FnOnce(R) -> R) {
+    pub fn replace_normal_offset(&mut self, i: usize, lanes: R::Mask, offset_of: impl FnOnce(R) -> R) {
         let own = match i.checked_sub(self.contacts.items.len()) {
             None => &mut self.contacts.items[i].position_g[0],
             Some(i) => &mut self.rolling_contacts.items[i].position_g[0],
         };
-        *own = R::select(lanes, target(*own), *own);
+        *own = R::select(lanes, offset_of(*own), *own);
     }
 
-    /// Exchanges the velocity target of every row, with which it is solved, and its position target.
+    /// Exchanges the two offsets of every row: that of the velocity solve, and that of the position solve. The row is solved with the
+    /// first.
     #[inline(always)]
     pub fn exchange_offsets(&mut self) {
         each_kind!([own: &mut self] => own.exchange_offsets());
@@ -101,7 +103,7 @@ impl<R: Real> PositionRows<R> {
     /// additional velocity. These impulses and their motion are stored in `reference`.
     ///
     /// The compliance of a scalar row is the damping ratio times its mobility. For a contact it refers to the sum of its mobility and its
-    /// floor (`floors`, 1/kg, one for each constraint). It grows with the correction, the difference of the two targets. Rows without
+    /// floor (`floors`, 1/kg, one for each constraint). It grows with the correction, the difference of the two offsets. Rows without
     /// correction remain hard.
     #[inline(always)]
     pub fn damp(

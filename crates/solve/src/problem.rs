@@ -8,15 +8,15 @@ use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Constraint problem of one step, for every lane: one set of constraints per kind, each with its velocity targets and its position
-    /// targets. A solve does not change it.
+    /// Constraint problem of one step, for every lane: one set of constraints per kind (`each set`, see `by_kind`). Each row has an offset
+    /// for the velocity solve and one for the position solve. A solve does not change the problem.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
         /// Number of coordinates of the scaled velocity change w, one per degree of freedom. In these coordinates the kinetic energy is
         /// |w|^2 / 2.
         dimension: usize,
-        /// Lanes with redundant supports in which no earlier step has distributed the load. They are solved for impulses of least norm
-        /// first.
+        /// Lanes with redundant supports that take up load for the first time. The solver first computes impulses of least norm in these
+        /// lanes, which distribute the load evenly.
         ///
         /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example.
         pub newly_loaded: R::Mask,
@@ -27,15 +27,17 @@ by_kind! {
 }
 
 by_kind! {
-    /// System that one solve reads: a problem, and for each kind of constraint the rows of this solve.
+    /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve (`each rows`, see
+    /// `by_kind`).
     ///
-    /// The system of a `&Problem` has the velocity targets, that of [`PositionRows`](crate::PositionRows) the position targets.
+    /// The system of a `&Problem` has the offsets of the velocity solve, that of [`PositionRows`](crate::PositionRows) those of the
+    /// position solve.
     #[derive(Clone, Copy, Debug)]
     pub struct System['a, R: Real] {
         /// Problem, which the velocity solve and the position solve share.
         pub(crate) problem: &'a Problem<R>,
-        /// Whether the solve ends by evaluating the residual, with a scaled velocity change w that is exactly the sum over the impulses. If
-        /// not, lanes whose sweeps (Gauss-Seidel iterations) change little count as solved.
+        /// Whether the solve ends with a certified residual. For this it recomputes the scaled velocity change w from the impulses, and
+        /// evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little.
         pub(crate) certified: bool,
     } each rows
 }
@@ -90,8 +92,8 @@ impl<R: Real> Problem<R> {
 
     /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `support`, ascending.
     ///
-    /// `active` are its lanes and `mu` its friction coefficient. `g` is the velocity of each row before any impulse, plus its bias (the
-    /// negated velocity target), m/s.
+    /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
+    /// its bias (minus the target velocity).
     #[inline(always)]
     pub fn push_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
         self.contacts.push(support, y, active, mu, g, self.least_mobility);
@@ -100,15 +102,15 @@ impl<R: Real> Problem<R> {
     /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
     /// `support`, ascending.
     ///
-    /// `active` are its lanes and `mu` its friction coefficient. `g` is the velocity of each row before any impulse, plus its bias (the
-    /// negated velocity target), m/s. The rows must be scaled so that all of them have the friction coefficient `mu`.
+    /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
+    /// its bias (minus the target velocity). The rows must be scaled so that all of them have the friction coefficient `mu`.
     #[inline(always)]
     pub fn push_rolling_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
-    /// change in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to it.
+    /// Changes the offsets of all rows for both solves in the lanes `lanes`, after a change of the free velocity. `change` is that change
+    /// in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to it.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -120,8 +122,8 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Changes the velocity targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in
-    /// the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to it.
+    /// Changes the offsets g of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in the
+    /// scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to it.
     ///
     /// The index counts contacts with three rows, then those with six. The increase is multiplied by the first of `weights` for the normal
     /// row, by the second for the other rows.
@@ -158,7 +160,7 @@ impl<R: Real> Problem<R> {
         }
     }
 
-    /// Velocity target of the normal row of contact `i`, m/s.
+    /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
     ///
     /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
@@ -170,7 +172,7 @@ impl<R: Real> Problem<R> {
     }
 
     /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
-    /// at the contact's velocity target.
+    /// at the contact's target velocity.
     ///
     /// The index counts contacts with three rows, then those with six.
     #[inline(always)]
@@ -182,7 +184,7 @@ impl<R: Real> Problem<R> {
     }
 }
 
-/// Changes the velocity targets of contact `i` of the contacts `set`, after a change of the free velocity. The arguments are those of
+/// Changes the offsets g of contact `i` of the contacts `set`, after a change of the free velocity. The arguments are those of
 /// [`Problem::shift_contact`].
 #[inline(always)]
 fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(

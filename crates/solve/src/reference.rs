@@ -10,8 +10,8 @@ pub struct Reference<R> {
     pub(crate) w: Vec<R>,
     /// Normal impulse of each scalar row, then of each contact, in the reference, N s or N m s.
     pub(crate) lambda: Vec<R>,
-    /// Velocity of each scalar row, then of each contact's normal row, before any impulse, m/s or rad/s. It includes the bias (the negated
-    /// velocity target) and no damping.
+    /// Velocity of each scalar row, then of each contact's normal row, before any impulse, m/s or rad/s. It includes the bias (minus the
+    /// target velocity) and no damping.
     pub(crate) g: Vec<R>,
     /// Scaled generalized momentum J^T z of the last proof of infeasibility, see [`System::witness`](crate::System::witness).
     pub(crate) momentum: Vec<R>,

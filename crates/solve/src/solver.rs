@@ -49,8 +49,8 @@ impl<R: Real> Outcome<R> {
 
 /// Residual above which the load of redundant supports is redistributed, m/s. A remaining error moves load from point to point.
 ///
-/// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of the atlas): the order of its legs changes the
-/// result by 2e-6 m with 1e-8, by 1e-7 m with 1e-9.
+/// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of docs/benchmarks/atlas.md). The order of its legs
+/// changes the result by 2e-6 m with a goal of 1e-8, by 1e-7 m with 1e-9.
 const LEAST_NORM_GOAL: f64 = 1e-9;
 
 /// Speed above which a loaded contact counts as slipping, m/s. Its friction torque then depends on the distribution of the load.
@@ -69,8 +69,8 @@ pub const PASSES: usize = 4;
 /// Largest number of sweeps of the first pass in 64 bits, if Newton's method may follow. The other lanes of a group wait for lanes that
 /// need more.
 ///
-/// In 32 bits sweeps continue, because the result of Newton's method is rounded. With it, a cube that two fingers could hold (scene 31 of
-/// the atlas) sometimes slips.
+/// In 32 bits sweeps continue, because the result of Newton's method has rounding errors. With this result, a cube that two fingers hold in
+/// 64 bits sometimes slips (scene 31 of docs/benchmarks/atlas.md).
 ///
 /// Measured on 280 problems of robots, grasps and heaps that sweeps did not solve: 50 sweeps take 1.1 to 1.5 times as long. 15 sweeps take
 /// within 5 % as long but need more Newton steps, which a lane makes alone.
@@ -78,8 +78,8 @@ const FIRST_SWEEPS: u32 = 25;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the limits in the settings are reached.
 ///
-/// Sweeps favour the rows that they visit first; a proximal step from zero favours none. Lanes with redundant supports therefore begin with
-/// Newton's method, and sweeps improve its result.
+/// In lanes with redundant supports, sweeps from zero impulses would load the rows that they visit first. These lanes therefore begin with
+/// the impulses of least norm from Newton's method, and sweeps improve the result.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
@@ -118,7 +118,7 @@ fn solve_system<R: Real>(
         outcome.residual = masked(newly_loaded, left);
         let redistributed = newly_loaded.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
         newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
-        // A redundant lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
+        // A newly loaded lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
         // There sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
@@ -132,11 +132,11 @@ fn solve_system<R: Real>(
     let search = |terms| Search { steps: newton_steps, tolerance, terms };
     let sweeps = SweepSettings { sweeps, tolerance };
     newton.solve(system, iterate, search(Terms::ConstantThenExact), left, [&mut outcome.residual, &mut outcome.newton_steps]);
-    // Sweeps would undo an even distribution.
+    // In newly loaded lanes, further sweeps would undo the even distribution of the load.
     left = left.and_not(newly_loaded);
     let passes = match newton_steps {
         LEAST_EXACT.. => PASSES,
-        // The next step corrects the remaining error of a correction.
+        // Position corrections are uncertified, because the next step corrects the remaining error.
         _ if !system.certified => 1,
         _ => PASSES - 1,
     };

@@ -7,7 +7,7 @@ use crate::lane_map::LaneMap;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Rows of all constraints of one kind in one solve, with their velocity targets and compliances.
+/// Rows of all constraints of one kind in one solve, with their offsets g and compliances.
 #[derive(Clone, Debug)]
 pub struct Rows<T> {
     /// Rows of each constraint of one kind.
@@ -35,7 +35,7 @@ impl<T: Row> Rows<T> {
         self.compliant = false;
     }
 
-    /// Exchanges the velocity target and the position target of every row.
+    /// Exchanges the offsets of every row in the velocity solve and in the position solve.
     #[inline(always)]
     pub(crate) fn exchange_offsets(&mut self) {
         for row in &mut self.items {
@@ -105,9 +105,9 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
     }
 }
 
-/// Rows of one constraint, with a velocity target and a position target.
+/// Rows of one constraint, with an offset for the velocity solve and one for the position solve.
 pub trait Row: Copy {
-    /// Exchanges the velocity target, with which the row is solved, and the position target.
+    /// Exchanges the offset g, with which the row is solved, and the other one of the two offsets.
     fn exchange_offsets(&mut self);
 }
 
@@ -143,12 +143,13 @@ pub struct Damping<R> {
     pub negligible: R,
 }
 
-/// Normal impulses and targets of a reference solution, for one kind of constraint.
+/// Normal impulses and offsets of a reference solution, for one kind of constraint.
 #[derive(Clone, Copy)]
 pub struct ReferenceRows<'a, R> {
     /// Normal impulse of each constraint, N s or N m s.
     pub(crate) lambda: &'a [R],
-    /// Velocity of each normal row before any impulse, plus its bias (the negated velocity target), without damping, m/s or rad/s.
+    /// Offset g of each normal row without damping, m/s or rad/s: its velocity before any impulse, plus its bias (minus the target
+    /// velocity).
     pub(crate) g: &'a [R],
 }
 
@@ -158,7 +159,7 @@ pub struct LaneConstraint<const N: usize> {
     pub(crate) set: AdmissibleSet,
     /// Index of the constraint among those of its kind.
     pub(crate) source: usize,
-    /// Velocity g of each row before any impulse, plus its bias (the negated velocity target), m/s.
+    /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
     pub(crate) g: [f64; N],
     /// Impulse of each row of the constraint, N s.
     pub(crate) lambda: [f64; N],
@@ -188,9 +189,9 @@ pub struct SavedConstraint {
     pub(crate) support: Vec<u32>,
     /// Entries of the constraint's scaled Jacobian: for each coordinate, those of all rows.
     pub(crate) y: Vec<f64>,
-    /// Target velocity of each row in the velocity solve, m/s or rad/s.
+    /// Offset g of each row in the velocity solve, m/s or rad/s.
     pub(crate) g: Vec<f64>,
-    /// Target velocity of each row in the position solve, m/s or rad/s.
+    /// Offset of each row in the position solve, m/s or rad/s.
     pub(crate) position_g: Vec<f64>,
     /// Initial impulse of each row, N s or N m s.
     pub(crate) impulse: Vec<f64>,
@@ -248,10 +249,10 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Empty set with capacity for `constraints` constraints.
     fn new(constraints: usize, capacity: &Capacity) -> Self;
 
-    /// Rows with the velocity targets.
+    /// Rows with the offsets of the velocity solve.
     fn rows(&self) -> &Rows<Self::Row>;
 
-    /// Rows with the velocity targets, mutable.
+    /// Rows with the offsets of the velocity solve, mutable.
     fn rows_mut(&mut self) -> &mut Rows<Self::Row>;
 
     /// Number of multipliers of friction discs (slip velocity divided by friction impulse) that sweeps store: one per contact.
@@ -310,12 +311,12 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Sum of `sum` and the magnitudes of all normal impulses, N s.
     fn sum_normal_impulses(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of all impulses lambda, J. Here g are the velocity targets and R the
-    /// compliances.
+    /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of all impulses lambda, J. Here g are the offsets of the velocity solve
+    /// and R the compliances.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
-    /// change in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to it.
+    /// Changes the offsets of all rows for both solves in the lanes `lanes`, after a change of the free velocity. `change` is that change
+    /// in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to it.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
     /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the

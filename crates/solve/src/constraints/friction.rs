@@ -36,7 +36,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// for s starts at `guess`, in the lanes `lanes`.
     fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
 
-    /// Impulse by a weaker update than [`LocalSolver::solve`], which cycles less, in the lanes `active` in which the contact exists.
+    /// Impulse by the weaker update, in the lanes `active` in which the contact exists. The weaker update changes the impulse less than
+    /// [`LocalSolver::solve`], so that sweeps (Gauss-Seidel iterations) cycle less.
     ///
     /// It updates the normal impulse at constant tangential impulse. Then it projects the tangential impulse on the disc of the new normal
     /// impulse.
@@ -121,10 +122,9 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     deferred: R::Mask,
     /// Friction coefficient of the scaled rows; 0 for a frictionless contact.
     pub mu: R,
-    /// Velocity g of each row of the contact before any impulse, plus its bias (the negated velocity target), m/s. It is the target of the
-    /// velocity solve.
+    /// Offset g of each row in the velocity solve, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
     pub g: [R; N],
-    /// Target of the position solve, m/s. For the normal row it replaces the velocity target g. For the tangential rows it is added to g.
+    /// Offset of each row in the position solve, m/s. For the normal row it replaces g. For the tangential rows it is added to g.
     pub position_g: [R; N],
     /// Compliance R >= 0 of the normal row: velocity per unit of impulse, 1/kg. It is 0 for a hard contact.
     pub(crate) compliance: R,
@@ -197,7 +197,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
 /// entry at one of them have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
-    /// Rows of each contact, with the targets of the velocity solve.
+    /// Rows of each contact, with the offsets g of the velocity solve.
     pub(super) rows: Rows<FrictionContact<R, N, L>>,
     /// Coordinates at which the contacts have Jacobian entries, one contact after the other.
     support: Vec<u32>,
@@ -226,8 +226,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Appends a contact whose rows have the entries `y` at the coordinates `support`, ascending.
     ///
-    /// `active` are its lanes and `mu` its friction coefficient. `g` is the velocity of each row before any impulse, plus its bias (the
-    /// negated velocity target), m/s. A contact whose normal mobility is below `least`, 1/kg, is immovable.
+    /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
+    /// its bias (minus the target velocity). A contact whose normal mobility is below `least`, 1/kg, is immovable.
     #[inline(always)]
     pub(crate) fn push(&mut self, support: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -288,8 +288,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the normal target of the last contact of the list to zero in some lanes. In these lanes the contact is immovable and approaches
-    /// at most at the speed `negligible`, m/s.
+    /// Sets the normal offset g of the last contact of the list to zero in some lanes. In these lanes the contact is immovable and
+    /// approaches at most at the speed `negligible`, m/s.
     pub fn clear_negligible_approach(&mut self, negligible: R) {
         R::vectorize(
             #[inline(always)]
@@ -310,10 +310,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Sets the velocity targets of the position solve of the last contact of the list, m/s. By default they are those of the velocity
-    /// solve.
+    /// Sets the offsets in the position solve of the last contact of the list, m/s. By default they are those of the velocity solve.
     ///
-    /// The first number is the target of the normal row. The others are added to the velocity targets `g` of the tangential rows.
+    /// The first number is the offset of the normal row. The others are added to the offsets `g` of the tangential rows.
     #[inline(always)]
     pub fn set_position_offset(&mut self, position_g: [R; N]) {
         if let Some(contact) = self.rows.items.last_mut() {
@@ -331,7 +330,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
-    /// at the contact's velocity target.
+    /// at the contact's target velocity.
     #[inline(always)]
     pub(crate) fn normal_velocity(&self, i: usize, w: &[R]) -> R {
         let contact = &self.rows.items[i];
@@ -361,7 +360,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
     }
 
-    /// Velocity target of the normal row of contact `i`, m/s.
+    /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
     #[inline(always)]
     pub(crate) fn normal_offset_mut(&mut self, i: usize) -> &mut R {
         &mut self.rows.items[i].g[0]
@@ -447,8 +446,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Changes the velocity targets of a contact in the lanes `lanes`, after a change of the free velocity. `change` is that change in the
-    /// scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to it.
+    /// Changes the offsets g of a contact in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
+    /// coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to it.
     ///
     /// That increase is multiplied by the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]

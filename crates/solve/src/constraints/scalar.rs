@@ -25,10 +25,9 @@ pub struct ScalarRow<R: Real> {
     pub(super) coordinates: usize,
     /// Lanes in which the row exists.
     pub active: R::Mask,
-    /// Velocity g of the row before any impulse, plus its bias (the negated velocity target), m/s or rad/s. It is the target of the
-    /// velocity solve.
+    /// Offset g of the row in the velocity solve, m/s or rad/s: its velocity before any impulse, plus its bias (minus the target velocity).
     pub g: R,
-    /// Velocity of the row before any impulse, plus the bias (the negated velocity target) of the position solve, m/s or rad/s.
+    /// Offset of the row in the position solve, m/s or rad/s: its velocity before any impulse, plus the bias of this solve.
     pub position_g: R,
     /// Least impulse of the row, N s or N m s.
     pub lo: R,
@@ -86,8 +85,7 @@ impl<R: Real> ScalarRow<R> {
 
     /// Part of a target velocity that an immovable row does not meet, m/s or rad/s; 0 for dry friction.
     ///
-    /// For an equality it is the size of `equality`. For a limit with the velocity target `g` it is -g, which is negative if the limit is
-    /// met.
+    /// For an equality it is the size of `equality`. For a limit with the offset `g` it is -g, which is negative if the limit is met.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);
@@ -137,7 +135,7 @@ impl<R: Real> ScalarRow<R> {
 /// A row's support lists the coordinates of w (scaled velocity change) at which the row has entries in any lane, ascending.
 #[derive(Clone, Debug)]
 pub struct ScalarRows<R: Real> {
-    /// Scalar rows, with the targets of the velocity solve.
+    /// Scalar rows, with the offsets g of the velocity solve.
     pub(super) rows: Rows<ScalarRow<R>>,
     /// Coordinates at which the scalar rows have Jacobian entries, one row after the other.
     support: Vec<u32>,
@@ -169,7 +167,7 @@ impl<R: Real> ScalarRows<R> {
     /// Appends a row with the entries `y` at the coordinates `support`, ascending.
     ///
     /// `sign` (1 or -1 per lane) multiplies the row. The row exists in the lanes `active`. `g` is its velocity before any impulse, plus its
-    /// bias (the negated velocity target), m/s or rad/s. `bounds` are the least and the largest impulse.
+    /// bias (minus the target velocity), m/s or rad/s. `bounds` are the least and the largest impulse.
     #[inline(always)]
     pub fn push(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -209,7 +207,7 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the target g of the position solve of the last row of the list, m/s or rad/s. By default it is that of the velocity solve.
+    /// Sets the offset in the position solve of the last row of the list, m/s or rad/s. By default it is that of the velocity solve.
     #[inline(always)]
     pub fn set_position_offset(&mut self, position_g: R) {
         if let Some(row) = self.rows.items.last_mut() {

@@ -66,8 +66,8 @@ impl<R: Real> SlidingSolver<R> {
         trace
     }
 
-    /// Lanes in which a contact is self-locking, see [`SlidingContacts::is_self_locking`]. `g` is the velocity of each row before any
-    /// impulse, plus its bias (the negated velocity target), m/s.
+    /// Lanes in which a contact is self-locking, see [`SlidingContacts::is_self_locking`]. `g` has the offset of each row, m/s: its
+    /// velocity before any impulse, plus its bias (minus the target velocity).
     ///
     /// Impulses along the principal axes of A without mobility change no velocity. With the normal impulse `n = -coupling . x`, the cone
     /// contains `x` within the angle `acos(1 / (mu |coupling|))` of `-coupling`.

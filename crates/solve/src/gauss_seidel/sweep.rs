@@ -7,7 +7,8 @@ use crate::iterate::Iterate;
 use crate::problem::System;
 use stepper_real::{Mask, Real};
 
-/// Number of sweeps (Gauss-Seidel iterations) with the exact solution of every contact. Lanes that need more continue with a weaker update.
+/// Number of sweeps (Gauss-Seidel iterations) with the exact solution of every contact. Lanes that need more continue with a weaker update
+/// ([`LocalSolver::relax`](crate::constraints::friction::LocalSolver::relax)).
 ///
 /// Exact solutions of a contact can cycle against limits of light joints. Measured on 64 humanoids under random control at 5 ms with 200
 /// sweeps: the worst residual of a step falls from 7 m/s to 2 mm/s. Steps above 1e-6 m/s fall from 1.06 to 0.84 %. With the weaker update

@@ -45,7 +45,7 @@ pub(super) struct Island {
     tiles: Vec<usize>,
     /// Entries of the scaled Jacobian of all constraints of the island.
     pub(super) y: Vec<f64>,
-    /// Velocity g of each row before any impulse, plus its bias (the negated velocity target), m/s.
+    /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,

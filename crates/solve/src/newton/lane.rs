@@ -47,7 +47,7 @@ pub(super) struct Lane {
     support: Vec<u32>,
     /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the constraint.
     y: Vec<f64>,
-    /// Velocity g of each row before any impulse, plus its bias (the negated velocity target), m/s.
+    /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
     pub(super) g: Vec<f64>,
     /// Impulse of each row, N s.
     pub(super) lambda: Vec<f64>,

@@ -1013,8 +1013,8 @@ class Stepper:
                 NON_FINITE in `status`.
             TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
             KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
-                made the same number of steps, which is the exception's attribute `steps`. The results equal those of a call with this
-                `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving mocap bodies can be
+                made the same number of steps, the attribute `steps` of the exception. The result is that of a call with `nstep` equal to
+                this number, with one difference: moving mocap bodies have not reached their targets, and a recording with them can be
                 replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
         """
     def rollout(
@@ -1107,9 +1107,9 @@ class Stepper:
         randomized cost neither time nor memory.
 
         Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. So a new
-        geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction in this call or an earlier one, with new
-        values or those of the model. An earlier call counts for all environments, also for those that it did not select. The same holds for
-        geom_restitution and pair_restitution.
+        geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction too, with new values or those of the model:
+        in this call, or in an earlier one, whichever environments that call selected. The same holds for geom_restitution and
+        pair_restitution.
 
             sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
             sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)

@@ -83,7 +83,7 @@ fn run_stages<R: Real>(
 #[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
-    let (collisions, guard, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
+    let (collisions, resolution, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
     // 1 actuate, 2 smooth dynamics, 3 detect, at the evaluation point of the step. A loop in `locate` moves this point in lanes with fast
     // bodies or impacts.
     locate(StepInput { compiled, options, state, inputs, alive }, evaluation, free, probe);
@@ -99,7 +99,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // here.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved =
-        probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, guard, excluded)).or(inconsistent);
+        probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, resolution, excluded)).or(inconsistent);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
@@ -124,7 +124,8 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));
         probe.span(Span::Rk4, || rk4.replace_step(StepContext { input, evaluation }, lanes, velocity, position));
     }
-    probe.span(Span::GuardEnergy, || limit_energy(StepContext { input, evaluation }, free, velocity, position, guard, outcome.limited));
+    probe
+        .span(Span::GuardEnergy, || limit_energy(StepContext { input, evaluation }, free, velocity, position, resolution, outcome.limited));
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     outcome
 }

@@ -75,30 +75,30 @@ pub(crate) struct EffectiveInertia<R> {
     /// Mobility: inverse of the inertia along the actuator's moment, 1/kg or 1/(kg m^2). Moment arms include the actuator's `gear`.
     pub(super) mobility: R,
     /// Rate at which joint damping slows the actuator down, 1/s: damping divided by inertia.
-    pub(super) slowing: R,
+    pub(super) damping_rate: R,
     /// Estimated change of the actuator's velocity by the constraint impulses of the last step. The estimate neglects the coupling of
     /// joints.
-    pub(super) pushed: R,
+    pub(super) change_by_impulses: R,
 }
 
 impl<R: Real> EffectiveInertia<R> {
-    /// Effective inertia with one more degree of freedom, whose moment arm is `arm`. `slowing` is a sum here; the caller divides it by the
-    /// mobility to get a weighted mean.
+    /// Effective inertia with one more degree of freedom, whose moment arm is `arm`. `damping_rate` is a sum here; the caller divides it by
+    /// the mobility to get a weighted mean.
     #[inline(always)]
     pub(super) fn with(self, arm: R, [inertia, impulse]: [R; 2], damping: R) -> Self {
         let inverse = inertia.recip();
         let part = arm.square() * inverse;
         Self {
             mobility: self.mobility + part,
-            slowing: self.slowing + part * damping * inverse,
-            pushed: self.pushed + arm * impulse * inverse,
+            damping_rate: self.damping_rate + part * damping * inverse,
+            change_by_impulses: self.change_by_impulses + arm * impulse * inverse,
         }
     }
 
     /// Rate at which the damping of the joints and `damping`, that of the actuator, slow the actuator down, 1/s.
     #[inline(always)]
     pub(crate) fn rate(self, damping: R) -> R {
-        self.mobility * damping + self.slowing
+        self.mobility * damping + self.damping_rate
     }
 }
 

@@ -92,7 +92,7 @@ pub struct ImplicitServos<R> {
 impl<R: Real> ImplicitServos<R> {
     /// Whether the servo of the actuator is implicit.
     #[inline(always)]
-    fn has(&self, actuator: &CompiledActuator<R::Scalar>) -> bool {
+    fn includes(&self, actuator: &CompiledActuator<R::Scalar>) -> bool {
         self.all || actuator.dynamics.is_some()
     }
 }
@@ -242,10 +242,10 @@ impl<R: Real> ActuatorForces<R> {
                 sum = sum.with(arm, [inertia[dof], impulse[dof]], compiled.params.dof(dof).damping);
             }
         }
-        let EffectiveInertia { mobility, slowing, .. } = sum;
+        let EffectiveInertia { mobility, damping_rate, .. } = sum;
         let moves = mobility.gt(R::zero());
-        let slowing = R::select(moves, slowing / R::select(moves, mobility, R::one()), R::zero());
-        EffectiveInertia { slowing, ..sum }
+        let damping_rate = R::select(moves, damping_rate / R::select(moves, mobility, R::one()), R::zero());
+        EffectiveInertia { damping_rate, ..sum }
     }
 
     /// Inertia that the servo with number `servo` moves.
@@ -341,7 +341,7 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Sums the forces of all actuators on every degree of freedom into `tau`, and clamps the sums to the force ranges of joints.
     #[inline(always)]
-    pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: Option<ImplicitServos<R>>) {
+    pub(crate) fn sum_forces(&mut self, compiled: &LaneModel<R>, implicit: Option<ImplicitServos<R>>) {
         self.active_bounds_unknown = false;
         self.tau.fill(R::zero());
         for (actuator, &force) in compiled.actuators.iter().zip(&self.force) {
@@ -391,8 +391,8 @@ impl<R: Real> ActuatorForces<R> {
     /// Lanes in which the force of an actuator, or a bounded sum that contains it, was outside its bounds when it was last computed.
     #[inline(always)]
     pub(crate) fn is_saturated(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
-        let (of_it, mut saturated) = (&compiled.actuators[actuator], self.found_saturated[actuator]);
-        if let (Some(_), Some(dynamics)) = (of_it.servo, &of_it.dynamics) {
+        let (compiled_actuator, mut saturated) = (&compiled.actuators[actuator], self.found_saturated[actuator]);
+        if let (Some(_), Some(dynamics)) = (compiled_actuator.servo, &compiled_actuator.dynamics) {
             saturated = saturated.or(self.trial_bounded_forces[dynamics.index].is_saturated());
         }
         saturated.or(lanes_of_sums(compiled, &self.found_sum_saturated, actuator))
@@ -403,12 +403,12 @@ impl<R: Real> ActuatorForces<R> {
     /// As in MuJoCo, the derivative of such a force is zero. The caller must have computed the explicit forces.
     #[inline(always)]
     pub(crate) fn is_at_bound(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
-        let of_it = &compiled.actuators[actuator];
+        let compiled_actuator = &compiled.actuators[actuator];
         let mut at = self.found_saturated[actuator];
-        if let Some(range) = of_it.force_range {
+        if let Some(range) = compiled_actuator.force_range {
             at = at.or(reaches(self.force[actuator], range));
         }
-        if let Some(range) = of_it.joint_force_range.map(|r| &compiled.actuator_force_ranges[r]) {
+        if let Some(range) = compiled_actuator.joint_force_range.map(|r| &compiled.actuator_force_ranges[r]) {
             at = at.or(reaches(self.joint[range.dof], range.bounds));
         }
         at
@@ -437,9 +437,9 @@ impl<R: Real> ActuatorForces<R> {
             true,
             #[inline(always)]
             |forces, servo| {
-                let ([force, added_inertia], EffectiveInertia { mobility, pushed, .. }) =
+                let ([force, added_inertia], EffectiveInertia { mobility, change_by_impulses, .. }) =
                     (forces.unclamped[servo], forces.effective_inertias[servo]);
-                (implicit.h * force * mobility + pushed) / (R::one() + added_inertia * mobility)
+                (implicit.h * force * mobility + change_by_impulses) / (R::one() + added_inertia * mobility)
             },
         );
     }
@@ -491,28 +491,28 @@ impl<R: Real> ActuatorForces<R> {
         self.trial_force.copy_from_slice(&self.force);
         for (k, servo) in compiled.servos.iter().enumerate() {
             let (actuator, dv) = (&compiled.actuators[servo.actuator], dv_of(self, k));
-            let decides = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
+            let counts = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
             let trial = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv));
             let mut force = trial.force;
             if let Some((index, bounded_force)) = trial.bounded_force {
                 self.trial_bounded_forces[index] = bounded_force;
                 self.unclamped[k] = trial.split;
-                changed = changed.or(trial.changed.and(decides).and_not(self.fixed[k]));
+                changed = changed.or(trial.changed.and(counts).and_not(self.fixed[k]));
             }
             // An explicit force is already clamped by stage 1, and adds no inertia at any velocity.
-            if let Some(bounds) = actuator.force_range.filter(|_| implicit.has(actuator)) {
+            if let Some(bounds) = actuator.force_range.filter(|_| implicit.includes(actuator)) {
                 let (found, assumed) = (outside(force, bounds), self.assumed_saturated[k]);
                 force = within(force, Some(bounds));
                 let at_other_bound = found.and(assumed).and(force.eq(self.fixed_force[k]).not());
-                changed = changed.or(differ(found, assumed).or(at_other_bound).and(decides));
+                changed = changed.or(differ(found, assumed).or(at_other_bound).and(counts));
                 self.found_saturated[servo.actuator] = found;
             }
             self.trial_force[servo.actuator] = force;
         }
         for (r, range) in compiled.actuator_force_ranges.iter().enumerate().filter(|(_, range)| range.has_servos) {
-            let (mut decides, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
+            let (mut counts, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
             for &(a, arm) in &range.actuators {
-                decides = compiled.actuators[a].servo.map_or(decides, |k| decides.or(self.stiff[k]));
+                counts = compiled.actuators[a].servo.map_or(counts, |k| counts.or(self.stiff[k]));
                 sum += R::splat(arm) * self.trial_force[a];
                 assumed_sum += R::splat(arm) * self.force[a];
             }
@@ -520,7 +520,7 @@ impl<R: Real> ActuatorForces<R> {
             let is_above = |sum: R| sum.gt(R::splat(range.bounds[1]));
             let at_other_bound = found.and(assumed).and(differ(is_above(sum), is_above(assumed_sum)));
             self.found_sum_saturated[r] = found;
-            changed = changed.or(differ(found, assumed).or(at_other_bound).and(decides));
+            changed = changed.or(differ(found, assumed).or(at_other_bound).and(counts));
         }
         if !may_change {
             return changed;
@@ -534,7 +534,7 @@ impl<R: Real> ActuatorForces<R> {
             if let Some(dynamics) = &compiled.actuators[a].dynamics {
                 self.bounded_forces[dynamics.index].copy_active_bounds(&self.trial_bounded_forces[dynamics.index], changed);
             }
-            if compiled.actuators[a].force_range.is_some() && implicit.has(&compiled.actuators[a]) {
+            if compiled.actuators[a].force_range.is_some() && implicit.includes(&compiled.actuators[a]) {
                 self.assumed_saturated[k] = update(self.assumed_saturated[k], self.found_saturated[a]);
             }
             let fixed = self.assumed_saturated[k].or(lanes_of_sums(compiled, &self.assumed_sum_saturated, a));
@@ -560,8 +560,8 @@ impl<R: Real> ActuatorForces<R> {
         acc: &[R],
     ) -> R {
         let actuator = &compiled.actuators[compiled.servos[servo].actuator];
-        let EffectiveInertia { mobility, pushed, .. } = self.effective_inertias[servo];
-        let by_constraints = pushed / (R::one() + self.added_inertia[servo] * mobility);
+        let EffectiveInertia { mobility, change_by_impulses, .. } = self.effective_inertias[servo];
+        let by_constraints = change_by_impulses / (R::one() + self.added_inertia[servo] * mobility);
         let dv = implicit.h * self.project(actuator, acc) + by_constraints;
         within(self.trial_servo_force(compiled, actuator_dynamics, implicit, (servo, dv)).force, actuator.force_range)
     }

@@ -20,7 +20,7 @@ pub struct Memory<S> {
 
 impl<S: Scalar> Memory<S> {
     /// Creates the memory with allocated buffers: `numbers` values per lane, `lines` delay lines, and `controls` controls per lane.
-    pub fn with_chains(lanes: usize, alive: u32, numbers: usize, lines: usize, controls: usize) -> Self {
+    pub fn with_capacity(lanes: usize, alive: u32, numbers: usize, lines: usize, controls: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self { waiting: alive, numbers: zeros(numbers), cursors: vec![0; lines], applied: zeros(controls) }
     }

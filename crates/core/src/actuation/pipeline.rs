@@ -54,13 +54,13 @@ struct ActuatorPipeline {
     servo: Servo,
     lagged: bool,
     /// Length of the delay line in samples; 0 without a delay.
-    line: usize,
+    delay_samples: usize,
     /// Whole and fractional part of the delay in steps, if it is the same in all environments; otherwise `None`.
     delay: Option<(usize, f64)>,
     /// Address of the pipeline's stored values in the memory: delay line, output and input of the lag, integral, phase, held sample.
     memory: usize,
     /// Index of the pipeline's delay line.
-    cursor: usize,
+    line_index: usize,
     /// Address of the pipeline's parameters in the table.
     table: usize,
 }
@@ -94,7 +94,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
             };
             let line = if longest > 0 { longest + 2 } else { 0 };
             let (memory, table, lagged) = (all.memory, all.pipelines.len() * PARAMETERS, any_nonzero(&spec.lag));
-            let pipeline = ActuatorPipeline { actuator, servo, lagged, line, delay: None, memory, cursor: all.lines, table };
+            let pipeline =
+                ActuatorPipeline { actuator, servo, lagged, delay_samples: line, delay: None, memory, line_index: all.lines, table };
             all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
             all.lines += usize::from(line > 0);
             all.pipelines.push(pipeline);
@@ -106,7 +107,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Position of each delay line in the stored values, with its number of samples of one value each.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
-        self.pipelines.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
+        self.pipelines.iter().filter(|c| c.delay_samples > 0).map(|c| DelayLine { at: c.memory, samples: c.delay_samples, width: 1 })
     }
 
     /// Sets the parameters of the environments `envs` from `specs`. Each list has one value for all of `envs`, or one for each.
@@ -120,7 +121,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 let (table, lane) = (&mut self.tables[env / lanes][pipeline.table * lanes..], env % lanes);
                 // Unused lanes have the parameters of the last environment.
                 let alike = if env + 1 == self.num_envs { lane..lanes } else { lane..lane + 1 };
-                for (row, x) in table.chunks_exact_mut(lanes).zip(numbers(spec, k, h)) {
+                for (row, x) in table.chunks_exact_mut(lanes).zip(parameters_of(spec, k, h)) {
                     row[alike.clone()].fill(S::from_f64(x));
                 }
             }
@@ -207,31 +208,31 @@ impl<S: Scalar> ActuatorPipelines<S> {
         R::vectorize(
             #[inline(always)]
             || {
-                let mut taken = alive;
+                let mut valid = alive;
                 for &u in given {
-                    taken = taken.and(u.is_finite());
+                    valid = valid.and(u.is_finite());
                 }
-                let start = taken.and(R::Mask::from_bits(memory.waiting));
-                memory.waiting &= !taken.bits();
+                let start = valid.and(R::Mask::from_bits(memory.waiting));
+                memory.waiting &= !valid.bits();
                 ctrl.copy_from_slice(given);
                 for pipeline in &self.pipelines {
                     let table = &self.tables[group][pipeline.table * R::LANES..];
                     let actuator = &compiled.actuators[pipeline.actuator];
                     let mut u = within(given[pipeline.actuator], actuator.ctrl_range);
-                    if pipeline.line > 0 {
-                        u = pipeline.delayed(table, u, taken, start, memory);
+                    if pipeline.delay_samples > 0 {
+                        u = pipeline.delayed(table, u, valid, start, memory);
                     }
                     u = match pipeline.servo {
                         Servo::None => u,
-                        servo => pipeline.follow(servo, table, actuator, u, [q, v], [taken, start], h, &mut memory.numbers),
+                        servo => pipeline.follow(servo, table, actuator, u, [q, v], [valid, start], h, &mut memory.numbers),
                     };
                     if pipeline.lagged {
-                        u = pipeline.lag(table, actuator, u, [q, v], [taken, start], &mut memory.numbers);
+                        u = pipeline.lag(table, actuator, u, [q, v], [valid, start], &mut memory.numbers);
                         if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
                             pipeline.set_gains(table, Parameter::Mean, &mut actuator_dynamics[dynamics.index]);
                         }
                     }
-                    ctrl[pipeline.actuator] = R::select(taken, u, R::of(f64::NAN));
+                    ctrl[pipeline.actuator] = R::select(valid, u, R::of(f64::NAN));
                 }
             },
         )
@@ -282,7 +283,7 @@ fn parts(steps: f64, staircase: bool) -> (usize, f64) {
 }
 
 /// Table row with the parameters of environment `env`. `h` is the time step, s.
-fn numbers(t: &ActuatorSpec, env: usize, h: f64) -> [f64; PARAMETERS] {
+fn parameters_of(t: &ActuatorSpec, env: usize, h: f64) -> [f64; PARAMETERS] {
     let of = |x: &[f64]| x[env % x.len()];
     let (low, high, lag) = (of(&t.low), of(&t.high), of(&t.lag));
     // e^(-h/lag), and the mean of e^(-t/lag) over the step.
@@ -347,7 +348,7 @@ fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) ->
 
 impl ActuatorPipeline {
     fn lag_at(&self) -> usize {
-        self.memory + self.line
+        self.memory + self.delay_samples
     }
 
     fn integral_at(&self) -> usize {
@@ -364,15 +365,15 @@ impl ActuatorPipeline {
 
     /// Control after the delay line. The present control `u` is appended to the line. A fractional delay interpolates between two samples.
     #[inline(always)]
-    fn delayed<R: Real>(&self, table: &[R::Scalar], u: R, taken: R::Mask, start: R::Mask, memory: &mut Memory<R::Scalar>) -> R {
-        let line = self.line;
-        let last = memory.cursors[self.cursor] as usize;
+    fn delayed<R: Real>(&self, table: &[R::Scalar], u: R, valid: R::Mask, start: R::Mask, memory: &mut Memory<R::Scalar>) -> R {
+        let line = self.delay_samples;
+        let last = memory.cursors[self.line_index] as usize;
         let cursor = (last + 1) % line;
-        memory.cursors[self.cursor] = cursor as u32;
+        memory.cursors[self.line_index] = cursor as u32;
         let numbers = &mut memory.numbers;
         // Lanes without a valid control repeat the last one.
         let held = get::<R>(numbers, self.memory + last);
-        put(numbers, self.memory + cursor, R::Mask::splat(true), R::select(taken, u, held));
+        put(numbers, self.memory + cursor, R::Mask::splat(true), R::select(valid, u, held));
         if start.any() {
             (0..line).for_each(
                 #[inline(always)]
@@ -409,20 +410,20 @@ impl ActuatorPipeline {
         actuator: &CompiledActuator<R::Scalar>,
         u: R,
         state: [&[R]; 2],
-        [taken, start]: [R::Mask; 2],
+        [valid, start]: [R::Mask; 2],
         h: f64,
         numbers: &mut [R::Scalar],
     ) -> R {
         let number = |n: Parameter| get::<R>(table, n as usize);
         let at = self.integral_at();
-        let mut due = taken;
+        let mut due = valid;
         if servo == Servo::Sampled {
             let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Parameter::Period));
             // The phase is a sum of time steps, so that the comparison allows for rounding.
-            let ripe = phase.ge(period - R::of(1e-6 * h));
-            let rest = R::select(ripe, (phase - period).min(R::of(h)), phase);
-            put(numbers, at + 1, taken, R::select(start, R::zero(), rest));
-            due = taken.and(ripe.or(start));
+            let is_due = phase.ge(period - R::of(1e-6 * h));
+            let rest = R::select(is_due, (phase - period).min(R::of(h)), phase);
+            put(numbers, at + 1, valid, R::select(start, R::zero(), rest));
+            due = valid.and(is_due.or(start));
             if due.none() {
                 return get(numbers, at + 2);
             }
@@ -434,9 +435,9 @@ impl ActuatorPipeline {
         let rest = kp * error - number(Parameter::Kd) * velocity;
         // Conditional integration (Astrom & Hagglund 2006, section 3.5): the integral does not grow while the effort is beyond its bounds.
         let effort = rest + after;
-        let winds =
+        let winds_up =
             effort.gt(number(Parameter::MaxEffort)).and(after.gt(before)).or(effort.lt(number(Parameter::MinEffort)).and(after.lt(before)));
-        let integral = R::select(winds, before, after);
+        let integral = R::select(winds_up, before, after);
         put(numbers, at, due, integral);
         if servo == Servo::Continuous {
             return kp * u + integral;
@@ -457,7 +458,7 @@ impl ActuatorPipeline {
         actuator: &CompiledActuator<R::Scalar>,
         u: R,
         state: [&[R]; 2],
-        [taken, start]: [R::Mask; 2],
+        [valid, start]: [R::Mask; 2],
         numbers: &mut [R::Scalar],
     ) -> R {
         let at = self.lag_at();
@@ -469,12 +470,12 @@ impl ActuatorPipeline {
             let bounds = [get::<R>(table, Parameter::MinEffort as usize), get(table, Parameter::MaxEffort as usize)];
             let goal = bounded(R::select(start, u, get(numbers, at + 1)) - pull, bounds);
             let effort = R::select(start, goal, goal + (effort - goal) * decay);
-            put(numbers, at, taken, effort);
-            put(numbers, at + 1, taken, u);
+            put(numbers, at, valid, effort);
+            put(numbers, at + 1, valid, u);
             return u + (effort - u) * mean;
         }
         let before = R::select(start, u, effort);
-        put(numbers, at, taken, u + (before - u) * decay);
+        put(numbers, at, valid, u + (before - u) * decay);
         u + (before - u) * mean
     }
 }

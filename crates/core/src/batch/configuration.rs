@@ -75,7 +75,7 @@ impl<S: LaneScalar> Configuration for Batch<S> {
         let pipelines = ActuatorPipelines::new(specs, self.num_envs, self.lanes, h);
         if !pipelines.is_empty() {
             for group in &mut self.groups {
-                group.actuation = memory::Memory::with_chains(self.lanes, group.alive, pipelines.memory, pipelines.lines, model.nu());
+                group.actuation = memory::Memory::with_capacity(self.lanes, group.alive, pipelines.memory, pipelines.lines, model.nu());
             }
             self.pipelines = Some(pipelines);
         }

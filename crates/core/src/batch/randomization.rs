@@ -106,14 +106,14 @@ fn row(all: &[f64], env: usize, width: usize) -> &[f64] {
 
 fn differ(changed: &Params<f64>, shared: &Params<f64>) -> Differences {
     let both = (0..).zip(changed.numbers().iter().zip(shared.numbers()));
-    both.filter(|(_, (changed, shared))| changed.to_bits() != shared.to_bits()).map(|(place, (&changed, _))| (place, changed)).collect()
+    both.filter(|(_, (changed, shared))| changed.to_bits() != shared.to_bits()).map(|(index, (&changed, _))| (index, changed)).collect()
 }
 
 /// Per-environment parameters of the compiled model: indices, and values for every lane of every group.
 #[derive(Clone, Debug, Default)]
 pub struct ParameterOverrides<S> {
     /// Indices of the overridden parameters in [`Params`], ascending. All groups have the same indices.
-    pub places: Vec<u32>,
+    pub indices: Vec<u32>,
     /// Values of the overridden parameters, for every group (parameters, lanes). Empty without overrides.
     pub numbers: Vec<Vec<S>>,
 }
@@ -122,43 +122,43 @@ impl<S: Scalar> ParameterOverrides<S> {
     /// Replaces the overrides of the environments `envs` by `differences`. `groups` is the number of groups, and `lanes` the number of
     /// lanes of each.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
-        self.add_places(shared, groups, lanes, differences);
-        if self.places.is_empty() {
+        self.add_indices(shared, groups, lanes, differences);
+        if self.indices.is_empty() {
             return;
         }
         for (&env, differences) in envs.iter().zip(differences) {
             let (numbers, lane) = (&mut self.numbers[env / lanes], env % lanes);
             let mut rest = differences.iter().peekable();
-            for (k, &place) in self.places.iter().enumerate() {
-                let difference = rest.next_if(|(at, _)| *at == place);
-                numbers[k * lanes + lane] = difference.map_or(shared.numbers()[place as usize], |&(_, x)| S::from_f64(x));
+            for (k, &index) in self.indices.iter().enumerate() {
+                let difference = rest.next_if(|(at, _)| *at == index);
+                numbers[k * lanes + lane] = difference.map_or(shared.numbers()[index as usize], |&(_, x)| S::from_f64(x));
             }
         }
     }
 
     /// Adds to the overrides the parameters of `differences` that are not overridden yet. Environments without a difference get the shared
     /// value.
-    fn add_places(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
-        let mut places: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.places.iter().copied()).collect();
-        places.sort_unstable();
-        places.dedup();
-        if places == self.places {
+    fn add_indices(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
+        let mut indices: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.indices.iter().copied()).collect();
+        indices.sort_unstable();
+        indices.dedup();
+        if indices == self.indices {
             return;
         }
-        let old = std::mem::replace(self, Self { places, numbers: Vec::new() });
-        let from: Vec<Option<usize>> = self.places.iter().map(|place| old.places.binary_search(place).ok()).collect();
+        let old = std::mem::replace(self, Self { indices, numbers: Vec::new() });
+        let from: Vec<Option<usize>> = self.indices.iter().map(|index| old.indices.binary_search(index).ok()).collect();
         let moved = |g: usize| {
-            let row = |(&place, from): (&u32, &Option<usize>)| match from {
+            let row = |(&index, from): (&u32, &Option<usize>)| match from {
                 Some(k) => old.numbers[g][k * lanes..(k + 1) * lanes].to_vec(),
-                None => vec![shared.numbers()[place as usize]; lanes],
+                None => vec![shared.numbers()[index as usize]; lanes],
             };
-            self.places.iter().zip(&from).flat_map(row).collect()
+            self.indices.iter().zip(&from).flat_map(row).collect()
         };
         self.numbers = (0..groups).map(moved).collect();
     }
 
     /// Memory of the overrides, bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.places[..]) + self.numbers.iter().map(|n| size_of_val(&n[..])).sum::<usize>()
+        size_of_val(&self.indices[..]) + self.numbers.iter().map(|n| size_of_val(&n[..])).sum::<usize>()
     }
 }

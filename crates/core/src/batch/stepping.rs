@@ -74,8 +74,8 @@ pub trait BatchCalls {
     fn threads(&self) -> usize;
     /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more than it gains.
     fn is_brief(&self, nstep: usize) -> bool;
-    /// Calls `look` while one additional worker exists, to measure the memory of its workspace.
-    fn with_worker(&self, look: &mut dyn FnMut());
+    /// Calls `callback` during the allocation of the workspace of one additional worker, to measure its memory.
+    fn with_worker(&self, callback: &mut dyn FnMut());
     /// Sets the functions that create workers.
     #[cfg(feature = "internals")]
     fn set_workers(&mut self, makers: &WorkerMakers);
@@ -192,9 +192,9 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
         nstep.saturating_mul(self.num_envs * self.compiled.nv.max(1)) <= BRIEF
     }
 
-    fn with_worker(&self, look: &mut dyn FnMut()) {
+    fn with_worker(&self, callback: &mut dyn FnMut()) {
         let worker = self.workers.make_worker(&self.worker_spec());
-        look();
+        callback();
         drop(worker);
     }
 
@@ -297,7 +297,7 @@ impl<S: LaneScalar> Batch<S> {
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
         for (g, group) in groups.iter_mut().enumerate() {
-            run_chosen(
+            run_selected(
                 &mut *worker,
                 &call,
                 group,
@@ -321,7 +321,7 @@ impl<S: LaneScalar> Batch<S> {
                 let chunk_first = chunk * size * self.lanes;
                 for (g, group) in groups.iter_mut().enumerate() {
                     let at = GroupPosition { first: chunk_first + g * self.lanes, chunk_first, recording: recording.as_deref_mut() };
-                    run_chosen(worker, &call, group, at);
+                    run_selected(worker, &call, group, at);
                 }
             },
         );
@@ -330,7 +330,7 @@ impl<S: LaneScalar> Batch<S> {
 }
 
 /// Makes the steps of a call in one group. Environments outside the call's mask keep their state: their lanes are restored afterwards.
-fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
+fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
     let mask = call.inputs.mask.get(at.first..).unwrap_or_default();
     let others = (0..group.lanes).filter(|&lane| mask.get(lane) == Some(&false)).fold(0, |set, lane| set | 1 << lane) & group.alive;
     if others == 0 {
@@ -339,16 +339,16 @@ fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, gro
     if others == group.alive {
         return;
     }
-    let mut kept = group.clone();
+    let mut before = group.clone();
     worker.run(call, group, at);
     let mut moved = others;
     if 2 * others.count_ones() > group.alive.count_ones() {
         // Copying the smaller set of lanes is cheaper.
-        std::mem::swap(group, &mut kept);
+        std::mem::swap(group, &mut before);
         moved = group.alive & !others;
     }
     for lane in each_of(moved) {
-        group.set_part(DestinationLanes::StartingAt(lane), &kept.part(lane, 1));
+        group.set_part(DestinationLanes::StartingAt(lane), &before.part(lane, 1));
     }
     worker.forget_state();
 }

@@ -346,8 +346,8 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Loads the per-environment parameters of the group whose first environment is `first`.
     fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
-            self.step.compiled.params.load_lanes(&call.overrides.places, numbers);
-            if self.step.compiled.params.has_geoms(&call.overrides.places) {
+            self.step.compiled.params.load_lanes(&call.overrides.indices, numbers);
+            if self.step.compiled.params.has_geoms(&call.overrides.indices) {
                 self.step.workspace.update_static_poses(&self.step.compiled);
             }
         }

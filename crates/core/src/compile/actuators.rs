@@ -139,7 +139,8 @@ pub(super) struct Scene<'a> {
     pub(super) frictions: &'a [CompiledFriction],
 }
 
-pub(super) struct Drives<S> {
+/// Compiled actuators of a model, its servos, and its bounded sums of actuator forces.
+pub(super) struct CompiledActuators<S> {
     pub(super) actuators: Vec<CompiledActuator<S>>,
     pub(super) servos: Vec<CompiledServo<S>>,
     pub(super) force_ranges: Vec<CompiledForceRange<S>>,
@@ -150,24 +151,24 @@ pub(super) struct Drives<S> {
     pub(super) num_actuator_dynamics: usize,
 }
 
-impl<S: Scalar> Drives<S> {
+impl<S: Scalar> CompiledActuators<S> {
     /// Compiles the actuators of the model. `specs` has the actuator dynamics of every actuator, or is empty.
     pub(super) fn new(scene: Scene<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = scene.model;
-        let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, num_actuator_dynamics: 0 };
+        let mut all = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, num_actuator_dynamics: 0 };
         let mut na = 0;
         for (i, actuator) in model.actuators.iter().enumerate() {
             let spec = specs.get(i).and_then(Option::as_ref);
-            drives.push(scene, actuator, spec, &mut na);
+            all.push(scene, actuator, spec, &mut na);
         }
         let bounded = model.joints.iter().zip(scene.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
         let ranges = bounded.filter_map(|(j, &(_, dof))| j.actuator_force_range.map(|range| (dof, range)));
-        drives.force_ranges = ranges.map(|(dof, range)| drives.force_range(dof, range)).collect();
-        for (compiled, actuator) in drives.actuators.iter_mut().zip(&model.actuators) {
+        all.force_ranges = ranges.map(|(dof, range)| all.force_range(dof, range)).collect();
+        for (compiled, actuator) in all.actuators.iter_mut().zip(&model.actuators) {
             let Transmission::Joint(j) = actuator.transmission else { continue };
-            compiled.joint_force_range = drives.force_ranges.iter().position(|range| range.dof == scene.addresses[j].1);
+            compiled.joint_force_range = all.force_ranges.iter().position(|range| range.dof == scene.addresses[j].1);
         }
-        drives
+        all
     }
 
     fn push(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {

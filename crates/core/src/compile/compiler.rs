@@ -46,7 +46,7 @@ impl<S: Scalar> CompiledModel<S> {
             chain: &chain,
             frictions: &frictions,
         };
-        let drives = actuators::Drives::new(scene, specs);
+        let actuators = actuators::CompiledActuators::new(scene, specs);
         let lossy = frictions.iter().any(|f| f.driven);
         let structure = ModelStructure {
             nq: model.nq(),
@@ -83,13 +83,13 @@ impl<S: Scalar> CompiledModel<S> {
             equalities,
             scalar_impulses,
             explicit_damping: model.explicit_damping,
-            servos_are_bounded: drives.servos_are_bounded(),
-            wrench_arms: [drives.arms, drives.wrenches],
-            num_actuator_dynamics: drives.num_actuator_dynamics,
+            servos_are_bounded: actuators.servos_are_bounded(),
+            wrench_arms: [actuators.arms, actuators.wrenches],
+            num_actuator_dynamics: actuators.num_actuator_dynamics,
             lossy,
-            actuators: drives.actuators,
-            servos: drives.servos,
-            actuator_force_ranges: drives.force_ranges,
+            actuators: actuators.actuators,
+            servos: actuators.servos,
+            actuator_force_ranges: actuators.force_ranges,
             sensing: CompiledSensing::new(model, &merged, &tendons, lossy),
             tendons,
             can_tunnel,

@@ -31,12 +31,12 @@ impl<S: Scalar> ModelStructure<S> {
             geoms: self.geoms.iter().map(|g| source.geom(g.index)).collect(),
             pairs: source.pairs().collect(),
             members: source.members().collect(),
-            bodies: (0..model.bodies.len()).map(|b| source.place(Object::Body(b))).collect(),
+            bodies: (0..model.bodies.len()).map(|b| source.position(Object::Body(b))).collect(),
             masses: model.bodies.iter().map(|b| b.mass).collect(),
             moments: (0..model.bodies.len()).map(|b| combined(model, &self.merged, |other| other == b).2).collect(),
             compensations: self.compensation.iter().map(|hold| source.compensation(hold.body)).collect(),
             fluid: self.fluid.iter().map(|f| source.fluid(f.object, &f.shape)).collect(),
-            places: self.sensing.places.iter().map(|&object| source.place(object)).collect(),
+            places: self.sensing.places.iter().map(|&object| source.position(object)).collect(),
             sizes: self.sensing.shapes.iter().map(|&object| source.size(object)).collect(),
         };
         rows.into()
@@ -78,7 +78,7 @@ impl<S: Scalar> Source<'_, S> {
     fn geom(&self, geom: usize) -> GeomParams<f64> {
         let Bulk { bounding_radius, inscribed_radius } = bulk(self.model, geom);
         let rotation_reach = if bounding_radius.is_finite() { bounding_radius - inscribed_radius } else { 0.0 };
-        let (pos, size) = (self.place(Object::Geom(geom)), size(&self.model.geoms[geom].shape));
+        let (pos, size) = (self.position(Object::Geom(geom)), size(&self.model.geoms[geom].shape));
         GeomParams { pos, size, bounding_radius, inscribed_radius, rotation_reach }
     }
 
@@ -112,7 +112,7 @@ impl<S: Scalar> Source<'_, S> {
     fn compensation(&self, body: usize) -> CompensationParams<f64> {
         let Body { mass, gravcomp, .. } = self.model.bodies[body];
         let force = vector(self.model.gravity) * -(mass * gravcomp);
-        CompensationParams { pos: self.place(Object::Body(body)), force: force.into() }
+        CompensationParams { pos: self.position(Object::Body(body)), force: force.into() }
     }
 
     fn fluid(&self, object: Object, shape: &FluidShape<S>) -> FluidParams<f64> {
@@ -120,11 +120,11 @@ impl<S: Scalar> Source<'_, S> {
             (Object::Body(b), FluidShape::Box) => inertia_box(&self.model.bodies[b], &self.model.medium),
             _ => [[0.0; 6]; 2],
         };
-        FluidParams { pos: self.place(object), viscous, quadratic }
+        FluidParams { pos: self.position(object), viscous, quadratic }
     }
 
     /// Position of an object (body, geom or site) in the frame to which it is fixed, m.
-    fn place(&self, object: Object) -> [f64; 3] {
+    fn position(&self, object: Object) -> [f64; 3] {
         let (body, pos) = match object {
             Object::XBody(b) => (b, [0.0; 3]),
             Object::Body(b) => (b, self.model.bodies[b].ipos),

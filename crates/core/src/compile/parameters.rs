@@ -209,9 +209,9 @@ impl<T: Copy> Params<T> {
         self.numbers[start..end].as_chunks().0
     }
 
-    /// Whether any of the parameter indices `places`, which are ascending, belongs to the table of geoms.
-    pub fn has_geoms(&self, places: &[u32]) -> bool {
-        let [start, end] = self.tables.geoms.map(|at| places.partition_point(|&place| (place as usize) < at));
+    /// Whether any of the parameters with the indices `indices` (ascending) is in the table of geoms.
+    pub fn has_geoms(&self, indices: &[u32]) -> bool {
+        let [start, end] = self.tables.geoms.map(|at| indices.partition_point(|&index| (index as usize) < at));
         start < end
     }
 
@@ -249,7 +249,7 @@ impl<T: Copy> Params<T> {
 impl Params<f64> {
     /// Sets parameters from pairs of parameter index and value.
     pub fn set(&mut self, numbers: &[(u32, f64)]) {
-        numbers.iter().for_each(|&(place, x)| self.numbers[place as usize] = x);
+        numbers.iter().for_each(|&(index, x)| self.numbers[index as usize] = x);
     }
 }
 
@@ -261,10 +261,10 @@ impl<S: Scalar> Params<S> {
 }
 
 impl<R: Real> Params<R> {
-    /// Sets the parameters with the indices `places` to per-lane values. `numbers` has shape (places, lanes).
-    pub fn load_lanes(&mut self, places: &[u32], numbers: &[R::Scalar]) {
-        for (&place, lanes) in places.iter().zip(numbers.chunks_exact(R::LANES)) {
-            self.numbers[place as usize] = R::load(lanes);
+    /// Sets the parameters with the indices `indices` to per-lane values. `numbers` has one row of lanes for each of them.
+    pub fn load_lanes(&mut self, indices: &[u32], numbers: &[R::Scalar]) {
+        for (&index, lanes) in indices.iter().zip(numbers.chunks_exact(R::LANES)) {
+            self.numbers[index as usize] = R::load(lanes);
         }
     }
 }

@@ -53,7 +53,7 @@ pub(crate) struct SlidingRows<R: Real> {
     /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
     pub(crate) offsets: [[R; 2]; 3],
     /// Curvature terms that the offsets of the tangents contain, m/s; `None` if they were not computed.
-    pub(crate) curve: Option<[R; 2]>,
+    pub(crate) curvature: Option<[R; 2]>,
     /// Squared lengths of the rows before and after equalities were eliminated from them; `None` without elimination.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
     /// Lanes in which the contact has rows, including lanes in which the solver leaves them out.
@@ -71,7 +71,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { offsets: g, curve, lengths, exists, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let SlidingRows { offsets: g, curvature, lengths, exists, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
         self.problem.rows.push_contact(
             &self.builder.support,
@@ -86,8 +86,8 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.contacts.make_movable(movable);
             self.problem.rows.contacts.clear_negligible_approach(negligible);
         }
-        if let Some(curve) = curve {
-            self.problem.store_curvature(contact, curve);
+        if let Some(curvature) = curvature {
+            self.problem.store_curvature(contact, curvature);
             let is_self_locking = self.problem.rows.contacts.is_self_locking();
             if is_self_locking.any() {
                 self.problem.remove_curvature(self.problem.curvature_terms.len() - 1, is_self_locking);
@@ -103,18 +103,18 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.rows.contacts.set_position_offset([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.contacts.last_is_immovable();
-        let waiting = deferred.lanes.and_not(immovable);
-        let solved = exists.and_not(waiting);
-        if waiting.any() {
-            self.problem.rows.contacts.defer(waiting);
+        let deferred_lanes = deferred.lanes.and_not(immovable);
+        let active_lanes = exists.and_not(deferred_lanes);
+        if deferred_lanes.any() {
+            self.problem.rows.contacts.defer(deferred_lanes);
             let [n, a, b] = slot.impulse;
             let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
-            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse, ..deferred });
+            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse, ..deferred });
         }
         // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
-        self.velocity.impulses.contacts.push(select(solved.and_not(immovable), slot.impulse, zero()));
+        self.velocity.impulses.contacts.push(select(active_lanes.and_not(immovable), slot.impulse, zero()));
         self.problem.slots.push((k, R::Mask::from_bits(lanes)));
-        self.problem.constrained = self.problem.constrained.or(solved);
+        self.problem.constrained = self.problem.constrained.or(active_lanes);
     }
 
     /// Finds the lanes in which the contact in slot `k` can move along its normal, although the solver counts it as immovable. The second
@@ -176,8 +176,8 @@ impl<R: Real> Assembler<'_, R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
         let (slot, exists) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
-        let curves = assembly.in_the_middle && self.builder.moving != 0;
-        let change = if self.problem.resolves_impacts || curves { self.builder.free_change(assembly) } else { zero() };
+        let has_curvature = assembly.in_the_middle && self.builder.moving != 0;
+        let change = if self.problem.resolves_impacts || has_curvature { self.builder.free_change(assembly) } else { zero() };
         self.builder.half_solve::<3>(compiled, mass);
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(exists, |row| exists.and_not(row.lanes));
@@ -203,7 +203,7 @@ impl<R: Real> Assembler<'_, R> {
         let impulse = [R::zero(); 6];
         let doubtful = R::Mask::splat(false);
         let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: offsets[0][0] - free_eliminated[0], impulse };
-        let curve = curves.then(|| self.add_curve(input, contacts, k, exists, [free, change], &mut offsets));
-        SlidingRows { offsets, curve, lengths, exists, deferred, compliance: springs.map(|row| row.compliance) }
+        let curvature = has_curvature.then(|| self.add_curvature(input, contacts, k, exists, [free, change], &mut offsets));
+        SlidingRows { offsets, curvature, lengths, exists, deferred, compliance: springs.map(|row| row.compliance) }
     }
 }

@@ -45,7 +45,7 @@ impl<R: Real> Assembler<'_, R> {
     /// its impulse is (t^2 - (J v)^2) / 2 G. A term is therefore at most the present speed |J v|, so that it adds no energy. The function
     /// is compiled separately, because few contacts need it, and inlined it would slow down all.
     #[inline(never)]
-    pub(crate) fn add_curve(
+    pub(crate) fn add_curvature(
         &self,
         input: RowInput<'_, R>,
         contacts: &Contacts<R>,

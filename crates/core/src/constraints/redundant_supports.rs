@@ -233,11 +233,11 @@ impl<R: Real> ContactGroups<R> {
         let lane = self.groups[groups.start].lane;
         self.find_clusters(groups.clone(), assembled);
         let mut changed = false;
-        for name in groups.clone() {
+        for cluster in groups.clone() {
             self.points.clear();
             let mut slips = false;
             for p in groups.clone() {
-                if self.groups[p].cluster == name {
+                if self.groups[p].cluster == cluster {
                     self.gather(p, assembled, iterate);
                     slips |= self.groups[p].slips;
                 }

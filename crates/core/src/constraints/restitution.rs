@@ -112,7 +112,7 @@ impl<R: Real> Assembler<'_, R> {
     ///
     /// Only the midpoint rule calls it. `free` are the velocities of the rows without constraints, before equalities are eliminated.
     /// `change` is the change of these velocities by the free motion in the step. After the elimination, the free velocity is `offsets`
-    /// minus the normal's `bias`. The function is compiled separately, as [`Assembler::add_curve`] is.
+    /// minus the normal's `bias`. The function is compiled separately, as [`Assembler::add_curvature`] is.
     #[inline(never)]
     pub(crate) fn bounce_midpoint(
         &mut self,
@@ -155,10 +155,10 @@ impl<R: Real> Assembler<'_, R> {
     /// Changes the `offsets` of the torsional and rolling rows of the last added contact to those at the time of its impact. `change` is
     /// the change of the rows' velocities by the free motion.
     #[inline(always)]
-    pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Offsets<R>) {
+    pub(crate) fn shift_rotation_to_impact(&self, change: V3<R>, rotation_offsets: &mut Offsets<R>) {
         if let Some(impact) = self.problem.impacts.last() {
-            for (turn, change) in turns.iter_mut().zip(change) {
-                turn[0] = R::select(impact.lanes, turn[0] - change * (R::one() - impact.time_fraction), turn[0]);
+            for (offset, change) in rotation_offsets.iter_mut().zip(change) {
+                offset[0] = R::select(impact.lanes, offset[0] - change * (R::one() - impact.time_fraction), offset[0]);
             }
         }
     }

@@ -18,7 +18,7 @@ impl<R: Real> RowBuilder<R> {
     /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the rows' free
     /// velocity, m/s.
     #[inline(always)]
-    fn turn_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
+    fn rotation_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -61,44 +61,53 @@ impl<R: Real> Assembler<'_, R> {
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let SlidingRows { offsets: mut slides, curve, lengths: sliding, exists, deferred, compliance } =
+        let SlidingRows { offsets: mut sliding_offsets, curvature, lengths: sliding, exists, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.builder.support {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
         }
-        let turning = self.builder.turn_columns(input, contacts, k, lanes, friction.scale);
+        let free_rotation = self.builder.rotation_columns(input, contacts, k, lanes, friction.scale);
         let change = if self.problem.resolves_impacts { self.builder.free_change(assembly) } else { zero() };
         self.builder.half_solve::<3>(compiled, mass);
-        let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
-        let turned = self.builder.eliminate(&self.problem.rows, mass, &mut turns);
-        self.turn_at_impact(change, &mut turns);
+        let mut rotation_offsets = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
+        let rotation_lengths = self.builder.eliminate(&self.problem.rows, mass, &mut rotation_offsets);
+        self.shift_rotation_to_impact(change, &mut rotation_offsets);
         let contact = self.problem.rows.contacts.len() + self.problem.rows.rolling_contacts.len();
-        let (linear, column, rub) = (&self.builder.linear, &self.builder.column, friction.slides);
-        slides[1] = scale(slides[1], rub);
-        slides[2] = scale(slides[2], rub);
+        let (linear, column, sliding_factor) = (&self.builder.linear, &self.builder.column, friction.sliding_factor);
+        sliding_offsets[1] = scale(sliding_offsets[1], sliding_factor);
+        sliding_offsets[2] = scale(sliding_offsets[2], sliding_factor);
         self.problem.rows.push_rolling_contact(
             &self.builder.support,
             #[inline(always)]
             |d| {
                 let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);
-                let t = s * rub;
+                let t = s * sliding_factor;
                 [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
             },
             exists,
             friction.mu,
-            [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
+            [
+                sliding_offsets[0][0],
+                sliding_offsets[1][0],
+                sliding_offsets[2][0],
+                rotation_offsets[0][0],
+                rotation_offsets[1][0],
+                rotation_offsets[2][0],
+            ],
         );
         if self.problem.rows.rolling_contacts.last_is_immovable().any() {
-            let (movable, negligible) = self.find_movable(input, contacts, k, lanes, slides[0]);
+            let (movable, negligible) = self.find_movable(input, contacts, k, lanes, sliding_offsets[0]);
             self.problem.rows.rolling_contacts.make_movable(movable);
             self.problem.rows.rolling_contacts.clear_negligible_approach(negligible);
         }
-        if let Some(curve) = curve {
-            self.problem.store_curvature(contact, curve.map(|term| term * rub));
+        if let Some(curvature) = curvature {
+            self.problem.store_curvature(contact, curvature.map(|term| term * sliding_factor));
         }
-        if let (Some(sliding), Some(turned)) = (sliding, turned) {
-            let (before, after) =
-                ([scale_tangents(sliding.before, rub), turned.before], [scale_tangents(sliding.after, rub), turned.after]);
+        if let (Some(sliding), Some(rotation_lengths)) = (sliding, rotation_lengths) {
+            let (before, after) = (
+                [scale_tangents(sliding.before, sliding_factor), rotation_lengths.before],
+                [scale_tangents(sliding.after, sliding_factor), rotation_lengths.after],
+            );
             self.problem.rows.rolling_contacts.set_trace_ratio(trace_ratio(before.as_flattened(), after.as_flattened()));
         }
         if let Some(compliance) = compliance {
@@ -106,22 +115,29 @@ impl<R: Real> Assembler<'_, R> {
         }
         // As in `add_contact`: the position solve replaces g of the normal row, and adds to g of the other rows.
         let change = |[velocity, position]: [R; 2]| position - velocity;
-        let [spin, roll, other] = turns.map(change);
-        self.problem.rows.rolling_contacts.set_position_offset([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
+        let [spin, roll, other] = rotation_offsets.map(change);
+        self.problem.rows.rolling_contacts.set_position_offset([
+            sliding_offsets[0][1],
+            change(sliding_offsets[1]),
+            change(sliding_offsets[2]),
+            spin,
+            roll,
+            other,
+        ]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
-        let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
+        let initial_impulse = [push[0], push[1] * sliding_factor, push[2] * sliding_factor, torque[0], torque[1], torque[2]];
         // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.rolling_contacts.last_is_immovable();
-        let waiting = deferred.lanes.and_not(immovable);
-        let solved = exists.and_not(waiting);
-        if waiting.any() {
-            self.problem.rows.rolling_contacts.defer(waiting);
-            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse: warm, ..deferred });
+        let deferred_lanes = deferred.lanes.and_not(immovable);
+        let active_lanes = exists.and_not(deferred_lanes);
+        if deferred_lanes.any() {
+            self.problem.rows.rolling_contacts.defer(deferred_lanes);
+            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse: initial_impulse, ..deferred });
         }
         // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
-        self.velocity.impulses.rolling_contacts.push(select(solved.and_not(immovable), warm, zero()));
+        self.velocity.impulses.rolling_contacts.push(select(active_lanes.and_not(immovable), initial_impulse, zero()));
         self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
-        self.problem.constrained = self.problem.constrained.or(solved);
+        self.problem.constrained = self.problem.constrained.or(active_lanes);
     }
 }
 
@@ -132,7 +148,7 @@ struct Friction<R: Real> {
     /// Friction coefficient of the scaled rows: the sliding coefficient, or 1 for contacts without sliding friction.
     mu: R,
     /// Factor that is 1 for contacts with sliding friction, otherwise 0.
-    slides: R,
+    sliding_factor: R,
     /// Factors of the torsional and rolling rows, m. They scale these rows so that their friction coefficient is `mu` too.
     scale: V3<R>,
 }
@@ -146,14 +162,14 @@ impl<R: Real> Friction<R> {
             spin_and_roll =
                 [R::select(pair_lanes, params.torsion, spin_and_roll[0]), R::select(pair_lanes, params.rolling, spin_and_roll[1])];
         }
-        Self { spin_and_roll, mu: R::one(), slides: R::zero(), scale: zero() }
+        Self { spin_and_roll, mu: R::one(), sliding_factor: R::zero(), scale: zero() }
     }
 
     #[inline(always)]
     fn scale_to(&mut self, mu: R) {
         let slides = mu.gt(R::zero());
         self.mu = R::select(slides, mu, R::one());
-        self.slides = R::select(slides, R::one(), R::zero());
+        self.sliding_factor = R::select(slides, R::one(), R::zero());
         let [spin, roll] = self.spin_and_roll;
         self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
     }
@@ -181,8 +197,8 @@ pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contact
     rolling
 }
 
-/// Scales the two tangential entries of a row by `rub`, and leaves the normal entry unchanged.
+/// Scales the two tangential entries of a row by `sliding_factor`, and leaves the normal entry unchanged.
 #[inline(always)]
-fn scale_tangents<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
-    [n, a * rub, b * rub]
+fn scale_tangents<R: Real>([n, a, b]: V3<R>, sliding_factor: R) -> V3<R> {
+    [n, a * sliding_factor, b * sliding_factor]
 }

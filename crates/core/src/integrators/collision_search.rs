@@ -95,19 +95,19 @@ impl<R: Real> CandidatePair<R> {
 
     /// Stores the first touch of the pair. If the overlap exceeds the tolerance by at most `error`, m, the collision counts as doubtful.
     #[inline(always)]
-    fn take(&mut self, touch: &Touch<R>, error: R) {
+    fn store_touch(&mut self, touch: &Touch<R>, error: R) {
         (self.lanes, self.time, self.distance_at_time) = (touch.lanes, touch.time, self.tolerance - touch.overlap);
         self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
     }
 
-    /// Stores the first touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::take`], but the values of `touch` are
-    /// those in its lane `place`.
+    /// Stores the first touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::store_touch`], but the values of `touch`
+    /// are those in its lane `packed_lane`.
     #[inline(always)]
-    fn take_lane(&mut self, touch: &Touch<R>, place: usize, error: R, lane: usize) {
+    fn store_touch_in_lane(&mut self, touch: &Touch<R>, packed_lane: usize, error: R, lane: usize) {
         let own = R::Mask::from_bits(1 << lane);
         self.lanes = self.lanes.or(own);
-        self.time.set_lane(lane, touch.time.lane(place));
-        let (overlap, tolerance) = (touch.overlap.lane(place), self.tolerance.lane(lane));
+        self.time.set_lane(lane, touch.time.lane(packed_lane));
+        let (overlap, tolerance) = (touch.overlap.lane(packed_lane), self.tolerance.lane(lane));
         self.distance_at_time.set_lane(lane, tolerance - overlap);
         if overlap <= tolerance + error.lane(lane) {
             self.doubtful = self.doubtful.or(own);
@@ -276,7 +276,7 @@ impl<R: Real> CollisionSearch<R> {
                 candidate.lanes = R::Mask::splat(false);
             } else {
                 let touch = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
-                candidate.take(&touch, query.error);
+                candidate.store_touch(&touch, query.error);
             }
         }
         for_each_packed::<R>(
@@ -305,9 +305,9 @@ impl<R: Real> CollisionSearch<R> {
                     ),
                 );
                 let touch = sweep.find_touch(gap, used, tolerance);
-                for place in each_of(touch.lanes.bits()) {
-                    let (candidate, lane) = (&mut pairs[batch[place].candidate], batch[place].item.lane);
-                    candidate.take_lane(&touch, place, query.error, lane);
+                for packed_lane in each_of(touch.lanes.bits()) {
+                    let (candidate, lane) = (&mut pairs[batch[packed_lane].candidate], batch[packed_lane].item.lane);
+                    candidate.store_touch_in_lane(&touch, packed_lane, query.error, lane);
                 }
             },
         );
@@ -368,9 +368,9 @@ impl<R: Real> CollisionSearch<R> {
                         |b| b.time,
                     );
                     let gap = sweep.gap_at(time, R::Mask::splat(true));
-                    for (place, path) in batch.iter().enumerate() {
+                    for (packed_lane, path) in batch.iter().enumerate() {
                         let lanes = R::Mask::from_bits(1 << path.item.lane);
-                        pairs[path.candidate].narrow(lanes, R::splat(path.time), R::splat(gap.distance.lane(place)));
+                        pairs[path.candidate].narrow(lanes, R::splat(path.time), R::splat(gap.distance.lane(packed_lane)));
                     }
                 },
             );

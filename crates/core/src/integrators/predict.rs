@@ -100,13 +100,13 @@ fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut 
     R::vectorize(
         #[inline(always)]
         || {
-            let (mut most, mut free, mut pushed) = (R::zero(), R::zero(), R::zero());
+            let (mut largest_change, mut fastest_free, mut fastest_with_impulses) = (R::zero(), R::zero(), R::zero());
             for (&change, &v) in change.iter().zip(v_free) {
-                most = most.max(change.abs());
-                free = free.max(v.abs());
-                pushed = pushed.max((v + change).abs());
+                largest_change = largest_change.max(change.abs());
+                fastest_free = fastest_free.max(v.abs());
+                fastest_with_impulses = fastest_with_impulses.max((v + change).abs());
             }
-            let large = (scheme.h * most).gt(R::of(MAX_IMPACT_ROTATION)).and(pushed.gt(free));
+            let large = (scheme.h * largest_change).gt(R::of(MAX_IMPACT_ROTATION)).and(fastest_with_impulses.gt(fastest_free));
             if large.any() {
                 for change in change {
                     *change = R::select(large, R::zero(), *change);

@@ -89,7 +89,7 @@ pub fn actuate<R: Real>(
             if let Some(implicit) = implicit.filter(|_| actuator_forces.needs_guess()) {
                 actuator_forces.guess_active_bounds(compiled, at.actuator_dynamics, implicit);
             }
-            actuator_forces.gather(compiled, implicit);
+            actuator_forces.sum_forces(compiled, implicit);
             if implicit.is_none() {
                 actuator_forces.joint.copy_from_slice(&actuator_forces.tau);
             }

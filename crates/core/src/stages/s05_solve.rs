@@ -185,8 +185,8 @@ impl<R: Real> ImpulsePredictor<R> {
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = velocity;
         let rough = lanes.and(self.rough);
-        let as_good = if rough.any() { rough.and(saved_impulses.is_as_close(&problem.rows, impulses)) } else { rough };
-        saved_impulses.restore(impulses, lanes.and(contact_groups.lanes()).or(as_good));
+        let previous_is_as_close = if rough.any() { rough.and(saved_impulses.is_as_close(&problem.rows, impulses)) } else { rough };
+        saved_impulses.restore(impulses, lanes.and(contact_groups.lanes()).or(previous_is_as_close));
     }
 }
 

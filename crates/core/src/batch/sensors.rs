@@ -92,7 +92,8 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Computes the true readings of all sensors at the stored state of the group.
     ///
-    /// If the state was set after the last step, sensors of accelerations and forces read the results of a trial step from this state.
+    /// If the state was set after the last step, sensors of accelerations and forces read the results of a trial step from this state,
+    /// which is then discarded.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;
         load_state(group, s);
@@ -114,7 +115,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
             load_motion(group, s);
         }
         if contacts && !last_step {
-            (0..R::LANES).for_each(|lane| place_contacts(group, lane, &mut s.state.contacts));
+            (0..R::LANES).for_each(|lane| load_contacts_of_lane(group, lane, &mut s.state.contacts));
         }
         load_inputs(self.call, group, self.first, s);
         s.current = false;
@@ -139,7 +140,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
                 x.set_lane(l, group.scalar_impulse[i * R::LANES + l]);
             }
             if needs.contacts {
-                place_contacts(group, l, &mut s.state.contacts);
+                load_contacts_of_lane(group, l, &mut s.state.contacts);
             }
         }
         if needs.wrenches {
@@ -203,7 +204,7 @@ fn load_or_zero<R: Real>(from: &[R::Scalar], out: &mut [R]) {
 }
 
 /// Loads the stored contacts of lane `lane` into `out`.
-fn place_contacts<R: Real>(group: &Group<R::Scalar>, lane: usize, out: &mut Contacts<R>) {
+fn load_contacts_of_lane<R: Real>(group: &Group<R::Scalar>, lane: usize, out: &mut Contacts<R>) {
     out.count[lane] = group.contact_count[lane] as usize;
     for (k, contact) in group.contacts(lane).enumerate() {
         out.ids[k][lane] = contact.id;

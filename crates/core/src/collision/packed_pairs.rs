@@ -1,8 +1,8 @@
 //! Packed pairs of balls or capsules with boxes: pairs of several lanes share one SIMD register.
 //!
-//! On stairs or stones, every environment is near other boxes. A kernel over lanes would then compute a pair in all lanes although it is
-//! near in one. Here an item is a pair in one lane, and a register holds as many items as it has lanes. A value does not depend on its
-//! neighbours in a register, so that the contacts have the same bits.
+//! On stairs or stones, every environment is near other boxes. A kernel over lanes would then compute a pair in all lanes although its
+//! geoms are near each other in only one. Here an item is a pair in one lane, and a register holds as many items as it has lanes. Lanes of
+//! a register do not affect each other, so that the contacts have the same bits.
 
 use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Real, Scalar};
@@ -90,8 +90,8 @@ impl<S: Scalar> PackedPairs<S> {
     }
 }
 
-/// Gathers N values per item in registers. `of` returns the values in all lanes, and that of the item's lane is taken. Item k is in lane k
-/// of the result.
+/// Gathers N values per item in registers. `of` returns the values of an item in all lanes, from which the function reads the item's lane.
+/// Item k is in lane k of the result.
 #[inline(always)]
 pub(super) fn gather<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: impl Fn(&Item<R::Scalar>) -> [R; N]) -> [R; N] {
     let mut rows = [[R::Scalar::ZERO; MAX_LANES]; N];

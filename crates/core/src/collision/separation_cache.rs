@@ -2,7 +2,8 @@
 //! search starts, and a separating plane that remains valid for some motion.
 //!
 //! The cache saves time and changes no contact, see [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and
-//! [`SeparatingPlane`]. It is nevertheless part of the saved state, so that rounding cannot make a step depend on anything else.
+//! [`SeparatingPlane`]. It is nevertheless part of the saved state: a search that starts elsewhere may round differently, and a step must
+//! depend on the state alone.
 
 use serde::{Deserialize, Serialize};
 use stepper_geometry::{SeparatingPlane, Solid};
@@ -12,7 +13,7 @@ use crate::compile::{Kernel, ModelStructure};
 use crate::math::lanes::{DestinationLanes, each_of};
 
 /// Largest number of pairs of one environment in the cache. The cache stores the first pairs that a step tests.
-const PLACES: usize = 16;
+const MAX_ENTRIES: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Held {
@@ -39,7 +40,7 @@ impl SeparationCache {
         let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
         let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
         let dynamic = compiled.dynamic_pairs.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
-        let places = (listed + dynamic * dynamic.saturating_sub(1) / 2).min(PLACES);
+        let places = (listed + dynamic * dynamic.saturating_sub(1) / 2).min(MAX_ENTRIES);
         let lanes = if places == 0 { 0 } else { lanes };
         Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
     }

@@ -47,7 +47,7 @@ impl Islands {
     }
 
     /// Updates the maximum of the island of `tree` with the value `x`; NaN counts as infinite.
-    pub(crate) fn note(&mut self, tree: usize, x: f64) {
+    pub(crate) fn raise_max(&mut self, tree: usize, x: f64) {
         let root = self.root(tree);
         self.most[root] = if x <= self.most[root] {
             self.most[root]
@@ -58,8 +58,8 @@ impl Islands {
         };
     }
 
-    /// Maximum of the values that [`Islands::note`] received for the island of `tree`.
-    pub(crate) fn most(&mut self, tree: usize) -> f64 {
+    /// Maximum of the values that [`Islands::raise_max`] received for the island of `tree`.
+    pub(crate) fn max_of(&mut self, tree: usize) -> f64 {
         let root = self.root(tree);
         self.most[root]
     }

@@ -63,14 +63,14 @@ impl<R: Real> SolvedOverlaps<R> {
             .fold(0, |found, lane| found | 1 << lane)
     }
 
-    /// Calls `see` for every gap of a displaced state with the configuration `q`. Its arguments are: whether the gap belongs to a limit,
+    /// Calls `visit` for every gap of a displaced state with the configuration `q`. Its arguments are: whether the gap belongs to a limit,
     /// distance in the solution, present distance, and lanes (bits) that have the gap.
-    pub(crate) fn each_gap(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, q: &[R], mut see: impl FnMut(bool, R, R, u32)) {
+    pub(crate) fn each_gap(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, q: &[R], mut visit: impl FnMut(bool, R, R, u32)) {
         for k in 0..contacts.slots() {
-            see(false, self.distance(contacts, k), contacts.data[k].point.distance, contacts.lanes_of(k));
+            visit(false, self.distance(contacts, k), contacts.data[k].point.distance, contacts.lanes_of(k));
         }
         for (i, &solved) in self.limits.iter().enumerate() {
-            see(true, solved, limit_gap(compiled, i, q), u32::MAX);
+            visit(true, solved, limit_gap(compiled, i, q), u32::MAX);
         }
     }
 }

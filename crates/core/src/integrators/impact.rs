@@ -1,7 +1,7 @@
 //! Impacts: jumps of the velocity within the step.
 //!
-//! The step evaluates a bouncing contact at the time of its impact: normal, lever arms, and the velocity to which Newton's law applies (see
-//! [`crate::constraints::impact_time`] and stage 4).
+//! The step evaluates a bouncing contact at the time of its impact. Its normal, its lever arms and the velocity in Newton's law are those
+//! at this time (see [`crate::constraints::impact_time`]).
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Iterate;
@@ -131,9 +131,10 @@ pub(crate) fn drop_restitution<R: Real>(
 /// Prepares the rows and the free velocity of the position solve, if any lane needs it. Returns the lanes with impacts, which need it.
 ///
 /// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore contains two
-/// more terms. The first is 1 + (time_before - t) / h times the velocity change by each impulse, where t is the time of its impact and the
-/// 1 replaces the removed impulse. The second is (time_before / h - 1/2) times the change by smooth forces, because the step was not
-/// evaluated in its middle. `impulses` are those of the velocity solution; the function removes the impulses of impacts from them.
+/// more terms. The first is 1 + (time_before - t) / h times the velocity change by each impulse, where t is the time of its impact. The 1
+/// restores the velocity change of the impulse, because the impulse itself is removed. The second is (time_before / h - 1/2) times the
+/// change by smooth forces, because the step was not evaluated in its middle. `impulses` are those of the velocity solution; the function
+/// removes the impulses of impacts from them.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
     context: StepContext<'_, R>,
@@ -184,9 +185,9 @@ pub(crate) fn prepare_position_solve<R: Real>(
 /// Recomputes the free velocity in lanes in which contacts made the velocity jump, by elastic or inelastic impacts. Returns these lanes,
 /// which must be solved again.
 ///
-/// The midpoint rule moves half of the step with the velocity before it, and half with the velocity after it. Inertial forces are therefore
-/// the mean of those at both velocities. The first solution evaluates them at the mean velocity. At an impact, that is an error of first
-/// order in momentum and energy. `first` is true in the first call of a step.
+/// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should therefore
+/// be the mean of those at the two velocities. The first solution evaluates them at the mean velocity instead. If the velocity jumps, this
+/// is an error of first order in momentum and energy. `first` is true in the first call of a step.
 pub(crate) fn correct_impact_forces<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
@@ -240,7 +241,7 @@ fn lanes_with_impacts<R: Real>(
 /// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`, the velocity after it.
 ///
 /// Each of the two acts for half of the step. In lanes with an impact, the first acts before the impact and the second after it. Only
-/// inertial forces are recomputed. The forces of stage 1 are still those at the predicted mean velocity.
+/// inertial forces are recomputed. The forces of stage 1 do not change.
 fn compute_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = context;
     let half = scheme.h * R::of(0.5);

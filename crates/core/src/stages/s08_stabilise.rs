@@ -7,7 +7,7 @@
 //!
 //! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal passes a hinge. The targets
 //! are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is marked infeasible
-//! if a witness proves that no motion within the bounds meets its targets.
+//! if the impulses of the correction prove that no motion within the bounds meets its targets (Farkas' lemma).
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
@@ -172,7 +172,7 @@ pub fn limit_baumgarte<R: Real>(
             for (v, &more) in v.iter_mut().zip(&*correction) {
                 *v += R::select(lanes, more, R::zero());
             }
-            // Impulses that belong to this velocity, for the user.
+            // Impulses that cause this velocity. The user can read them.
             for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
                 *change = v - free;
             }
@@ -208,7 +208,8 @@ fn correct<R: Real>(
     let VelocitySolution { impulses, v: v_next, newton, saved_impulses, .. } = velocity;
     let PositionSolution { rows, reference, islands, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
-    // The residual of a correction is not reported. Its certificate is needed only for a smaller tolerance.
+    // The residual of a correction is not reported. A certified residual is therefore computed only for a smaller tolerance than the
+    // default.
     let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.uncertified() };
     stepper_solve::solve(system, impulses, settings, lanes, newton);
     let bounds = Bounds::new(options, input.h);
@@ -221,9 +222,9 @@ fn correct<R: Real>(
                 bound_rebound(compiled, input.mass, [v_free, v_next], out, scratch, rebounding);
             }
             let short = system.shortfall(impulses, reference);
-            let held = system.immovable_target();
+            let blocked = system.immovable_target();
             let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
-            (fast, lanes.and(short.max(held).gt(R::of(MIN_UNMET_TARGET))))
+            (fast, lanes.and(short.max(blocked).gt(R::of(MIN_UNMET_TARGET))))
         },
     );
     let infeasible =
@@ -348,10 +349,10 @@ fn bound_islands<R: Real>(
         islands.find(compiled, system, lane);
         for joint in &compiled.joints {
             let excess = excess_of(joint.kind, &v[joint.v..joint.v + joint.kind.nv()], bounds);
-            islands.note(compiled.dofs[joint.v].tree, excess.lane(lane).to_f64());
+            islands.raise_max(compiled.dofs[joint.v].tree, excess.lane(lane).to_f64());
         }
         let mut part = |dof: usize| {
-            let most = islands.most(compiled.dofs[dof].tree);
+            let most = islands.max_of(compiled.dofs[dof].tree);
             if most > 1.0 { 1.0 / most } else { 1.0 }
         };
         if let Some(snapshot) = blended {
@@ -389,9 +390,9 @@ fn prove_infeasible<R: Real>(
                     most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
                 }
             }
-            // A contact that is immovable along its normal proves this by itself.
-            let held = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
-            lanes.and(held.or(lack.gt(most)))
+            // A contact that no degree of freedom moves along its normal cannot be corrected by any motion.
+            let blocked = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
+            lanes.and(blocked.or(lack.gt(most)))
         },
     )
 }

@@ -92,8 +92,8 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Computes the true readings of all sensors at the stored state of the group.
     ///
-    /// If the state was set after the last step, sensors of accelerations and forces read the results of a trial step from this state,
-    /// which is then discarded.
+    /// If the state was set after the last step, sensors of accelerations and forces read a trial step from this state. The trial step is
+    /// then discarded.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;
         load_state(group, s);

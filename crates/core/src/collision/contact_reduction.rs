@@ -3,8 +3,8 @@
 //! Two bodies may touch by several geoms (a foot of seven capsules). Their contacts form a contact group. The contacts of a group with the
 //! same normal and coefficient of friction form a contact area. Interpolate the gaps of other contacts of the area linearly at the position
 //! of a contact. The contact is redundant if its gap is at least this value, for two reasons. Its normal velocity is the same interpolation
-//! of theirs, so that it opens with them. And any force at it within its friction cone can be replaced by forces at the others within their
-//! cones, with the same sum and moment. A flat contact area therefore needs only the corners of its convex hull.
+//! of theirs, so that it opens with them. And forces at the others, within their friction cones, can replace any force at it within its
+//! cone, with the same sum and moment. A flat contact area therefore needs only the corners of its convex hull.
 //!
 //! Rigid-body mechanics does not determine how friction is shared in an area that rotates while it slips, with or without the redundant
 //! contacts.

@@ -45,7 +45,7 @@ use stepper_real::{Mask, Real, Scalar};
 ///
 /// Half of the problems that need them take 75 steps, six times this. With a smaller limit the residual is smaller, but unconverged
 /// contacts move: with five steps per pass, a pinched cube slips (scene 31 of docs/benchmarks/atlas.md).
-pub(crate) const LEAST_EXACT: u32 = 13;
+pub(crate) const MIN_STEPS_FOR_EXACT: u32 = 13;
 
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
 #[derive(Clone, Debug, Default)]
@@ -228,7 +228,7 @@ impl Newton {
             steps += proximal.solve::<R>(island, criteria);
             rounds += proximal.rounds;
         }
-        let enough = !small || criteria.terms == Terms::Exact || criteria.steps >= LEAST_EXACT;
+        let enough = !small || criteria.terms == Terms::Exact || criteria.steps >= MIN_STEPS_FOR_EXACT;
         if !constant && enough && (steps == 0 || island.residual(v) > criteria.tolerance) {
             steps += proximal.solve_exact::<R>(island, criteria);
             rounds += proximal.rounds;

@@ -6,7 +6,7 @@
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
 use crate::iterate::Iterate;
-use crate::newton::{LEAST_EXACT, Newton, Search, Terms};
+use crate::newton::{MIN_STEPS_FOR_EXACT, Newton, Search, Terms};
 use crate::problem::System;
 use crate::residual::residual;
 use stepper_real::{Mask, Real, Scalar};
@@ -135,7 +135,7 @@ fn solve_system<R: Real>(
     // In newly loaded lanes, further sweeps would undo the even distribution of the load.
     left = left.and_not(newly_loaded);
     let passes = match newton_steps {
-        LEAST_EXACT.. => PASSES,
+        MIN_STEPS_FOR_EXACT.. => PASSES,
         // Position corrections are uncertified, because the next step corrects the remaining error.
         _ if !system.certified => 1,
         _ => PASSES - 1,

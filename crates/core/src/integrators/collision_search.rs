@@ -234,11 +234,11 @@ impl<R: Real> CollisionSearch<R> {
             #[inline(always)]
             || {
                 for contact in &problem.deferred {
-                    let touch = touch_tolerance(query, problem, contact.slot);
+                    let tolerance = touch_tolerance(query, problem, contact.slot);
                     let velocity = problem.rows.normal_velocity(contact.contact, w);
                     let rate = velocity - contact.bias;
                     let end = query.contacts.data[contact.slot].point.distance + problem.closing_time * rate;
-                    let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-touch).and_not(contact.bounces));
+                    let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));
                     self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
                 }
             },
@@ -266,9 +266,9 @@ impl<R: Real> CollisionSearch<R> {
         packed.clear();
         for (k, candidate) in pairs.iter_mut().enumerate() {
             let pair = compiled.pair(candidate.pair);
-            let (gap, touch) = farthest_closing_gap(query, problem, rates, candidate);
+            let (gap, tolerance_of_contact) = farthest_closing_gap(query, problem, rates, candidate);
             let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
-            candidate.tolerance = resting_overlap(query, problem, candidate) + touch;
+            candidate.tolerance = resting_overlap(query, problem, candidate) + tolerance_of_contact;
             candidate.distance_before = gap.distance + candidate.tolerance;
             let tolerance = candidate.tolerance.max(least);
             if is_packed(compiled, &pair, candidate.lanes.bits()) {
@@ -468,7 +468,7 @@ fn farthest_closing_gap<R: Real>(
     rates: &[(R, R::Mask)],
     candidate: &CandidatePair<R>,
 ) -> (Gap<R>, R) {
-    let mut touch = R::zero();
+    let mut tolerance = R::zero();
     let mut gap = Gap { distance: R::zero(), rate: R::zero() };
     let mut farthest = R::of(f64::INFINITY);
     for (contact, &(rate, closes)) in problem.deferred.iter().zip(rates) {
@@ -479,11 +479,11 @@ fn farthest_closing_gap<R: Real>(
                 let here = R::Mask::from_bits(lanes).and(end.lt(farthest));
                 farthest = R::select(here, end, farthest);
                 gap = Gap { distance: R::select(here, distance, gap.distance), rate: R::select(here, rate, gap.rate) };
-                touch = R::select(here, touch_tolerance(query, problem, contact.slot), touch);
+                tolerance = R::select(here, touch_tolerance(query, problem, contact.slot), tolerance);
             }
         }
     }
-    (gap, touch)
+    (gap, tolerance)
 }
 
 /// Largest overlap of resting contacts of the same bodies, at most the slop (the overlap that position correction leaves), m. A body that

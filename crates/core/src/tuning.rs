@@ -12,11 +12,11 @@ pub(crate) const ROUGH_ITERATIONS: u32 = 2;
 
 /// Displacement per step below which models with several kinematic trees predict impulses by iterating to a tolerance, rad or m. Two
 /// iterations from zero do not carry the load through a stack that hardly moves.
-pub(crate) const STRUCTURE_MOTION: f64 = 1e-3;
+pub(crate) const MIN_ROUGH_MOTION_OF_STRUCTURES: f64 = 1e-3;
 
 /// Displacement per step above which impulses are predicted by iterating to a tolerance, rad or m. In such a step an error of the predicted
 /// velocity changes the next step.
-pub(crate) const ROUGH_MOTION: f64 = 0.3;
+pub(crate) const MAX_ROUGH_MOTION: f64 = 0.3;
 
 /// Largest number of Gauss-Seidel iterations of an impulse prediction that iterates to a tolerance. It applies at the default tolerance of
 /// the step.

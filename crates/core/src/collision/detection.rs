@@ -425,12 +425,12 @@ impl<R: Real> Scene<'_, R> {
     /// plane, whose displacement has no bound.
     #[inline(always)]
     pub(crate) fn relative_displacement(&self, a: usize, b: usize) -> R {
-        let (there, here) = (
+        let (motion_of_b, motion_of_a) = (
             self.motion_at(&self.poses.displacing_velocity, b, self.poses.pos[b]),
             self.motion_at(&self.poses.displacing_velocity, a, self.poses.pos[b]),
         );
-        let spin = norm(sub(there[0], here[0]));
-        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.displacement_time
+        let spin = norm(sub(motion_of_b[0], motion_of_a[0]));
+        (norm(sub(motion_of_b[1], motion_of_a[1])) + spin * self.compiled.params.bounding_radius(b)) * self.displacement_time
     }
 
     /// Velocity of geom `b` relative to geom `a` at the free velocity of the step, world axes: angular, rad/s, and linear at the point `p`,

@@ -304,8 +304,8 @@ impl<R: Real> Scene<'_, R> {
     pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
         let mat = &self.poses.mat[geoms[0]];
         // The two values are computed one by one, because `map` of an array would not be inlined.
-        let [turn, velocity] = self.relative_motion(geoms, centre);
-        let [rotation, displacement] = [scale(rotate_back(mat, turn), self.h), scale(rotate_back(mat, velocity), self.h)];
+        let [angular_velocity, velocity] = self.relative_motion(geoms, centre);
+        let [rotation, displacement] = [scale(rotate_back(mat, angular_velocity), self.h), scale(rotate_back(mat, velocity), self.h)];
         Approach { displacement, rotation, radius, slack: margin.max(R::zero()) + self.slack }
     }
 

@@ -23,10 +23,10 @@ pub(crate) struct PackedSweep<R> {
     half_length: R,
     bounding_radius: R,
     cuboid: Cuboid<R>,
-    /// Origin of the frame of the ball or capsule, m. `turn` is the frame's angular velocity, rad/s, and `velocity` the linear velocity of
-    /// its origin, m/s.
+    /// Origin of the frame of the ball or capsule, m. `angular_velocity` is the frame's angular velocity, rad/s, and `velocity` the linear
+    /// velocity of its origin, m/s.
     origin: V3<R>,
-    turn: V3<R>,
+    angular_velocity: V3<R>,
     velocity: V3<R>,
     /// Spatial velocity of the link. Its linear part is the velocity at the point `motion_origin`, m.
     motion: V6<R>,
@@ -116,7 +116,7 @@ impl<R: Real> PackedSweep<R> {
                 ),
             },
             origin,
-            turn: angular(&motion),
+            angular_velocity: angular(&motion),
             velocity: velocity_at(&motion, sub(origin, motion_origin)),
             motion,
             motion_origin,
@@ -149,16 +149,16 @@ impl<R: Real> PackedSweep<R> {
     /// Items in which a body rotates by more than [`MAX_ROTATION`] on the path, so that the search is invalid.
     #[inline(always)]
     fn exceeds_max_rotation(&self) -> R::Mask {
-        (norm(self.turn) * self.time).gt(R::of(MAX_ROTATION))
+        (norm(self.angular_velocity) * self.time).gt(R::of(MAX_ROTATION))
     }
 
     /// Smallest distance between the geoms of each of the items `items`, and its time derivative, at `time` seconds along the path.
     #[inline(always)]
     pub(crate) fn gap_at(&self, time: R, items: R::Mask) -> Gap<R> {
-        let rotation = quat_to_mat(quat_exp(scale(self.turn, time)));
+        let rotation = quat_to_mat(quat_exp(scale(self.angular_velocity, time)));
         let arm = rotate(&rotation, sub(self.pos, self.origin));
         let centre = add(add_scaled(self.origin, self.velocity, time), arm);
-        let spin = norm(self.turn);
+        let spin = norm(self.angular_velocity);
         let swing = R::select(spin.gt(R::zero()), spin * (norm(arm) + self.bounding_radius), R::zero());
         let travel = (norm(self.velocity) + swing) * (self.time + self.time);
         let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
@@ -189,7 +189,7 @@ impl<R: Real> PackedSweep<R> {
         let closing = (-dot(point.normal, sub(zero(), velocity))).max(R::zero());
         let nearer = near.and(distance.lt(closing * (self.time + self.time) + self.slack)).and(distance.lt(least.distance));
         let origin = add_scaled(self.origin, self.velocity, time);
-        let rate = R::zero() + dot(point.normal, add(self.velocity, cross(self.turn, sub(point.pos, origin)))) * -R::one();
+        let rate = R::zero() + dot(point.normal, add(self.velocity, cross(self.angular_velocity, sub(point.pos, origin)))) * -R::one();
         least.distance = R::select(nearer, distance, least.distance);
         least.rate = R::select(nearer, rate, least.rate);
     }

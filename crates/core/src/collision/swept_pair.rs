@@ -97,8 +97,8 @@ impl<R: Real> SweptPair<R> {
     fn exceeds_max_rotation(&self, path: &Path<'_, R>) -> R::Mask {
         let mut far = R::Mask::splat(false);
         for geom in path.pair.geoms {
-            if let Some([turn, _]) = self.poses.frame_motion(path, path.compiled.geoms[geom].frame) {
-                far = far.or((norm(turn) * path.time).gt(R::of(MAX_ROTATION)));
+            if let Some([angular_velocity, _]) = self.poses.frame_motion(path, path.compiled.geoms[geom].frame) {
+                far = far.or((norm(angular_velocity) * path.time).gt(R::of(MAX_ROTATION)));
             }
         }
         far
@@ -132,18 +132,18 @@ impl<R: Real> SweptPair<R> {
     fn place(&mut self, path: &Path<'_, R>, geom: usize, time: R) {
         let (start, kinematics) = (path.start, path.kinematics);
         let frame = path.compiled.geoms[geom].frame;
-        let Some([turn, velocity]) = self.poses.frame_motion(path, frame) else {
+        let Some([angular_velocity, velocity]) = self.poses.frame_motion(path, frame) else {
             self.poses.pos[geom] = start.pos[geom];
             self.poses.mat[geom] = start.mat[geom];
             self.poses.travel[geom] = R::zero();
             return;
         };
-        let rotation = quat_to_mat(quat_exp(scale(turn, time)));
+        let rotation = quat_to_mat(quat_exp(scale(angular_velocity, time)));
         let arm = rotate(&rotation, sub(start.pos[geom], kinematics.pos[frame]));
         self.poses.pos[geom] = add(add_scaled(kinematics.pos[frame], velocity, time), arm);
         self.poses.mat[geom] = mat_mul(&rotation, &start.mat[geom]);
         let reach = norm(arm) + path.compiled.params.bounding_radius(geom);
-        let swing = R::select(norm(turn).gt(R::zero()), norm(turn) * reach, R::zero());
+        let swing = R::select(norm(angular_velocity).gt(R::zero()), norm(angular_velocity) * reach, R::zero());
         self.poses.travel[geom] = (norm(velocity) + swing) * (path.time + path.time);
     }
 }
@@ -219,9 +219,9 @@ impl<R: Real> GeomPoses<R> {
         let mut rate = R::zero();
         for (geom, sign) in path.pair.geoms.into_iter().zip([-R::one(), R::one()]) {
             let frame = path.compiled.geoms[geom].frame;
-            if let Some([turn, velocity]) = self.frame_motion(path, frame) {
+            if let Some([angular_velocity, velocity]) = self.frame_motion(path, frame) {
                 let origin = add_scaled(path.kinematics.pos[frame], velocity, time);
-                rate += dot(point.normal, add(velocity, cross(turn, sub(point.pos, origin)))) * sign;
+                rate += dot(point.normal, add(velocity, cross(angular_velocity, sub(point.pos, origin)))) * sign;
             }
         }
         rate

@@ -145,11 +145,11 @@ impl<R: Real> Assembler<'_, R> {
                     let d = self.builder.support[i] as usize;
                     let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
-                    let (motion, turn) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
-                    let square = (dot(motion, motion) + turn * dot(arm, arm)) * sign.square();
+                    let (motion, squared_rotation) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
+                    let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
                     // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
                     // immovable.
-                    self.builder.scales[d] = [square + turn * (arm_rounding * sign).square(); 3];
+                    self.builder.scales[d] = [square + squared_rotation * (arm_rounding * sign).square(); 3];
                     speed += square * assembly.v_free[d].square();
                 }
                 self.builder.half_solve::<3>(compiled, mass);

@@ -30,7 +30,7 @@ use crate::tuning::MAX_CURVED_OVERLAP;
 #[derive(Clone, Copy)]
 struct Field<R> {
     /// Angular velocity, rad/s.
-    turn: V3<R>,
+    angular_velocity: V3<R>,
     /// Linear velocity of the body at the contact, m/s.
     velocity: V3<R>,
     /// Time derivative of the velocity field at a fixed point in space, m/s^2.
@@ -98,21 +98,21 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
         let (a, b) = (field(input, compiled.geoms[first].frame, point.pos), field(input, compiled.geoms[second].frame, point.pos));
         let (from_a, from_b) = (compiled.params.geom_size(first)[0] + half, compiled.params.geom_size(second)[0] + half);
         // Centres of spheres and capsule ends move with their bodies.
-        let centre_a = sub(a.velocity, scale(cross(a.turn, n), from_a));
-        let centre_b = add_scaled(b.velocity, cross(b.turn, n), from_b);
-        let place = match [compiled.geoms[first].is_round, compiled.geoms[second].is_round] {
+        let centre_a = sub(a.velocity, scale(cross(a.angular_velocity, n), from_a));
+        let centre_b = add_scaled(b.velocity, cross(b.angular_velocity, n), from_b);
+        let point_velocity = match [compiled.geoms[first].is_round, compiled.geoms[second].is_round] {
             [true, true] => {
                 let apart = sub(centre_b, centre_a);
                 let turned = scale(add_scaled(apart, n, -dot(apart, n)), from_b / (from_a + from_b));
                 sub(centre_b, turned)
             }
-            [false, true] => sub(centre_b, scale(cross(a.turn, n), from_b)),
-            [true, false] => add_scaled(centre_a, cross(b.turn, n), from_a),
+            [false, true] => sub(centre_b, scale(cross(a.angular_velocity, n), from_b)),
+            [true, false] => add_scaled(centre_a, cross(b.angular_velocity, n), from_a),
             [false, false] => b.velocity,
         };
-        let own = surface_velocity::spin(compiled, kinematics, geoms);
-        let turn = add(sub(b.turn, a.turn), scale(n, dot(own, n)));
-        let kappa = add(sub(b.rate, a.rate), cross(turn, place));
+        let conveyor_spin = surface_velocity::spin(compiled, kinematics, geoms);
+        let relative_spin = add(sub(b.angular_velocity, a.angular_velocity), scale(n, dot(conveyor_spin, n)));
+        let kappa = add(sub(b.rate, a.rate), cross(relative_spin, point_velocity));
         out = select(R::Mask::from_bits(same), kappa, out);
     }
     out
@@ -123,18 +123,18 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
 fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
     let RowInput { compiled, kinematics, assembly, .. } = input;
     match frame.checked_sub(compiled.links.len() + 1) {
-        _ if frame == 0 => Field { turn: zero(), velocity: zero(), rate: zero() },
+        _ if frame == 0 => Field { angular_velocity: zero(), velocity: zero(), rate: zero() },
         Some(mocap) => {
             let posed = &kinematics.posed[mocap];
             let velocity = velocity_at(posed, sub(p, kinematics.pos[frame]));
-            Field { turn: angular(posed), velocity, rate: cross(linear(posed), angular(posed)) }
+            Field { angular_velocity: angular(posed), velocity, rate: cross(linear(posed), angular(posed)) }
         }
         None => {
             let (velocity, change) = (&assembly.motion.velocity[frame - 1], &assembly.motion.acceleration[frame - 1]);
             let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
             // The recursion represents gravity as an upward acceleration of the world. Adding gravity removes it.
             let rate = add(velocity_at(change, arm), compiled.params.gravity());
-            Field { turn: angular(velocity), velocity: velocity_at(velocity, arm), rate }
+            Field { angular_velocity: angular(velocity), velocity: velocity_at(velocity, arm), rate }
         }
     }
 }

@@ -379,9 +379,9 @@ impl<R: Real> ContactGroups<R> {
             let friction = if slip > SLIP_SPEED {
                 [-p.velocity[1] / slip * most, -p.velocity[2] / slip * most]
             } else {
-                let held = [lambda[1].lane(lane).to_f64(), lambda[2].lane(lane).to_f64()];
-                let size = held[0].hypot(held[1]);
-                held.map(|x| if size > most { x * (most / size) } else { x })
+                let friction_before = [lambda[1].lane(lane).to_f64(), lambda[2].lane(lane).to_f64()];
+                let size = friction_before[0].hypot(friction_before[1]);
+                friction_before.map(|x| if size > most { x * (most / size) } else { x })
             };
             for (row, x) in lambda.iter_mut().zip([p.shared, friction[0], friction[1]]) {
                 row.set_lane(lane, Scalar::from_f64(x));

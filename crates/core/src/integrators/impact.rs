@@ -84,7 +84,7 @@ fn normal_velocities<R: Real>(
     let carried = dot(point.normal, linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes)));
     let mut out = [carried; 2];
     for (pair, lanes) in contacts.pairs(k, lanes) {
-        let there = R::Mask::from_bits(lanes);
+        let pair_lanes = R::Mask::from_bits(lanes);
         let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
         for (geom, sign) in [(a, -R::one()), (b, R::one())] {
             let frame = compiled.geoms[geom].frame;
@@ -93,7 +93,7 @@ fn normal_velocities<R: Real>(
             }
             let arm = sub(point.pos, kinematics.origin[compiled.links[frame - 1].tree]);
             for (out, velocity) in out.iter_mut().zip(velocities) {
-                *out += R::select(there, dot(point.normal, velocity_at(&velocity[frame - 1], arm)) * sign, R::zero());
+                *out += R::select(pair_lanes, dot(point.normal, velocity_at(&velocity[frame - 1], arm)) * sign, R::zero());
             }
         }
     }

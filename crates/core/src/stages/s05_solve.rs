@@ -9,8 +9,8 @@ use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
-    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS,
-    ROUGH_MOTION, STRUCTURE_MOTION,
+    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MAX_ROUGH_MOTION, MIN_ROUGH_MOTION_OF_STRUCTURES, MIN_TOLERANCE,
+    RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS,
 };
 
 /// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or less. Afterwards, [`store_impulses`] can store
@@ -136,7 +136,7 @@ impl<R: Real> ImpulsePredictor<R> {
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
         let exact = error < ESTIMATE_ERROR || options.solver == Solver::Newton;
-        let least = if compiled.ntree > 1 { STRUCTURE_MOTION } else { REST_MOTION };
+        let least = if compiled.ntree > 1 { MIN_ROUGH_MOTION_OF_STRUCTURES } else { REST_MOTION };
         R::vectorize(
             #[inline(always)]
             || {
@@ -145,7 +145,7 @@ impl<R: Real> ImpulsePredictor<R> {
                 let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), displacement));
                 let moving = is_moving(displacement);
                 let rough =
-                    displacement.gt(R::of(least)).and(displacement.lt(R::of(ROUGH_MOTION))).and_not(velocity.contact_groups.lanes());
+                    displacement.gt(R::of(least)).and(displacement.lt(R::of(MAX_ROUGH_MOTION))).and_not(velocity.contact_groups.lanes());
                 Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
             },
         )

@@ -59,7 +59,9 @@ def envpool(name: str, num_envs: int) -> Step:
 
 
 def sb3(infos: str) -> Callable[[str, int], Step]:
-    """Function that creates the timed step for Stable-Baselines3's `VecEnv`, from an environment's id and a number of environments.
+    """Function that creates environments with the adapter to Stable-Baselines3's `VecEnv`, and returns a function that steps them.
+
+    The arguments of the created function are the id of the environment and the number of environments.
 
     Args:
         infos: Argument `infos` of the adapter `StepperVecEnv`.
@@ -170,7 +172,11 @@ CONTESTANTS: dict[str, tuple[str | None, Callable[[str, int], Step]]] = {
     "`ray.RayVectorEnv.step`, one actor": ("ray", ray),
     "`ray.RayVectorEnv.rollout`, one actor": ("ray", ray_rollout),
 }
-"""Adapters to measure, by their name in the table: required library, and function that makes the step to time."""
+"""Adapters to measure, by their name in the table.
+
+A value has the name of the required library (None if no library is required), and a function that creates the environments and returns a
+function that steps them.
+"""
 
 
 def race(name: str, num_envs: int, rounds: int) -> dict[str, tuple[float, float]]:

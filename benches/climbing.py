@@ -127,7 +127,7 @@ def table_of_climbs(policy: Any, episodes: int) -> str:
 def table_of_returns(policy: Any, episodes: int) -> str:
     """Markdown table of the returns in `stepper/Go1Rough-v0`, with a row for each simulator.
 
-    Robots start on terrain of all difficulties, the rows of the task's terrain grid.
+    Robots start in all rows of the task's terrain grid. The rows differ in difficulty.
     """
     mujoco_vector.register("Go1Rough-v0")
     rows = ["| simulator | mean return | 95 % confidence | velocity error, m/s | falls |", "|---" * 5 + "|"]

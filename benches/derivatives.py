@@ -78,7 +78,8 @@ def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
 def agreement() -> None:
     """Print the share of entries of A and B of `linearize` that do not change if the difference step is halved.
 
-    Entries agree within noise and 1e-6 of their column. The table also has the share of columns near a kink.
+    Two entries agree if they differ by less than the noise plus 1e-6 of the largest entry of their column. The table also has the share of
+    columns near a kink (a change, such as of contacts or limits, at which a step has no derivative).
     """
     print("| robot | options | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
     print("|---|---|---|---|---|---|---|")
@@ -308,10 +309,10 @@ def linearization_time(sim: stepper.Stepper, ctrl: Array, method: Literal["fd", 
 
 
 def effort(num_envs: int = 32) -> None:
-    """Print the time of the perturbed steps of finite differences, and the solver's share of it.
+    """Print the time of a step in finite differences, and the share of this time that the contact solver takes.
 
-    The share comes from steps whose solver stops after one iteration. "Warm-started" counts the iterations from the solution of the
-    unperturbed step.
+    The share follows from the time of steps whose solver stops after one iteration. The column "warm-started" has the solver iterations if
+    the solver starts from the solution of the unperturbed step.
     """
     print("| robot | options | step, us | sweeps, Newton steps | warm-started | step with one iteration, us | share of the solver |")
     print("|---|---|---|---|---|---|---|")

@@ -51,7 +51,7 @@ TURN = 0.15
 
 
 class Timed(Protocol):
-    """Batch of environments whose speed is measured in turns with those of other engines."""
+    """Batch of environments whose speed is measured. The batches of all engines take turns."""
 
     def turn(self) -> None:
         """Step the environments for the duration of one measurement turn, and store the times."""
@@ -62,7 +62,7 @@ class Timed(Protocol):
 
     @property
     def layer(self) -> tuple[float, float]:
-        """Overhead besides physics: ratio to the physics time, and microseconds per environment step; NaN if unknown."""
+        """Time of a step outside the physics: ratio to the time of the physics, and time per environment step, us; NaN if unknown."""
 
 
 class Contender:
@@ -108,7 +108,7 @@ class Contender:
 
     @property
     def layer(self) -> tuple[float, float]:
-        """Overhead besides physics: ratio to the physics time, and microseconds per environment step."""
+        """Time of a step outside the physics: ratio to the time of the physics, and time per environment step, us."""
         physics = np.array(self._inner)
         layer = np.array(self._times) - physics
         return float(np.median(layer / physics)), float(np.median(layer)) / self._num_envs * 1e6
@@ -152,7 +152,7 @@ class Elsewhere:
         self._answer()
 
     def _answer(self) -> Any:
-        """Next answer of the other process, from JSON; an error if the process has ended."""
+        """Read the next line of the mjbatch process, and return its JSON content. An error is raised if the process has ended."""
         line = self._process.stdout.readline() if self._process.stdout else ""
         if not line:
             raise RuntimeError(f"the mjbatch process exited with code {self._process.wait()}: see its error message above")

@@ -30,9 +30,12 @@ from stepper.lab.study.journal import rows_of
 from stepper.lab.study.results import JOURNAL
 
 BY_TIME = 0.25
-"""Share of kills at a random time. The other kills wait until the study's journal has a random number of rows."""
+"""Share of kills at a random time.
+
+The other kills happen when the study's journal (a file with a row for each finished episode) has a random number of rows.
+"""
 LATE, POLL = 0.05, 0.002
-"""Largest delay of a kill after the study's journal has reached the chosen number of rows, s; interval between reads of the journal, s."""
+"""Largest delay of a kill after the study's journal has the chosen number of rows, s; and time between two reads of the journal, s."""
 COMMAND = "import sys; from stepper.cli import main; sys.argv[0] = 'stepper'; main()"
 
 
@@ -41,7 +44,7 @@ class Count:
     """Results of killing one command repeatedly.
 
     Attributes:
-        rows: Number of rows in the study's journal at each kill.
+        rows: Number of rows in the study's journal (one for each finished episode) at each kill.
         rounds: Number of runs that finished, usually after kills and resumptions.
         wrong: Descriptions of the differences of these runs from the uninterrupted run.
     """
@@ -55,7 +58,7 @@ def start(command: str, study: Path, out: Path, more: list[str]) -> subprocess.P
     """Starts a command of stepper for a study as a process.
 
     Args:
-        command: Name of the command, as "sweep".
+        command: Name of the command, such as "sweep".
         study: File of the study.
         out: Output folder.
         more: Further arguments.
@@ -65,7 +68,7 @@ def start(command: str, study: Path, out: Path, more: list[str]) -> subprocess.P
 
 
 def keys_of(out: Path) -> list[str]:
-    """Keys of all rows in the journals of the studies in an output folder."""
+    """Identifiers of all finished episodes, from the journals (files with a row for each finished episode) in the subfolders of `out`."""
     return [row["key"] for path in out.glob(f"*/{JOURNAL}") for row in rows_of(path)]
 
 
@@ -95,7 +98,7 @@ def kill(command: str, study: Path, folder: Path, *, kills: int, more: list[str]
         draw: Random number generator.
 
     Returns:
-        Results, number of journal rows of an uninterrupted run, and duration of that run, s.
+        Results, number of finished episodes in the journal of an uninterrupted run, and duration of that run, s.
     """
     whole, cut = folder / f"{study.stem} {command} whole", folder / f"{study.stem} {command} cut"
     for out in (whole, cut):

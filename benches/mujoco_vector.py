@@ -32,7 +32,7 @@ _READ = {
     "sensordata_ideal": "sensordata",
     "sensordata": "sensordata",
 }
-"""MuJoCo's name of each attribute of `Stepper` that `MujocoSim` reads from a batch of MuJoCo."""
+"""Attributes of `Stepper` that `MujocoSim` reads from MuJoCo's data, each with the name of the corresponding field of MuJoCo."""
 _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}
 """Names of model fields from which MuJoCo derives constants. After a change of such a field, `randomize` recomputes the constants."""
 
@@ -137,9 +137,9 @@ class MujocoSim(MujocoFields):
         """Reset some or all environments.
 
         Args:
-            envs: Boolean mask (num_envs,), or indices. None is all environments.
-            qpos: Positions as in `set_state`; None is the reference configuration.
-            qvel: Velocities as in `set_state`; None is zero.
+            envs: Boolean mask (num_envs,), or indices. None selects all environments.
+            qpos: Positions as in `set_state`; None sets the reference configuration.
+            qvel: Velocities as in `set_state`; None sets zero velocities.
             seed: Ignored, because MuJoCo's physics has no random numbers.
         """
         ids = self._indices(envs)
@@ -162,7 +162,7 @@ class MujocoSim(MujocoFields):
         Args:
             qpos: Positions, (n, nq) or (nq,), m and rad; None keeps them.
             qvel: Velocities, (n, nv) or (nv,), m/s and rad/s; None keeps them.
-            envs: Boolean mask (num_envs,), or indices. None is all environments.
+            envs: Boolean mask (num_envs,), or indices. None selects all environments.
             act: Activations, (n, na) or (na,); None keeps them.
             keep_warmstart: Whether to leave MuJoCo's derived quantities as they are, without evaluating the forward dynamics.
         """
@@ -175,7 +175,7 @@ class MujocoSim(MujocoFields):
             self._batch.forward(ids)
 
     def randomize(self, envs: Array | None = None, **fields: Array) -> None:
-        """Set model parameters of the environments `envs` (None is all).
+        """Set model parameters of the environments `envs` (None selects all).
 
         Args:
             envs: Boolean mask (num_envs,), or indices.

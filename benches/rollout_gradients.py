@@ -140,10 +140,11 @@ def robots(seed: int, model: stepper.Model, name: str, options: Options, *, num_
 
 @dataclass
 class Judged:
-    """Comparison of derivatives with differences of whole rollouts.
+    """Results of comparing derivatives with finite differences of whole rollouts.
 
     Attributes:
-        counts: Number of derivatives by kind ("no kink", "near a kink") and verdict.
+        counts: Number of derivatives by nearness of a kink ("no kink" or "near a kink") and verdict, such as "agrees". At a kink, such as a
+            change of contacts, a step has no derivative.
         worst: Descriptions of the derivatives that disagree.
     """
 
@@ -151,9 +152,10 @@ class Judged:
     worst: list[str]
 
     def row(self, kind: str) -> list[int]:
-        """Numbers of derivatives of a kind ("no kink" or "near a kink").
+        """Four numbers of derivatives, for rollouts with "no kink" or "near a kink", as `kind` selects.
 
-        They count all derivatives, those with a reliable finite difference, those that agree with it, and those of the wrong sign.
+        They count all derivatives, those with a reliable finite difference, those that agree with it, and those with the wrong sign.
+        A kink is a change, such as of contacts or limits, at which a step has no derivative.
         """
         own = {verdict: count for (k, verdict), count in self.counts.items() if k == kind}
         judged = sum(own.get(v, 0) for v in ("agrees", "differs", "wrong sign"))
@@ -178,7 +180,7 @@ def directions(scene: Scene, rng: np.random.Generator, count: int) -> Iterator[t
 
 
 def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
-    """Compares derivatives of a random function of the last state with differences of whole rollouts.
+    """Compares derivatives of a random function of the last state of a rollout with finite differences of whole rollouts.
 
     Args:
         scene: Initial state and controls.

@@ -1,4 +1,4 @@
-"""Generated sections of pages: the text between `<!-- NAME ... -->` and `<!-- end of NAME -->`."""
+"""Generated sections of Markdown pages: the text between `<!-- NAME ... -->` and `<!-- end of NAME -->`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def section_of(page: Path, name: str) -> str:
-    """Text of a section of a page.
+    """Text of one generated section of a Markdown page.
 
     Raises:
         ValueError: The page has no section of that name.
@@ -16,7 +16,7 @@ def section_of(page: Path, name: str) -> str:
 
 
 def write_section(page: Path, name: str, text: str) -> None:
-    """Replace the text of a section of a page.
+    """Replace the text of one generated section in a Markdown file.
 
     Raises:
         ValueError: The page has no section of that name.
@@ -27,7 +27,15 @@ def write_section(page: Path, name: str, text: str) -> None:
 
 
 def _parts(page: Path, name: str) -> tuple[str, str, str]:
-    """Text before the section, text of the section, and text after it."""
+    """Split the text of a page at one of its generated sections.
+
+    Args:
+        page: Markdown file.
+        name: Name of the section.
+
+    Returns:
+        Text before the section, text of the section, and text after the section.
+    """
     mark, text = re.escape(name), page.read_text(encoding="utf-8")
     found = re.fullmatch(rf"(.*<!-- {mark}(?:: [^\n]*?)? -->)(.*)(<!-- end of {mark} -->.*)", text, re.DOTALL)
     if found is None:

@@ -235,7 +235,7 @@ def table_of_following(page: Path, runs: Path, episodes: int, only: str) -> str:
 
 
 def _law(policy: Policy) -> str:
-    """Contact law in which a policy was trained."""
+    """Contact law of the environment in which a policy was trained: "hard" or "mujoco"."""
     return str(policy.environment["options"]["contact"])
 
 
@@ -244,7 +244,10 @@ TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
     "MuJoCo": ("{}", {}),
 }
-"""Environments between which policies are transferred, by label: pattern of the environment's id, where {} is the task, and arguments."""
+"""Environments between which policies are transferred, by the label in the table.
+
+A value has the pattern of the environment's id, in which {} stands for the task, and the arguments of the environment.
+"""
 
 
 def table_of_transfers(page: Path, episodes: int, only: str) -> str:
@@ -285,9 +288,9 @@ RACERS: dict[str, tuple[str, dict[str, Any]]] = {
     "EnvPool": ("envpool/{}", {}),
     "Gymnasium's own": ("{}", {}),
 }
-"""Environments whose training times are compared, by label: pattern of the environment's id, where {} is the task, and arguments.
+"""Environments whose training times are compared, by the label in the table. All have MuJoCo's contact law.
 
-All have MuJoCo's contact law.
+A value has the pattern of the environment's id, in which {} stands for the task, and the arguments of the environment.
 """
 RACE: dict[str, Any] = {"num_envs": 128, "horizon": 64, "minibatch": 1024, "epochs": 8, "threads": 1}
 """Hyperparameters for the comparison of training times. With few environments, the first whole episodes end early in the training."""
@@ -343,7 +346,10 @@ ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
     "mujoco.batch": ("mujoco_batch/{}", {}),
 }
-"""Environments of the command `engines`, by label: pattern of the environment's id, where {} is the task, and arguments."""
+"""Environments that the command `engines` compares, by the label in the table.
+
+A value has the pattern of the environment's id, in which {} stands for the task, and the arguments of the environment.
+"""
 
 
 def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> str:
@@ -353,7 +359,7 @@ def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> s
         task: Name of the task in `VELOCITY_TASKS`.
         runs: Folder of the runs.
         episodes: Number of evaluation episodes of each policy in each engine.
-        steps: Environment steps of each run. None is the default of the task.
+        steps: Environment steps of each run. With None the task's default is used.
 
     Returns:
         Table with a row for each engine of the training: processor time, and velocity errors and falls in each engine.

@@ -36,7 +36,7 @@ class FallingBlock(gymnasium.Env[Array, Array]):
     Observation (2,): measured height in m and velocity in m/s. Action (1,): thrust divided by half the weight, positive upwards.
 
     Args:
-        sensors: Sensor model. None is ideal sensors. The reward always uses the true height.
+        sensors: Sensor model. With None sensors are ideal. The reward always uses the true height.
     """
 
     def __init__(self, sensors: stepper.SensorModel | None = None):
@@ -70,7 +70,7 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
 
     Args:
         num_envs: Number of blocks.
-        sensors: Sensor model. Its parameters may differ between blocks. None is ideal sensors.
+        sensors: Sensor model. Its parameters may differ between blocks. With None sensors are ideal.
         autoreset_mode: Time at which a finished episode is reset. NEXT_STEP: at the next `step`, which ignores the block's action.
             SAME_STEP: within the step that ends it; the last observation is `info["final_obs"]`. DISABLED: by `reset(options={"reset_mask":
                 mask})`.

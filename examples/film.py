@@ -31,7 +31,7 @@ ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
     "hopper": ("stepper/Hopper-v5", {"distance": 3.4, "elevation": -8.0, "azimuth": 90.0, "trackbodyid": 1, "lookat": (0, 0, 0.8)}),
     "go1_velocity": ("stepper/Go1Velocity-v0", {"distance": 1.4, "elevation": -15.0, "azimuth": 60.0, "trackbodyid": 1}),
 }
-"""Environment and camera settings of each tile of the film, by the name of the policy file."""
+"""Robots that the film shows side by side: environment and camera settings of each, by the name of the robot's policy file."""
 WIDTH, HEIGHT, COLUMNS = 240, 160, 3
 RATE = 12.5
 """Frames per second."""

@@ -127,11 +127,20 @@ def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
 LEARNERS = {"derivatives": (by_derivatives, 320), "PPO": (by_ppo, 1600)}
 """Function of each learner, and its number of training episodes, by name of the learner."""
 MARKS = (30.0, 35.0)
-"""Returns of interest: the table has the numbers of episodes and the times after which a learner first reaches each."""
+"""Returns for the table, which shows after how many training episodes, and after what time, a learner first reaches each of them."""
 
 
 def row(name: str, seed: int, scores: list[Score]) -> str:
-    """Table row of a learner's run: rollouts and processor time until the return reaches each value of `MARKS`, and the final score."""
+    """Row of a Markdown table with the result of one training run.
+
+    For each return in `MARKS` it has the numbers of training episodes and the processor time after which the policy reaches this return.
+    Then follows the final score.
+
+    Args:
+        name: Name of the learner.
+        seed: Seed of the run.
+        scores: Scores in the order of training.
+    """
     cells = [name, str(seed)]
     for mark in MARKS:
         first = next((s for s in scores if s.gain >= mark), None)

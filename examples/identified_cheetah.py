@@ -60,9 +60,10 @@ def options() -> stepper.Options:
 
 
 def pieces(episode: stepper.sysid.Episode, rng: np.random.Generator) -> list[stepper.sysid.Episode]:
-    """Noisy segments of `ROWS` samples of an episode. Each segment begins at the measured state of the sample before it.
+    """Split an episode into segments of `ROWS` samples, and add noise to the readings.
 
-    They are short, because prediction errors of a gait grow too fast for predictions of a second.
+    Each segment starts from the measured state of the preceding sample. The segments are short, because
+    prediction errors of a gait grow too fast for predictions of a second.
 
     Args:
         episode: Episode of the recording.
@@ -88,7 +89,13 @@ def identified(folder: Path) -> stepper.sysid.Identification:
 
 
 def returns(parameters: dict[str, Any], episodes: int = 32, actions: int = 200) -> Any:
-    """Returns of the policy over its first `actions` actions, (episodes,). `parameters` has values for each environment."""
+    """Simulate episodes of the policy, and return the sums of rewards, (episodes,).
+
+    Args:
+        parameters: Model parameters, as keyword arguments of `Stepper.randomize`, for each episode. Empty keeps the nominal parameters.
+        episodes: Number of episodes.
+        actions: Number of actions per episode.
+    """
     envs = StepperVectorEnv("HalfCheetah", episodes, options=options(), max_episode_steps=actions + 1)
     policy = policies.load(POLICY)
     if parameters:

@@ -69,7 +69,7 @@ def scores(sensors: stepper.SensorModel | None, seed: int = 0, episodes: int = E
     """Scores of the regulator in some episodes, (episodes,). The initial states depend on the seed, not on the sensors.
 
     Args:
-        sensors: Sensor model; None is ideal sensors.
+        sensors: Sensor model. With None sensors are ideal.
         seed: Seed of the initial states and the sensor noise.
         episodes: Number of episodes.
     """

@@ -151,7 +151,8 @@ def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: fl
         regularization: Number that is added to the diagonal of the cost's second derivatives by the forces.
 
     Returns:
-        Changes of the forces, (T, 2), feedback gains, (T, 2, 2 nv), and the fraction of steps whose derivatives are near a kink.
+        Changes of the forces, (T, 2), feedback gains, (T, 2, 2 nv), and the fraction of steps near a kink. At a kink, such as a change
+        of contacts, a step has no derivative.
     """
     T = len(plan.ctrl)
     moments.set_state(plan.qpos[:-1], plan.qvel[:-1])

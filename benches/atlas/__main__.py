@@ -21,7 +21,7 @@ from atlas.run import Row, sweep
 from atlas.world import World
 
 PAGES = Path("docs/benchmarks")
-"""Folder with the page atlas.md, its figure atlas.png, and its rows in atlas.csv."""
+"""Folder of the page atlas.md, its figure atlas.png, and atlas.csv, the results from which the page is made."""
 
 
 def main() -> None:

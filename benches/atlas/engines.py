@@ -17,7 +17,7 @@ from atlas.world import NOT_FINITE, Array, CannotRunError, DivergedError, Touch,
 
 @dataclass(frozen=True)
 class Stepper:
-    """Engine stepper with some settings, as a column of the atlas.
+    """The simulator stepper with some settings. Its results are a column of the atlas's tables.
 
     Attributes:
         name: Name in the table.
@@ -36,8 +36,8 @@ class Stepper:
             mjcf: Model in MJCF.
             dt: Time step, s.
             num_envs: Number of environments.
-            restitution: Newton's coefficient of restitution of every contact; None is the default of the engine, inelastic.
-            iterations: Iterations of the contact solver; None is the default of the setting.
+            restitution: Newton's coefficient of restitution of every contact. With None contacts are inelastic, the default of the engine.
+            iterations: Iterations of the contact solver. With None the engine uses the default of its setting.
         """
         options = dataclasses.replace(self.options, timestep=dt)
         if iterations is not None:
@@ -62,7 +62,7 @@ class _StepperWorld(World):
         options: Options of the step.
         num_envs: Number of environments.
         precision: "f64" or "f32".
-        restitution: Coefficient of restitution of every contact; None is inelastic.
+        restitution: Coefficient of restitution of every contact. With None contacts are inelastic.
     """
 
     def __init__(self, mjcf: str, options: stepper.Options, num_envs: int, precision: str, restitution: float | None) -> None:
@@ -107,7 +107,7 @@ class _StepperWorld(World):
 
 @dataclass(frozen=True)
 class Mujoco:
-    """Engine MuJoCo with some settings, as a column of the atlas.
+    """The simulator MuJoCo with some settings. Its results are a column of the atlas's tables.
 
     Attributes:
         name: Name in the table.
@@ -126,8 +126,8 @@ class Mujoco:
             mjcf: Model in MJCF.
             dt: Time step, s.
             num_envs: Number of environments.
-            restitution: Newton's coefficient of restitution of every contact; None is the default of the engine, inelastic.
-            iterations: Iterations of the contact solver; None is the default of the setting.
+            restitution: Newton's coefficient of restitution of every contact. With None contacts are inelastic, the default of the engine.
+            iterations: Iterations of the contact solver. With None the engine uses the default of its setting.
         """
         return _MujocoWorld(self, mjcf, dt, num_envs, restitution=restitution, iterations=iterations)
 
@@ -140,8 +140,8 @@ class _MujocoWorld(World):
         mjcf: Model in MJCF.
         dt: Time step, s.
         num_envs: Number of environments.
-        restitution: Coefficient of restitution of every contact; None is inelastic.
-        iterations: Iterations of the contact solver; None keeps the engine's.
+        restitution: Coefficient of restitution of every contact. With None contacts are inelastic.
+        iterations: Iterations of the contact solver; None keeps the number of iterations of the engine.
     """
 
     def __init__(self, engine: Mujoco, mjcf: str, dt: float, num_envs: int, *, restitution: float | None, iterations: int | None) -> None:
@@ -227,8 +227,8 @@ class Rapier:
             mjcf: Model in MJCF.
             dt: Time step, s.
             num_envs: Number of environments.
-            restitution: Newton's coefficient of restitution of every contact; None is the default of the engine, inelastic.
-            iterations: Iterations of the contact solver; None is the default of the setting.
+            restitution: Newton's coefficient of restitution of every contact. With None contacts are inelastic, the default of the engine.
+            iterations: Iterations of the contact solver. With None the engine uses the default of its setting.
         """
         from atlas.rapier import RapierWorld  # noqa: PLC0415  (optional)
 

@@ -43,7 +43,10 @@ class Slope:
 
 @dataclass(frozen=True)
 class Divergence:
-    """Known failure in which a state overflows. The engine must report the overflow by a status flag."""
+    """Known failure of stepper in which the simulation diverges until its numbers overflow.
+
+    stepper must report the overflow by a status flag.
+    """
 
 
 @dataclass(frozen=True)
@@ -257,7 +260,7 @@ KNOWN: tuple[Known, ...] = (
 
 
 def failure(title: str, engine: str, dt: float) -> Known | None:
-    """Known failure of stepper in a scene; None if the scene should pass.
+    """Known failure of stepper in a scene. The result is None if the scene should pass.
 
     Args:
         title: Number and name of the scene.
@@ -272,6 +275,12 @@ def failure(title: str, engine: str, dt: float) -> Known | None:
 
 
 def reason(title: str, engine: str, dt: float) -> str | None:
-    """Reason of a known failure of stepper in a scene; None if the scene should pass. The arguments are those of `failure`."""
+    """Reason of a known failure of stepper in a scene. The result is None if the scene should pass.
+
+    Args:
+        title: Number and name of the scene.
+        engine: Name of the engine with its setting.
+        dt: Time step, s.
+    """
     known = failure(title, engine, dt)
     return None if known is None else known.reason

@@ -23,8 +23,8 @@ class RapierWorld(World):
         mjcf: Model in MJCF.
         dt: Time step, s.
         num_envs: Number of environments.
-        restitution: Coefficient of restitution of every contact; None is inelastic.
-        iterations: Iterations of the contact solver; None keeps rapier's.
+        restitution: Coefficient of restitution of every contact. With None contacts are inelastic.
+        iterations: Iterations of the contact solver; None keeps rapier's default number.
     """
 
     def __init__(self, mjcf: str, dt: float, num_envs: int, restitution: float | None, iterations: int | None) -> None:

@@ -16,7 +16,7 @@ SHORT = (2e-3, 2e-2)
 
 
 class Engine(Protocol):
-    """Engine with its settings, as a column of the atlas."""
+    """Simulator with its settings, which runs the scenes of the atlas. Its results are a column of the atlas's tables."""
 
     @property
     def name(self) -> str:
@@ -29,8 +29,8 @@ class Engine(Protocol):
             mjcf: Model in MJCF.
             dt: Time step, s.
             num_envs: Number of environments.
-            restitution: Newton's coefficient of restitution of every contact. None is the default of the engine, inelastic.
-            iterations: Iterations of the contact solver. None is the default of the setting.
+            restitution: Newton's coefficient of restitution of every contact. With None contacts are inelastic, the default of the engine.
+            iterations: Iterations of the contact solver. With None the engine uses the default of its setting.
 
         Raises:
             CannotRunError: The engine does not support the scene; the message has the reason.
@@ -39,7 +39,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class Scene:
-    """Difficult scene with its right answer, as a row of the atlas.
+    """Difficult scene with its right answer. Its results are a row of the atlas's tables.
 
     Attributes:
         number: Number of the scene, "1" to "44", or "S1" to "S7" for the tests of SimBenchmark.

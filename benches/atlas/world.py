@@ -107,7 +107,12 @@ class World(ABC):
         """Collect the status flags of the last steps. Raises `DivergedError` if a state is not finite."""
 
     def step(self, nstep: int = 1, ctrl: ArrayLike | None = None) -> None:
-        """Make steps with a constant control, (num_envs, nu), or (nu,) for all environments."""
+        """Step all environments with constant controls.
+
+        Args:
+            nstep: Number of time steps.
+            ctrl: Controls, (num_envs, nu), or (nu,) for all environments. None gives no controls to the engine.
+        """
         given = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
         while nstep > 0:
             some = min(nstep, AT_ONCE)

@@ -28,8 +28,8 @@ from stepper import Options, Stepper, load
 NUM_ENVS, COMPARED, STEPS, TURNS, CHANGE, END = 128, 32, 200, 5, 0.04, 0.2
 """Settings of the measurement.
 
-Numbers of environments with measured time and with measured errors; number of steps per turn, and of turns. Then the time between two servo
-targets, and the time at which errors are measured, s.
+The first four are the number of environments in the time measurement, that in the error measurement, steps per turn, and turns. The last
+two are the time between two servo targets, and the simulated time at which errors are measured, s.
 """
 EFFORTS = (87, 87, 87, 87, 12, 12, 12)
 """Torque limits of a Panda, N m."""

@@ -20,7 +20,7 @@ import numpy as np
 from stepper import Options, Stepper, load
 
 WARM_UP, STEPS = 50, 150
-"""Numbers of steps for each request: first the steps before the time measurement, and then the measured steps."""
+"""Numbers of steps of each measurement: steps before the time is taken, and timed steps."""
 
 
 def main(integrator: str, precision: Any, num_envs: int) -> None:

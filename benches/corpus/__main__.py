@@ -1,6 +1,7 @@
-"""Comparison of all robots of the packages with MuJoCo: `python -m corpus` measures missing rows and writes corpus.md and corpus.csv.
+"""Comparison of stepper with MuJoCo on all robot models of some Python packages: `python -m corpus`.
 
-The files are in out/corpus, or in docs/benchmarks with --update-docs.
+The command measures the model files that have no measurement of this build yet. It writes the page corpus.md and the measurements
+corpus.csv. Both files are in out/corpus, or in docs/benchmarks with --update-docs.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from corpus.row import MEASURED, Row, read_csv, write_csv
 from corpus.sweep import Sweep
 
 PAGES = Path("docs/benchmarks")
-"""Folder with the page corpus.md, and with its rows in corpus.csv."""
+"""Folder of the page corpus.md, and of corpus.csv, the measurements from which the page is made."""
 
 
 def main() -> None:
@@ -53,7 +54,7 @@ def main() -> None:
 
 
 def _ordered(rows: Iterable[Row]) -> list[Row]:
-    """Rows of the packages and versions in `PACKAGES`, in this order; other rows are left out."""
+    """Sort measurements (rows) by package in the order of `PACKAGES`, then by file. Rows of other packages or versions are left out."""
     places = {(p.name, p.version): i for i, p in enumerate(PACKAGES)}
     return sorted((r for r in rows if (r.package, r.version) in places), key=lambda r: (places[r.package, r.version], r.file))
 

@@ -49,7 +49,7 @@ def agrees(row: Row) -> bool:
 
 
 def faults(row: Row) -> list[Fault]:
-    """Criteria that a model violates in stepper; empty if it steps well."""
+    """Criteria that a model violates in stepper. The list is empty if the model steps well."""
     if row.outcome != MEASURED:
         return [Fault(row.outcome, row.note)]
     found = [fault for name, episode in episodes(row) for fault in _faults(name, episode)]

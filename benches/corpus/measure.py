@@ -1,6 +1,7 @@
-"""Process that measures one file: `python -m corpus.measure PACKAGE FILE --cache DIR` writes its row to standard output.
+"""Process that measures one model file: `python -m corpus.measure PACKAGE FILE --cache DIR`.
 
-Standard input has the digests of the models that have already been measured, as a JSON list.
+The process writes the measurements (a row of the corpus table) to standard output, as JSON. Standard input has
+the digests of the models that have already been measured, as a JSON list.
 """
 
 from __future__ import annotations
@@ -39,13 +40,13 @@ def library() -> str:
 
 
 def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
-    """Measures one file, and returns its row of the table. Errors become outcomes of the row.
+    """Measures one model file. Returns the measurements as a row of the corpus table; an error is stored in the row and not raised.
 
     Args:
         package: Package of the file.
         folder: Folder of the package.
         file: Path of the file in the package.
-        known: Digests of the models that were measured already.
+        known: Digests of models that were measured in other files. A file with such a model is not measured again.
     """
     row = Row(package.name, package.version, file, library(), MEASURED)
     begin = time.perf_counter()
@@ -69,7 +70,11 @@ def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
 
 
 def _compare(row: Row, m: mujoco.MjModel) -> Row:
-    """Copy of a row with the comparison of a compiled model in stepper and MuJoCo."""
+    """Compare a compiled model in stepper and MuJoCo.
+
+    Returns:
+        Copy of `row` (the measurements of the model file) with the results of the comparison.
+    """
     begin = time.perf_counter()
     model = stepper.load(m, strict=False)
     row = dataclasses.replace(row, load_seconds=time.perf_counter() - begin)
@@ -98,18 +103,18 @@ def _compare(row: Row, m: mujoco.MjModel) -> Row:
 
 
 def _missing(refusal: str, model: stepper.Model) -> list[str]:
-    """Kinds of elements because of which strict loading fails: those that are omitted and named in the error message.
+    """Kinds of unsupported MJCF elements because of which `stepper.load` rejects a model.
 
     Args:
-        refusal: Error message of strict loading.
-        model: Model without these elements.
+        refusal: Error message of `stepper.load`. It names the elements.
+        model: The same model, loaded with `strict=False`, which omits unsupported elements.
     """
     lines = [line.strip() for line in refusal.splitlines()]
     return sorted({kind for kind, name, _ in model.omitted if any(line.startswith(f"{kind} {name}") for line in lines)})
 
 
 def main() -> None:
-    """Measure the model file that the command line names, and write its row to standard output."""
+    """Measure the model file that the command line names, and write the measurements to standard output as JSON."""
     parser = argparse.ArgumentParser(prog="corpus.measure", description=__doc__)
     parser.add_argument("package")
     parser.add_argument("file")

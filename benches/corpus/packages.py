@@ -1,4 +1,4 @@
-"""Packages of the corpus, each with the reason for its selection."""
+"""Python packages whose robot models form the corpus, each with the reason for its selection."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ PACKAGES = (
         because="without its thousand random objects, which have no inertia",
     ),
 )
-"""Packages in the order of the measurement, small ones first.
+"""Python packages with robot models, which form the corpus, in the order of their measurement: small packages first.
 
-Not included: flybody, dex-urdf, robogym and hello-robot-stretch-mujoco have no archive in the index. The packages loco-mujoco and panda-gym
-download their models at run time, or make them in code.
+Not included: flybody, dex-urdf, robogym and hello-robot-stretch-mujoco have no archive in the Python package index. The packages
+loco-mujoco and panda-gym download their models at run time, or make them in code.
 """

@@ -118,12 +118,12 @@ def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
 
 
 def _steps_well(row: Row) -> bool:
-    """Whether a model steps well in stepper."""
+    """Whether a model steps well in stepper, which means that it violates none of the criteria in the module `judge`."""
     return not judge.faults(row)
 
 
 def _steps_well_in_mujoco(row: Row) -> bool:
-    """Whether a model steps well in MuJoCo."""
+    """Whether a model steps well in MuJoCo, which means that MuJoCo gave no warnings."""
     return row.outcome == MEASURED and not judge.their_faults(row)
 
 
@@ -178,7 +178,7 @@ def _start(row: Row) -> str:
 
 
 def _only_less(row: Row) -> bool:
-    """Whether less kinetic energy than in MuJoCo is the only criterion that a model violates."""
+    """Whether a model violates only one criterion in stepper: that its kinetic energy is less than in MuJoCo."""
     return {fault.criterion for fault in judge.faults(row)} == {judge.LESS_ENERGY}
 
 
@@ -197,7 +197,10 @@ def _faulty(rows: Iterable[Row]) -> str:
 
 
 def _worse(corpus: Corpus) -> str:
-    """Section with the models that step well only in MuJoCo."""
+    """Section with the models that step well in MuJoCo (without warnings), and that violate a criterion of the module `judge` in stepper.
+
+    Models that only have less kinetic energy than in MuJoCo are left out.
+    """
     rows = [row for row in corpus.models if not _steps_well(row) and not judge.their_faults(row) and not _only_less(row)]
     criteria = Counter(criterion for row in rows for criterion in {fault.criterion for fault in judge.faults(row)})
     text = f"## Models that step well in MuJoCo and not in stepper\n\n{len(rows)} models: "
@@ -218,7 +221,7 @@ velocity. Its contacts also do not bounce.
 
 
 def _warned(corpus: Corpus) -> str:
-    """Section with the models that do not step well in MuJoCo."""
+    """Section with the models for which MuJoCo gave warnings during an episode."""
     rows = [row for row in corpus.models if row.outcome == MEASURED and judge.their_faults(row)]
     text = "## Models that do not step well in MuJoCo\n\n"
     lines = [(_name(row), "; ".join(map(str, judge.their_faults(row))), _figures(row) or "steps well") for row in rows]
@@ -272,7 +275,7 @@ def _normalised_message(note: str) -> str:
 
 
 def _reasons() -> str:
-    """Section with the reasons why packages are in the corpus."""
+    """Section with the reasons why the Python packages were selected for the corpus."""
     text = "## Reasons for the packages\n\n"
     return text + "".join(f"* {p.name}: {p.why}{f' ({p.because})' if p.because else ''}\n" for p in PACKAGES)
 

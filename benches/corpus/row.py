@@ -76,7 +76,7 @@ class Row:
     Attributes:
         package: Name of the package.
         version: Version of the package.
-        file: Path of the file in the package. Empty if the package cannot be downloaded.
+        file: Path of the file in the package. The path is empty if the package cannot be downloaded.
         stepper: Digest of the build of stepper.
         outcome: Outcome: "measured", or the reason why not.
         note: Details of the outcome.
@@ -178,7 +178,10 @@ def write_csv(path: Path, rows: Iterable[Row], notes: Mapping[str, object]) -> N
 
 
 def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
-    """Rows and notes from a file of `write_csv`; empty if the file does not exist."""
+    """Read the measurements (rows) and their provenance (notes) from a file that `write_csv` has written.
+
+    Both are empty if the file does not exist.
+    """
     if not path.exists():
         return [], {}
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)

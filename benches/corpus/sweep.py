@@ -27,9 +27,9 @@ class Sweep:
         cache: Folder of the downloaded packages.
         workers: Number of parallel processes.
         limit: Largest wall time for a file, s.
-        only: Text that the paths of the measured files contain. Empty is all files.
+        only: Text that the paths of the measured files contain. An empty text selects all files.
         again: Whether to repeat existing measurements.
-        rows: Rows by file. The sweep adds new ones.
+        rows: Measurements by package, version and file. The sweep adds new ones.
     """
 
     cache: Path
@@ -40,11 +40,11 @@ class Sweep:
     rows: dict[tuple[str, str, str], Row] = field(default_factory=dict)
 
     def run(self, packages: Iterable[Package], keep: Callable[[Row], None]) -> None:
-        """Measure the missing rows, package by package.
+        """Measure all files that this build of stepper has not measured yet, package by package.
 
         Args:
             packages: Packages to measure.
-            keep: Function that is called with each new row.
+            keep: Function that is called with the measurements of each file (a `Row`).
         """
         begun = {row.key for row in self.rows.values() if row.stepper == library()} if not self.again else set()
         for package in packages:
@@ -59,7 +59,7 @@ class Sweep:
                     self._add(done.result(), keep)
 
     def _add(self, row: Row, keep: Callable[[Row], None]) -> None:
-        """Store a row, and pass it to `keep`."""
+        """Store the measurements of one file in `rows`, and call `keep` with them."""
         self.rows[row.key] = row
         keep(row)
 
@@ -69,7 +69,7 @@ class Sweep:
         return [r.model for r in rows if r.model and r.outcome in (MEASURED, REFUSED) and r.stepper == library() and r.key != key]
 
     def _measure(self, package: Package, file: str) -> Row:
-        """Measures a file in another process with a time limit, and returns its row."""
+        """Measures a model file in another process with a time limit, and returns the measurements."""
         key = (package.name, package.version, file)
         command: Sequence[str] = [sys.executable, "-m", "corpus.measure", package.name, file, "--cache", str(self.cache)]
         try:

@@ -115,7 +115,7 @@ class Trial:
         Args:
             start: Initial values of both parameters.
             seed: Seed of the noise.
-            peer: Function of another library that identifies; None is stepper.
+            peer: Function of another library that identifies. None selects stepper.
             colour: Autocorrelation of consecutive noise values; 0 is white noise.
             starts: Number of initial values of stepper's search: `start`, and random ones.
 

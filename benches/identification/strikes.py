@@ -101,7 +101,12 @@ class Strike:
         return np.array(self.truth) * np.exp(np.array(self.spread) * rng.uniform(-1, 1, 2))
 
     def tracker(self, prior: float | None = None, **settings: Any) -> stepper.sysid.Tracker:
-        """Tracker before the first sample. `prior` is the standard deviation of the initial values, relative; None is the default."""
+        """Create a tracker that estimates the scene's two unknown parameters, before its first sample.
+
+        Args:
+            prior: Standard deviation of the initial values, relative to them. With None the tracker uses its default prior.
+            settings: Further arguments of `stepper.sysid.Tracker`.
+        """
         model = self.model(self.start)
         known = [None if prior is None else (value, prior) for value in self.start]
         return stepper.sysid.Tracker(
@@ -282,7 +287,10 @@ def _table(count: int, run: Callable[[Strike, int], Followed]) -> str:
 
 
 def rows(scene: Strike, runs: list[Followed]) -> list[str]:
-    """Table rows of a scene from its runs: two for each sample number in the scene's marks, after which the estimates are compared."""
+    """Table rows of a scene from its runs.
+
+    There are two rows (one per unknown parameter) for each time at which the estimates are compared with the truth, `Strike.marks`.
+    """
     lines = []
     for k, (mark, what) in enumerate(scene.marks.items()):
         for j, parameter in enumerate(scene.parameters):

@@ -28,7 +28,7 @@ HOW = 'pip install "mujoco[sysid]"'
 
 
 def available() -> str:
-    """Reason why `mujoco.sysid` is not available; empty if it is."""
+    """Reason why `mujoco.sysid` is not available. The text is empty if it is available."""
     try:
         module = require("mujoco.sysid", "to compare with it")
     except ImportError as error:
@@ -37,7 +37,7 @@ def available() -> str:
 
 
 def readings(scene: Scene) -> Readings:
-    """Sensor readings of MuJoCo's simulation at the end of each period, by channel."""
+    """Sensor readings by channel, (T, dim) each, of MuJoCo's simulation of a scene, at the end of each of the T control periods."""
     model = mujoco.MjModel.from_xml_string(scene.text(*scene.truth))
     data = mujoco.MjData(model)
     state = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))

@@ -116,7 +116,10 @@ def _words(error: Exception) -> str:
 
 
 def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str, Any]]:
-    """Measures a scene, and returns its rows of the table; an error is printed, and gives no rows."""
+    """Measures a scene, and returns a dictionary of measurements for each timed phase.
+
+    After an error the function prints the error, and returns an empty list.
+    """
     begin = time.perf_counter()
     try:
         rows = measure(scene, _path(scene, cache, out), plan)

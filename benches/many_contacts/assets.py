@@ -41,7 +41,10 @@ class Assets:
 
 
 def bare(spec: Any) -> Any:
-    """Modified `MjSpec` without visual shapes and textures, and with absolute paths of its files."""
+    """Remove visual shapes and textures from a model specification `spec` (`MjSpec`) in place, and make the paths of its files absolute.
+
+    Returns the same specification.
+    """
     folder = Path(spec.modelfiledir)
     for mesh in spec.meshes:
         if mesh.file:

@@ -1,4 +1,4 @@
-"""Batches of both engines that follow a script. `stepper.lab.demo` has their base classes."""
+"""Batches of environments in stepper and in MuJoCo that run the episode of a `Script`. `stepper.lab.engines` has their base classes."""
 
 from __future__ import annotations
 

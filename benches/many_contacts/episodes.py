@@ -1,6 +1,7 @@
-"""Episodes: recordings that `anatomy --episode` (benches/src/bin/anatomy.rs) replays, and its results: parts and floors of a step.
+"""Recordings of simulations (episodes), and the times of the parts of a step that are measured from them.
 
-A floor is the least time of the arithmetic of a step, at the peak rates of the core in lanes: docs/benchmarks/performance.md.
+The program `anatomy --episode` (benches/src/bin/anatomy.rs) replays the recordings, and measures each part of a step and its floor. The
+floor is the time that the arithmetic would take at the peak rates of a core with SIMD lanes (docs/benchmarks/performance.md).
 """
 
 from __future__ import annotations
@@ -23,12 +24,14 @@ from stepper.lab.engines import StepperBatch
 
 @contextmanager
 def episode(sim: Stepper, folder: Path, name: str) -> Iterator[None]:
-    """Record a batch as an episode. An episode of the same name, number of environments and precision is replaced.
+    """Record all steps of a batch within a `with` block, as an episode that the program `anatomy` can replay and measure.
+
+    An earlier recording with the same name, number of environments and precision is replaced.
 
     Args:
         sim: Batch to record.
         folder: Folder of the episodes.
-        name: Name of the episode, the key of its entry in floors.json.
+        name: Name of the episode. The program `anatomy` stores its measurement of the episode under this name.
     """
     place = folder / re.sub(r"\W+", "_", f"{name}-{sim.num_envs}-{sim.precision}")
     # Only recordings are removed; the recorder raises an error for other content.
@@ -44,7 +47,7 @@ def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) 
     Args:
         folder: Folder of the episodes.
         precisions: Precisions, "f64" and "f32".
-        only: Parts of the names of robots; empty is all.
+        only: Texts of which a robot's name must contain at least one. An empty list selects all robots.
     """
     for case in cases(PLAN, only):
         if isinstance(case, str):
@@ -88,7 +91,10 @@ Floors: TypeAlias = Mapping[tuple[str, int, str], Anatomy]
 
 
 def floors(path: Path) -> Floors:
-    """Reads the times of the parts of a step from a file of `anatomy --json`; empty if the file does not exist."""
+    """Reads the times of the parts of a step from a JSON file that the program `anatomy` has written with its option --json.
+
+    The result is empty if the file does not exist.
+    """
     if not path.exists():
         return {}
     found = json.loads(path.read_text(encoding="utf-8"))["episodes"]
@@ -96,5 +102,5 @@ def floors(path: Path) -> Floors:
 
 
 def _anatomy(found: Mapping[str, Any]) -> Anatomy:
-    """Times of the parts of a step from the JSON that the program `anatomy` writes."""
+    """Times of the parts of a step, from one element `found` of the list "episodes" in the JSON file that the program `anatomy` writes."""
     return Anatomy(found["micros"], found["floor"], {part["name"]: (part["micros"], part["floor"]) for part in found["parts"]})

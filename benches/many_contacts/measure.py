@@ -1,4 +1,4 @@
-"""Measurement of a scene in both engines, in turns: times of each phase, unsolved steps, penetration and slip."""
+"""Measurement of a scene in stepper and MuJoCo, which take turns: times of each phase, unsolved steps, penetration and slip."""
 
 from __future__ import annotations
 
@@ -94,12 +94,12 @@ class Track:
 
 
 def options(setting: str, model: Model) -> Options | None:
-    """Options of the step for a name in `SETTINGS`; None is the default."""
+    """Options of stepper for a setting, "default", "fast", "pgs" or "law", and a model. None means the default options."""
     return {"default": None, "fast": fast(model), "pgs": PGS, "law": LAW}[setting]
 
 
 def read(path: Path) -> tuple[Model, str]:
-    """Model of stepper from an MJCF file, and a note about its omitted elements."""
+    """Load an MJCF file in stepper. Returns the model, and a note about omitted elements, empty if the model is complete."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
         try:
@@ -109,7 +109,15 @@ def read(path: Path) -> tuple[Model, str]:
 
 
 def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
-    """Measure a scene. Returns a row for each timed phase, as dictionaries for JSON.
+    """Measure a scene in stepper and MuJoCo.
+
+    Args:
+        scene: The scene.
+        path: MJCF file of the scene.
+        plan: Extent of the measurement.
+
+    Returns:
+        Dictionary of measurements for each timed phase, as in many_contacts.json.
 
     Raises:
         stepper.ModelError: stepper cannot load the model.
@@ -164,7 +172,13 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
 
 
 def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
-    """Run a scene once with default settings, and record each timed phase under the name of its row.
+    """Run a scene once in stepper with default options, and record each timed phase as an episode for the program `anatomy`.
+
+    Args:
+        scene: The scene.
+        path: MJCF file of the scene.
+        plan: Extent of the measurement, whose precisions are used.
+        folder: Folder of the recordings.
 
     Raises:
         stepper.ModelError: stepper cannot load the model.

@@ -105,36 +105,48 @@ def _mm(metres: float) -> str:
 
 
 def _number(found: Row | None, name: str, form: str, unit: float = 1.0) -> str:
-    """Figure of a row of results as text, in a unit; a dash if it was not measured.
+    """Text of one measured number for a table cell.
 
     Args:
-        found: The row; None if there is none.
-        name: Name of the figure.
-        form: Format, as ".2f".
-        unit: Factor on the figure before it is written, to convert its unit.
+        found: Measured numbers by name. None gives a dash.
+        name: Name of the number in `found`.
+        form: Python format specification, such as ".2f".
+        unit: Factor by which the number is multiplied first, to convert its unit.
     """
     return "-" if found is None else format(unit * found[name], form)
 
 
 def _slip(found: Sequence[float] | None) -> str:
-    """Text of the median slip of held objects in mm, with the fraction of dropped objects."""
+    """Text of the median slip of held objects in mm, with the fraction of dropped objects in parentheses.
+
+    Args:
+        found: Median slip, m, and fraction of dropped objects. None gives an empty text.
+    """
     if found is None:
         return ""
     return _mm(found[0]) + (f" ({found[1]:.0%} dropped)" if found[1] else "")
 
 
 def means(rows: Sequence[Row], column: str) -> float | None:
-    """Geometric mean over scenes of the speedups in a column; None without speedups. Scenes of the same group count as one scene."""
+    """Geometric mean over scenes of the speedups in one table column, where scenes of the same group count as one scene.
+
+    Args:
+        rows: Measurements of the scenes in many_contacts.json.
+        column: Precision and setting of stepper, such as "f64 default".
+
+    Returns:
+        The mean, or None if no scene has this speedup.
+    """
     return grouped_mean((row["group"], row["ours"][column]["ratio"]) for row in rows if column in row["ours"])
 
 
 def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
-    """Markdown table of times, floors, ratios with targets, unsolved steps, sweeps and Newton steps.
+    """Markdown table of step times, their floors, speedups over MuJoCo with targets, unsolved steps and solver iterations, by scene.
 
     Args:
         rows: Rows of many_contacts.json with the same number of environments.
         floors: Floors (lower bounds of the step time, see episodes.py) of the episodes.
-        factor: Factor on the targets for this machine.
+        factor: Factor by which the target speedups are multiplied, as `scale` returns it for a CPU level.
     """
     columns = list(dict.fromkeys(name for row in rows for name in row["ours"]))
     defaults = [name for name in columns if name.endswith(" default")]
@@ -176,17 +188,21 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
 
 
 def _targets(defaults: Sequence[str]) -> list[float]:
-    """Targets of the mean speedup. `defaults` are table columns, such as "f64 default"; each gets the target of its precision."""
+    """Target of the mean speedup over MuJoCo for each of some table columns.
+
+    Args:
+        defaults: Names of the columns, which begin with a precision, such as "f64 default".
+    """
     return [dict(zip(("f64", "f32"), MEAN, strict=True))[name.split()[0]] for name in defaults]
 
 
 def _reached(ratio: float, target: float) -> str:
-    """Table cell of a speedup `ratio`, in bold type, with its target in parentheses."""
+    """Table cell of a speedup over MuJoCo: `ratio` in bold type, and `target` in parentheses."""
     return f"**{ratio:.2g}** ({target:.2g})"
 
 
 def _label(column: str) -> str:
-    """Heading of a column of the table: precision, and setting if it is not the default."""
+    """Heading of the table column of stepper's precision and setting. `column` names both, such as "f64 default"; a default is left out."""
     precision, _, setting = column.partition(" ")
     return precision if setting == "default" else f"{setting} {precision}"
 
@@ -242,9 +258,9 @@ class Report:
         return "\n\n".join(parts)
 
     def targets(self) -> str:
-        """Table of targets and results.
+        """Markdown table that compares the measured speedups over MuJoCo with their targets.
 
-        If the rows have several numbers of environments, the table is for the one with which most scenes were measured.
+        If scenes were measured with several numbers of environments, the table has only the number with the most scenes.
         """
         numbers = Counter(row["num_envs"] for row in self.rows)
         num_envs = max(sorted(numbers), key=lambda n: numbers[n])

@@ -1,4 +1,4 @@
-"""Definition of a scene: a model, a script of initial states and controls, and the timed phases."""
+"""Definition of a benchmark scene: a model, initial states and controls of an episode (a `Script`), and the timed phases of the episode."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Phase:
     Attributes:
         name: Name of the phase.
         steps: Length in steps.
-        timed: Whether the phase is measured as a row of the table.
+        timed: Whether the phase is measured, and shown in the tables of results.
         held: Names of a held body and of the body that holds it ("world" for the floor). Their relative displacement is the slip.
     """
 
@@ -69,8 +69,8 @@ class Scene:
     Attributes:
         name: Name of the scene.
         about: Description of the scene and source of its parameters, for the page.
-        spec: Function that builds the model.
-        script: Function from the compiled model, the number of environments and a generator to the script.
+        spec: Function that builds the model, an `MjSpec`, from the cache of downloaded packages.
+        script: Function that makes the `Script` (initial states and controls) from compiled model, number of environments and generator.
         phases: Phases of an episode, in order.
         lead: Number of steps before the episode begins, with the first controls of the script. Their final states are the episode's initial
             states in all engines.
@@ -93,7 +93,7 @@ class Scene:
         return sum(phase.steps for phase in self.phases)
 
     def row(self, phase: Phase) -> str:
-        """Name of a phase's row in the table."""
+        """Name of a phase in the tables of results: the scene's name, followed by the phase's name if several phases are measured."""
         alone = sum(p.timed for p in self.phases) == 1
         return self.name if alone else f"{self.name}: {phase.name}"
 
@@ -104,7 +104,7 @@ def still(qpos: Array, num_envs: int) -> Array:
 
 
 def uncontrolled(num_envs: int, nu: int = 0) -> Array:
-    """Zero controls for a script of one block, (1, num_envs, nu)."""
+    """Zero controls for a whole episode, in the format of `Script.control` with a single block of steps: (1, num_envs, nu)."""
     return np.zeros((1, num_envs, nu))
 
 

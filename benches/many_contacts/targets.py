@@ -20,7 +20,10 @@ PRECISIONS = ("f64", "f32")
 UNSOLVED = 1e-4
 """Largest allowed share of unsolved environment steps."""
 ROBOTS, ALONE = (9.0, 15.0), (3.5,)
-"""Target mean speedups of the robots of comparison/throughput.py, in f64 and f32, and in f64 for a single environment."""
+"""Target speedups over MuJoCo, as means over the robots of comparison/throughput.py.
+
+The first tuple is for a batch of environments in f64 and f32, and the second one for a single environment in f64.
+"""
 AVX512 = 4 / 3
 """Factor on the targets on machines with AVX-512. The targets are for AVX2."""
 
@@ -60,7 +63,13 @@ class Reached:
 
 
 def of_rows(rows: Iterable[Row], precision: str, floors: Floors) -> list[Reached]:
-    """Results in one precision from the rows of many_contacts.json. `floors` has the measured parts of the steps."""
+    """Results of all scenes in one precision, from the content of many_contacts.json.
+
+    Args:
+        rows: Measurements of the scenes in many_contacts.json.
+        precision: Precision, "f64" or "f32".
+        floors: Measured times of the parts of a step, with the least times of their arithmetic (floors).
+    """
     return [
         Reached(
             row["row"],
@@ -76,20 +85,20 @@ def of_rows(rows: Iterable[Row], precision: str, floors: Floors) -> list[Reached
 
 
 def robots(path: Path) -> Mapping[str, Any] | None:
-    """Content of a file of comparison/throughput.py; None if the file does not exist."""
+    """Read the JSON file that comparison/throughput.py writes. The result is None if the file does not exist."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
 def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone: bool = False) -> list[Reached]:
-    """Results in one precision of the robots of throughput.json, in a batch, or as single environments if `alone`.
+    """Results of the robots in throughput.json in one precision, for a batch of environments or for single environments.
 
-    The share of unsolved steps is that of the batch in both cases.
+    For single environments, the share of unsolved steps is nevertheless that of the batch.
 
     Args:
         found: Content of throughput.json.
         precision: Precision, "f64" or "f32".
-        floors: Measured parts of the steps.
-        alone: Whether to return the results of single environments.
+        floors: Measured times of the parts of a step, with the least times of their arithmetic (floors).
+        alone: Whether to return the results of single environments, instead of those of the batch.
     """
     name, kind = f"stepper {precision}", "_alone" if alone else ""
     num_envs = 1 if alone else found["plan"]["num_envs"]
@@ -103,7 +112,7 @@ def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone
 
 
 def grouped_mean(found: Iterable[tuple[str, float]]) -> float | None:
-    """Geometric mean over groups of the geometric mean in each group; None without numbers.
+    """Geometric mean over groups of the geometric mean in each group. The result is None if there are no numbers.
 
     Args:
         found: Pairs of group and positive number.
@@ -121,7 +130,7 @@ def percent(share: float) -> str:
 
 
 def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> float | None:
-    """Geometric mean of a number over results, in which all results of a group count as one; None if a number is missing.
+    """Geometric mean of a number over results, in which all results of a group count as one. The result is None if a number is missing.
 
     Args:
         found: The results.
@@ -136,7 +145,7 @@ def part(found: Sequence[Reached]) -> tuple[str, float] | None:
     """Part of the step whose time is farthest above its floor (least time of its arithmetic), on average over some results.
 
     Returns:
-        Name of the part, and its mean excess as a fraction of the step's time; None without measurements of parts.
+        Name of the part, and its mean excess as a fraction of the step's time. None if the parts were not measured.
     """
     excesses = [one.anatomy.excess for one in found if one.anatomy]
     if len(excesses) < len(found):
@@ -147,7 +156,14 @@ def part(found: Sequence[Reached]) -> tuple[str, float] | None:
 
 
 def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, throughput: Mapping[str, Any] | None) -> list[list[str]]:
-    """Rows of the table of targets: cells in the order of the table's headings, each with values for f64 / f32."""
+    """Rows of the table that compares speedups over MuJoCo with their targets, each a list of cells with values for f64 / f32.
+
+    Args:
+        rows: Measurements of the scenes in many_contacts.json.
+        came_from: Provenance of these measurements, such as the CPU level.
+        floors: Measured times of the parts of a step, with the least times of their arithmetic (floors).
+        throughput: Content of throughput.json, for rows of its robots. None leaves these rows out.
+    """
     by_precision = [of_rows(rows, precision, floors) for precision in PRECISIONS]
     factor = scale(came_from)
     out = []
@@ -168,13 +184,13 @@ def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, thr
 
 
 def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[Reached]], factor: float) -> list[str]:
-    """Row of the table of targets.
+    """Cells of one row in the table that compares speedups over MuJoCo with their targets.
 
     Args:
-        what: First cell.
+        what: Text of the first cell, such as the name of a scene.
         targets: Target speedups in f64 and f32.
-        by_precision: Results in each precision.
-        factor: Factor on the targets for this machine.
+        by_precision: Measured results, a sequence for f64 and one for f32.
+        factor: Factor by which the targets are multiplied, as `scale` returns it for a CPU level.
     """
     cells: list[list[str]] = [[], [], [], [], []]
     for target, found in zip((factor * target for target in targets), by_precision, strict=True):
@@ -190,10 +206,10 @@ def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[R
 
 
 def _unsolved(worst: Reached, named: bool) -> str:
-    """Text of the largest share of unsolved steps among some results, in per cent.
+    """Text of the share of unsolved steps in a result, in per cent, with or without the episode's name.
 
     Args:
-        worst: Result with the largest share.
+        worst: The result, which has the largest share among several results.
         named: Whether to add the name of the episode to a share above 0.
     """
     text = percent(worst.unsolved)

@@ -18,7 +18,7 @@ from mujoco_law.parity import compare, prepare, states
 from mujoco_law.report import Row, write_csv, write_table
 
 PAGES = Path("docs/benchmarks")
-"""Folder with the page mujoco_law.md, and with its rows in mujoco_law.csv."""
+"""Folder of the page mujoco_law.md, and of mujoco_law.csv, the results in the page's table."""
 
 
 def main() -> None:

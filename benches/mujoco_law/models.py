@@ -68,7 +68,7 @@ def _wanted(name: str, path: Path, only: list[str]) -> Iterator[Source]:
 
 
 def _folders(package: str) -> list[Path]:
-    """List with the folder of an installed Python package; empty if the package is not installed."""
+    """List with the folder of an installed Python package. The list is empty if the package is not installed."""
     try:
         return [Path(package_file(package, "__init__.py", "for its models")).parent]
     except MissingPackageError:

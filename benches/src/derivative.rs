@@ -21,7 +21,8 @@ pub struct Derivatives {
     offsets: Vec<f64>,
     slopes: Vec<f64>,
     causes: Vec<u32>,
-    /// Result arrays: distance to the nearest kink and residual of each environment.
+    /// Two result arrays, each with one number per environment. The first has the distance to the nearest kink (a change, such as of
+    /// contacts or limits, at which the step has no derivative). The second has the solver residual, m/s.
     numbers: [Vec<f64>; 2],
     sound: Vec<u8>,
     status: Vec<u32>,
@@ -29,7 +30,7 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// Run at the states that the first `count` environments of a scene have after its warm-up.
+    /// Benchmark run with the first `count` environments of a scene, in their states after the scene's warm-up steps.
     pub fn new(scene: &Scene, count: usize, level: Level) -> Self {
         let simulation = Episode::new(scene, 0, count, Precision::F64, level).into_simulation();
         let model = simulation.model();

@@ -45,7 +45,7 @@ impl Episode {
         Self { simulation, start, calls: (begin..begin + CALLS).map(call).collect() }
     }
 
-    /// Run with all environments of a recording, stepped on the calling thread.
+    /// Benchmark run with all environments of a recording, which the calling thread steps.
     ///
     /// # Errors
     /// Those of [`Replay::simulation`].
@@ -53,7 +53,7 @@ impl Episode {
         Ok(Self { simulation: replay.simulation()?, start: replay.start.clone(), calls: replay.calls.clone() })
     }
 
-    /// Run with a single environment of this batch. Its steps equal those in the batch bit for bit.
+    /// Copy of the benchmark run with only the environment `env`. Its states equal those of this environment in the batch bit for bit.
     ///
     /// # Errors
     /// Those of [`Simulation::new`].
@@ -78,28 +78,30 @@ impl Episode {
         now.into_iter().eq(configurations.iter().map(|x| x.to_bits()))
     }
 
-    /// Simulation of the batch, in its current state.
+    /// Batch of environments of the benchmark run, in its current state.
     pub fn simulation(&self) -> &Simulation {
         &self.simulation
     }
 
-    /// Simulation of the batch, for steps that are not part of the run.
+    /// Mutable batch of environments, for steps that are not part of the benchmark run.
     pub fn simulation_mut(&mut self) -> &mut Simulation {
         &mut self.simulation
     }
 
-    /// Simulation of the batch, without the calls of the run.
+    /// Converts the benchmark run to its batch of environments, in the current state.
     pub fn into_simulation(self) -> Simulation {
         self.simulation
     }
 
-    /// Returns the run with a [`Recorder`] in all its later steps.
+    /// Returns the benchmark run, changed so that a [`Recorder`] measures the parts of all later steps.
     pub fn probe(mut self) -> Self {
         self.simulation.set_workers(&WorkerMakers { f64: recorded::<f64>, f32: recorded::<f32> });
         self
     }
 
-    /// Returns the run of a single environment with a [`Recorder`] and [`Counted`] numbers in all its later steps.
+    /// Returns the benchmark run of a single environment, changed so that later steps count their arithmetic operations.
+    ///
+    /// The steps compute with [`Counted`] numbers, and a [`Recorder`] assigns the counts to the parts of the step.
     ///
     /// # Panics
     /// With several environments, because an operation on all lanes counts once.
@@ -109,10 +111,10 @@ impl Episode {
         self
     }
 
-    /// Records all calls of the run with a meter, and returns the sum of their recordings.
+    /// Records all calls of `step` in the benchmark run with a meter, and returns the sum of their recordings.
     ///
-    /// The run is repeated `rounds` times, with the same steps bit for bit. For each call, the recording with the smallest
-    /// [`Recording::sum`] counts, such as the one with the smallest time.
+    /// The function repeats the run `rounds` times, with the same steps bit for bit. Of the recordings of a call it uses the one with the
+    /// smallest [`Recording::sum`], which is the fastest repetition if the meter measures time.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut least: Vec<Option<Recording>> = vec![None; self.calls.len()];
         for _ in 0..rounds {
@@ -192,17 +194,20 @@ pub fn single(scene: &Scene) -> InTurn<Episode> {
 }
 
 impl InTurn<Episode> {
-    /// Returns the runs with a [`Recorder`] in each.
+    /// Returns the benchmark runs, changed so that a [`Recorder`] measures the parts of all later steps.
     pub fn probe(self) -> Self {
         Self(self.0.into_iter().map(Episode::probe).collect())
     }
 
-    /// Returns the runs with a [`Recorder`] and [`Counted`] numbers in each.
+    /// Returns the benchmark runs, changed so that later steps count their arithmetic operations.
+    ///
+    /// The steps compute with [`Counted`] numbers, and a [`Recorder`] assigns the counts to the parts of the step.
     pub fn probe_operations(self) -> Self {
         Self(self.0.into_iter().map(Episode::probe_operations).collect())
     }
 
-    /// Mean recording per environment step of all runs, each recorded by [`Episode::record`] with `rounds` rounds.
+    /// Records each run by [`Episode::record`] with `rounds` repetitions. Returns the sum of the recordings, divided by the total number of
+    /// environment steps.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut mean = Recording::default();
         let weight = 1.0 / self.environment_steps() as f64;
@@ -211,7 +216,7 @@ impl InTurn<Episode> {
     }
 }
 
-/// Run with the first 64 environments of a scene in SIMD lanes.
+/// Benchmark run of the first 64 environments of a scene as one batch, in SIMD lanes.
 pub fn lanes(scene: &Scene, precision: Precision, level: Level) -> Episode {
     Episode::new(scene, 0, 64, precision, level)
 }

@@ -1,4 +1,4 @@
-//! Times of the parts of a step in SIMD lanes, and the least times of their operations.
+//! Times of the parts of a step in SIMD lanes, compared with the times that their arithmetic would take at the peak rates of the core.
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Number of environments whose operations are counted. They are spread evenly over the batch.
 const COUNTED: usize = 8;
 
-/// Mean times and counters of the steps of a recorded episode, per environment step.
+/// Mean times of the parts of a step, and mean numbers of events (such as contacts) in a step, over a recorded episode.
 #[derive(Clone, Debug, Serialize)]
 pub struct Anatomy {
     /// Name of the recorded episode.
@@ -31,13 +31,13 @@ pub struct Anatomy {
     pub num_envs: usize,
     /// Time of the whole step without a probe, median of the rounds, us.
     pub micros: f64,
-    /// Least time of the operations of a step at the rates of the core, us.
+    /// Floor of the step: time that its arithmetic operations would take at the measured peak rates of the core, us.
     pub floor: f64,
     /// Whether the final configurations equal those of the recording bit for bit.
     pub reproduced: bool,
     /// Times of the parts of a step.
     pub parts: Vec<Part>,
-    /// Counters of a step.
+    /// Mean numbers of events in a step, such as contacts and solver iterations.
     pub counts: Vec<Count>,
 }
 
@@ -46,29 +46,30 @@ pub struct Anatomy {
 pub struct Part {
     /// Name of the part.
     pub name: &'static str,
-    /// Number of times per step that a group of environments in SIMD lanes enters the part.
+    /// Mean number of times that a SIMD group of environments runs the part in one step.
     pub times: f64,
     /// Time of the part in a step, us: the processor time of the whole step, times the share of the part in the recorded times.
     ///
     /// The steps are repeated in several rounds. The recorded times of each call of `step` are those of its fastest round.
     pub micros: f64,
-    /// Least time of the operations of the part, us. Scalar operations, as in hulls and Newton's method, are not included.
+    /// Floor of the part: time that its arithmetic operations would take at the measured peak rates of the core, us. Scalar operations,
+    /// such as those of convex hulls and Newton's method, are not included.
     pub floor: f64,
 }
 
-/// Mean of a counter in a step.
+/// Mean number of events of one kind in a step, such as contacts or solver iterations.
 #[derive(Clone, Debug, Serialize)]
 pub struct Count {
-    /// Name of the counter.
+    /// Name of the kind of events.
     pub name: &'static str,
-    /// Whether the counter is per group of environments in SIMD lanes instead of per environment.
+    /// Whether the mean is per step of a SIMD group of environments. Otherwise it is per step of one environment.
     pub shared: bool,
-    /// Mean number in a step.
+    /// Mean number of these events in a step.
     pub mean: f64,
 }
 
 impl Anatomy {
-    /// Measures the times and counters of a recording, by repeating its steps.
+    /// Measures the times of a step's parts and counts events such as contacts, by repeating the steps of a recording.
     ///
     /// # Errors
     /// Those of [`Episode::recorded`].

@@ -1,4 +1,5 @@
-//! Probe of the step that records readings of a meter for each part of the step. Meters count nanoseconds, operations or instructions.
+//! Instrumentation of the simulation step: records, for each part of the step, how much a meter increases during this part. A meter
+//! counts nanoseconds, operations or instructions.
 
 use std::cell::RefCell;
 use std::hint::black_box;
@@ -17,20 +18,21 @@ const COUNTERS: usize = Counter::ALL.len();
 /// until then, or `None` outside all spans.
 pub type Meter = fn(Option<Span>) -> [u64; READINGS];
 
-/// Probe that adds the meter readings and counters of a step to the recording in progress on its thread.
+/// Instrumentation of a step (a probe): adds the meter readings of the step's parts, and numbers of events such as contacts, to the
+/// recording in progress on its thread.
 ///
 /// Without a recording in progress it does nothing. It has no fields, so that passing it by value costs nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recorder;
 
-/// Recorded meter readings and counters of the parts of a step.
+/// Recorded meter readings of the parts of one or more steps, and numbers of counted events such as contacts.
 #[derive(Clone, Debug)]
 pub struct Recording {
     /// Record of each span (instrumented part of the step), in the order of [`Span::ALL`].
     pub spans: [Row; SPANS],
     /// Record of the work outside all spans.
     pub unaccounted: Row,
-    /// Sum of each counter, in the order of [`Counter::ALL`].
+    /// Number of events of each kind, such as contacts, in the order of [`Counter::ALL`].
     pub counters: [f64; COUNTERS],
 }
 
@@ -62,21 +64,21 @@ impl Recording {
         spans.chain([("unaccounted", self.unaccounted)])
     }
 
-    /// Sum over all parts of the first number of the readings. With the meter [`nanoseconds`] it is the total time, ns.
+    /// First number of the meter readings, summed over all parts of the step. With the meter [`nanoseconds`] the sum is the total time, ns.
     pub fn sum(&self) -> f64 {
         self.rows().map(|(_, row)| row.readings[0]).sum()
     }
 
-    /// Mean of a counter per step.
+    /// Mean number of events of the kind `counter` in a step.
     ///
-    /// For a counter that the environments of a SIMD group share, it is the mean over steps of a group. Other counters are returned as they
-    /// are: the recording must already have been divided by the number of environment steps, with [`Recording::add`].
+    /// Events that all environments of a SIMD group share are divided by the number of group steps. Other numbers are returned unchanged.
+    /// Divide the recording by the number of environment steps before, with the weight of [`Recording::add`].
     pub fn mean(&self, counter: Counter) -> f64 {
         let steps = if counter.is_shared() { self.counters[Counter::GroupSteps as usize] } else { 1.0 };
         self.counters[counter as usize] / steps
     }
 
-    /// Adds another recording, multiplied by `weight`.
+    /// Adds all numbers of another recording to this recording, multiplied by `weight`.
     pub fn add(&mut self, other: &Self, weight: f64) {
         let rows = self.spans.iter_mut().chain([&mut self.unaccounted]);
         for (sum, row) in rows.zip(other.spans.iter().chain([&other.unaccounted])) {
@@ -87,7 +89,7 @@ impl Recording {
         self.counters.iter_mut().zip(other.counters).for_each(|(sum, x)| *sum += weight * x);
     }
 
-    /// Subtracts the cost of the probe from the first number of all readings.
+    /// Subtracts the cost of the instrumentation (the probe) from the first number of the meter readings of each part.
     ///
     /// `inside` is the cost that each span adds to its own reading, and `outside` is the cost that it adds to the part around it.
     pub fn subtract_probe(&mut self, [inside, outside]: [f64; 2]) {

@@ -15,7 +15,7 @@ use crate::npz::{Array, Npz};
 
 /// Version of the recording format that this program reads.
 const FORMAT: u32 = 4;
-/// Names of the kinds of rows (calls) in a recording. Its files have the index of the name.
+/// Names of the kinds of calls in a recording. The files of a recording store each kind as its index in this array.
 const KINDS: [&str; 6] = ["start", "step", "reset", "set_state", "applied", "randomize"];
 
 /// Recording of a batch: model, options, initial state and calls.
@@ -41,16 +41,16 @@ pub struct Replay {
 /// Recorded call on a batch of environments. The environments are the first axis of all arrays.
 #[derive(Clone, Debug)]
 pub enum Call {
-    /// Call of `step` with constant controls.
+    /// Recorded call of `Stepper.step`, whose controls are constant for all its steps.
     Step {
         /// Controls, (num_envs, nu).
         ctrl: Vec<f64>,
         /// Number of steps of the call.
         nstep: usize,
     },
-    /// New values of applied inputs, such as external forces, for all environments.
+    /// Recorded change of inputs that stay applied, such as external forces: new values for all environments.
     Apply(Vec<(AppliedInput, Vec<f64>)>),
-    /// Reset of some environments.
+    /// Recorded reset of some environments to given or default states.
     Reset {
         /// Indices of the environments, ascending.
         envs: Vec<usize>,
@@ -62,7 +62,7 @@ pub enum Call {
 }
 
 impl Call {
-    /// Repeats the call on a batch.
+    /// Repeats the recorded call on a batch of environments.
     ///
     /// # Errors
     /// If the call does not fit the batch.
@@ -77,7 +77,7 @@ impl Call {
         }
     }
 
-    /// Call for a batch that has only the environment `env` of the recorded batch of `num_envs` environments.
+    /// Copy of the call for a single environment: keeps only the inputs of environment `env` of the `num_envs` recorded environments.
     pub fn of_one(&self, env: usize, num_envs: usize) -> Self {
         let part = |all: &Vec<f64>| {
             let size = all.len() / num_envs;
@@ -93,14 +93,14 @@ impl Call {
         }
     }
 
-    /// Number of steps that the call makes.
+    /// Number of simulation steps of the recorded call; 0 for calls other than `step`.
     pub fn steps(&self) -> usize {
         if let Self::Step { nstep, .. } = self { *nstep } else { 0 }
     }
 }
 
 impl Replay {
-    /// Recording from its folder.
+    /// Reads a recording from its folder.
     ///
     /// # Errors
     /// If the recording cannot be read, was not closed, or cannot be repeated by this program. It cannot repeat models of sensors or
@@ -157,7 +157,7 @@ impl Replay {
         })
     }
 
-    /// Batch in the initial state of the recording, stepped on the calling thread.
+    /// Creates a batch of environments in the initial state of the recording. The calling thread steps the batch.
     ///
     /// # Errors
     /// Those of [`Simulation::new`], and if the state belongs to another batch.
@@ -202,14 +202,14 @@ impl Header {
     }
 }
 
-/// Entry of a recording's data file in run.json.
+/// Element of the list `files` in run.json: name of a data file, and the number of recorded steps in the file.
 #[derive(Deserialize)]
 struct Entry {
     name: String,
     steps: usize,
 }
 
-/// Serde description of `stepper.Options` as in run.json.
+/// Fields of `stepper.Options` in the JSON file run.json, from which serde reads [`Options`].
 #[derive(Deserialize)]
 #[serde(remote = "Options")]
 struct PythonOptions {
@@ -231,7 +231,7 @@ struct PythonOptions {
     max_contacts: Option<u32>,
 }
 
-/// Serde description of [`ContactLaw`] with the names in Python.
+/// Contact laws by their Python names in run.json, from which serde reads a [`ContactLaw`].
 #[derive(Deserialize)]
 #[serde(remote = "ContactLaw", rename_all = "lowercase")]
 enum ContactLawName {
@@ -247,7 +247,7 @@ fn integrator<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Integrator>, 
     found.map(Some).ok_or_else(|| D::Error::custom(format!("integrator {name}, which this program does not have")))
 }
 
-/// Serde description of [`Solver`] with the names in Python.
+/// Solvers by their Python names in run.json, from which serde reads a [`Solver`].
 #[derive(Deserialize)]
 #[serde(remote = "Solver", rename_all = "lowercase")]
 enum SolverName {
@@ -256,7 +256,7 @@ enum SolverName {
     Newton,
 }
 
-/// Serde description of [`Stabilization`] with the names in Python.
+/// Stabilization methods by their Python names in run.json, from which serde reads a [`Stabilization`].
 #[derive(Deserialize)]
 #[serde(remote = "Stabilization", rename_all = "lowercase")]
 enum StabilizationName {

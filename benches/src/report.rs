@@ -64,7 +64,7 @@ pub struct Row {
     pub name: String,
     /// Median processor time per environment step, us.
     pub micros: f64,
-    /// Speed relative to the first row.
+    /// Speed of this row divided by the speed of the first row of its group.
     pub ratio: f64,
     /// Errors of the engine in the scene, if they were measured.
     pub errors: Option<[f64; 2]>,
@@ -95,8 +95,10 @@ impl Report {
         ))
     }
 
-    /// Prints the tables of the report. Each ratio is followed by its value in `before`, if there is one. Ratios that decreased by more
-    /// than [`SLOWER`] are marked.
+    /// Prints the tables of the report.
+    ///
+    /// `before` is an earlier report. If it has the same ratio, the table shows the earlier value after the new one, and marks the ratio
+    /// if it has decreased by more than [`SLOWER`].
     pub fn print(&self, before: Option<&Self>) {
         let m = &self.machine;
         println!("{}, {} cores, one used; levels {}; {}; commit {}", m.cpu, m.cores, m.levels.join(", "), m.rustc, m.commit);

@@ -28,17 +28,17 @@ impl Scene {
         vec![Self::humanoid(), Self::ant(), Self::chain(5), Self::chain(20)]
     }
 
-    /// Scene with [`humanoid`].
+    /// Scene with the robot of [`humanoid`].
     pub fn humanoid() -> Self {
         Self { name: "humanoid", model: humanoid(), warm_up: 300 }
     }
 
-    /// Scene with [`ant`].
+    /// Scene with the robot of [`ant`].
     pub fn ant() -> Self {
         Self { name: "ant", model: ant(), warm_up: 100 }
     }
 
-    /// Scene with [`chain`].
+    /// Scene with the hanging chain of [`chain`], which has the given number of links.
     pub fn chain(links: usize) -> Self {
         let name = if links == 5 { "chain-5" } else { "chain-20" };
         Self { name, model: chain(links), warm_up: 0 }

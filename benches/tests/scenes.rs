@@ -58,7 +58,7 @@ fn without_control_the_ant_stands_and_the_humanoid_collapses() {
     }
 }
 
-/// Mean counts over a thousand steps and all environments.
+/// Statistics of a thousand steps of all environments: mean numbers and heights, the largest residual, and all status flags.
 #[derive(Debug, Default)]
 struct Tally {
     contacts: f64,

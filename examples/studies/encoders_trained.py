@@ -1,4 +1,6 @@
-"""Study of encoders.py with a policy that was trained on encoders with noise, drift and delay.
+"""Study of a policy that balances a double pendulum, and that was trained on encoders with noise, drift and delay.
+
+The study is that of encoders.py, except for the policy.
 
 Usage:
 

@@ -79,7 +79,7 @@ def scene() -> Any:
 
 
 def reach(model: Any, place: Any, begin: Any, close: float = 0.0) -> Any:
-    """Joint angles (7,) of the arm with the fingers at a position, pointing down.
+    """Joint angles (7,), rad, with which the arm holds the fingers at the position `place`, (3,), m, pointing down.
 
     Inverse kinematics by damped least squares from the angles `begin`, until the error (m, rad) is below `close`.
     """
@@ -104,7 +104,7 @@ def reach(model: Any, place: Any, begin: Any, close: float = 0.0) -> Any:
 
 
 def way(time: float) -> tuple[int, float]:
-    """Index of the current segment between two waypoints at a time, s, and the finished fraction of its path.
+    """Progress of the scripted motion at a time, s: index of the current segment between two waypoints, and its finished fraction.
 
     Each segment begins and ends at rest.
     """
@@ -124,12 +124,12 @@ class Pick:
             self.angles.append(ready)
 
     def arm(self, time: float) -> Any:
-        """Joint angles at a time, (7,)."""
+        """Joint angles of the arm on the scripted motion at a time, s: (7,), rad."""
         k, done = way(time)
         return self.angles[k] + done * (self.angles[k + 1] - self.angles[k])
 
     def __call__(self, now: Any) -> Any:
-        """Servo targets of seven joints and two fingers, (9,)."""
+        """Servo targets at the present time, (9,): angles of seven joints (rad) and positions of two fingers (m)."""
         closed = now.time[0] >= TIMES[2]
         return np.array([*self.arm(now.time[0]), *((0.0, 0.0) if closed else (0.04, -0.04))])
 

@@ -31,7 +31,7 @@ class Scripted:
         self._aside = now.read("sensordata", "cube")[:, [1, 0]].copy()
 
     def __call__(self, now: Any) -> Any:
-        """Servo targets of seven joints and two fingers, (n, 9)."""
+        """Servo targets by the script for n environments, (n, 9): angles of seven joints (rad) and positions of two fingers (m)."""
         k, done = panda.way(now.time[0])
         height = panda.HALF + panda.HEIGHTS[k] + done * (panda.HEIGHTS[k + 1] - panda.HEIGHTS[k])
         place = self._hand + (done if k == 0 else 1.0) * self._aside

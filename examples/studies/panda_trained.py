@@ -40,7 +40,7 @@ class Trained:
         self._target, self._closed = now.read("sensordata", "hand").copy(), np.zeros(now.num_envs)
 
     def __call__(self, now: Any) -> Any:
-        """Servo targets of seven joints and two fingers, (n, 9)."""
+        """Servo targets by the policy for n environments, (n, 9): angles of seven joints (rad) and positions of two fingers (m)."""
         action = self.policy(hand.seen(now.sensordata, self._target, self._closed))
         self._target, self._closed = hand.moved(self._target, action), (action[:, 3] > 0.0).astype(float)
         return hand.controls(self._target, self._closed)

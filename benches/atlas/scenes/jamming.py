@@ -225,7 +225,10 @@ def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], fact
 
 
 def pinch_holds(*case: float | str | None):
-    """Function that measures scene 31, a pinch grasp with 1.01 of the required force: slip speed, m/s. `case` is an entry of `PINCHES`."""
+    """Function that measures scene 31, a pinch grasp with 1.01 of the required finger force: slip speed, m/s.
+
+    The arguments are friction, shape of the object ("cube" or "ball"), and iterations of the solver (None: the default).
+    """
 
     def measure(engine: Engine, dt: float) -> float:
         return _lifted(engine, dt, case, 1.01)[0] / 0.25
@@ -234,9 +237,11 @@ def pinch_holds(*case: float | str | None):
 
 
 def pinch_slips(*case: float | str | None):
-    """Function that measures scene 31, a pinch grasp with 0.99 of the required force. `case` is an entry of `PINCHES`.
+    """Function that measures scene 31, a pinch grasp with 0.99 of the required finger force.
 
-    It returns the relative error of the slip acceleration, which must be 0.01 (g + a), with the upward acceleration a of the hand.
+    The arguments are friction, shape of the object ("cube" or "ball"), and iterations of the solver (None: the default).
+
+    The function returns the relative error of the slip acceleration, which must be 0.01 (g + a). Here a is the hand's upward acceleration.
     """
 
     def measure(engine: Engine, dt: float) -> float:

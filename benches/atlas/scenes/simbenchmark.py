@@ -1,8 +1,9 @@
 """Scenes S1 to S7: the public tests of SimBenchmark.
 
-They are rolling (S1), bouncing (S2), a falling cube of 6 x 6 x 6 spheres ("666", S3) and an elastic one (S4). For a quadruped, they are
-momentum (S5), energy (S6) and standing (S7). The scenes use the parameters in github.com/leggedrobotics/SimBenchmark (benchmark/include,
-benchmark/res/yaml), without its code. Errors are defined as in SimBenchmark: mean squares over all steps.
+S1 and S2 are rolling and bouncing bodies, S3 is a falling cube of 6 x 6 x 6 spheres ("666"), and S4 the same cube with elastic spheres.
+S5 to S7 test the momentum, the energy and the standing of a quadruped. The scenes use the parameters in
+github.com/leggedrobotics/SimBenchmark (benchmark/include, benchmark/res/yaml), without its code. Errors are defined as in
+SimBenchmark: mean squares over all steps.
 """
 
 from __future__ import annotations

@@ -13,7 +13,10 @@ from many_contacts.scene import Phase, Scene, Script, still, turned, uncontrolle
 from many_contacts.scenes import unitree
 
 FALL, SETTLE, LIE = 800, 40, 200
-"""Numbers of steps in which humanoids fall, settle in each engine, and lie."""
+"""Numbers of steps.
+
+In the first steps the humanoids fall. In the next ones they settle on the floor in each engine, and in the last ones they lie there.
+"""
 STIFFER = 20.0
 """Factor on mjlab's servo gains. With mjlab's gains the robot would fall without a policy."""
 SOLE = (0.093, 0.026, 0.01)

@@ -1,8 +1,8 @@
 """Scenes with the Shadow hand of gymnasium-robotics, a block or a pen, and random actions of HandManipulateBlock and HandManipulatePen.
 
 The models are those of gymnasium-robotics 1.4.2. An action is a random target in the range of each actuator, for 20 steps of 2 ms
-(`shadow_dexterous_hand/hand_env.py`). The object starts above the palm; a block has a random orientation. It is reset there after it has
-fallen off (`manipulate.py`: below 4 cm).
+(`shadow_dexterous_hand/hand_env.py`). The object starts above the palm; a block has a random orientation. An object
+that has fallen off the hand (below 4 cm, as in `manipulate.py`) is put above the palm again.
 """
 
 from __future__ import annotations

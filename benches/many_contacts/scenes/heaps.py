@@ -18,7 +18,10 @@ BIN = 0.22
 DENSITY = 500.0
 """Density of boxes and bricks, that of wood, kg/m^3."""
 FALL, SETTLE, LIE = 600, 60, 100
-"""Numbers of steps of 2 ms of the fall, of settling in each engine, and of lying."""
+"""Numbers of steps of 2 ms.
+
+In the first steps the boxes fall. In the next ones they settle in each engine, and in the last ones they lie at rest.
+"""
 BRICK, JOINT = np.array([0.1, 0.05, 0.03]), 0.004
 """Half sizes of a brick, m, and gap between bricks of a course, m."""
 COURSES, LENGTH = 5, 3

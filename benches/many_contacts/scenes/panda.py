@@ -28,7 +28,7 @@ BASE, TABLE, CUBE = (-0.56, 0.0, 0.912), 0.8, 0.021
 """Position of the robot, height of the table top, and half size of the cube, m."""
 OPEN, CLOSED = (0.04, -0.04), (0.0, 0.0)
 ABOVE, ASIDE = 0.12, 0.15
-"""Height of the lift, and distance of the transport, m."""
+"""Height to which the hand lifts the cube, and horizontal distance over which it carries the cube, m."""
 HOLD = 5
 """Number of steps per target, 10 ms."""
 HELD = ("cube", "leftfinger")

@@ -22,7 +22,7 @@ from many_contacts.assets import Assets
 from many_contacts.scene import Array, Phase, Scene, Script
 
 HOLD = 4
-"""Number of steps for which an action is held."""
+"""Number of time steps for which the robot's action stays the same."""
 STEPS = 300
 WALKING = (6.0, 10.0)
 """Target speedups of walkers, in f64 and f32."""
@@ -219,7 +219,13 @@ def fallen(qpos: Array) -> NDArray[np.bool_]:
 
 
 def _scene(name: str, walker: Walker, about: str) -> Scene:
-    """Scene with a walking robot."""
+    """Scene with a robot of mjlab's walking tasks.
+
+    Args:
+        name: Name of the scene.
+        walker: The robot.
+        about: Description of the scene for the page of results.
+    """
     return Scene(
         name,
         about,

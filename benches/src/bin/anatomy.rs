@@ -23,7 +23,7 @@ use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
 
 /// Number of repeats of each measurement. For parts of a step, the smallest time counts, and for whole steps the median.
 const ROUNDS: usize = 15;
-/// Smallest floor of a part that the tables show, us. Smaller values are shown as empty cells.
+/// Smallest floor (least time of the arithmetic) of a part of the step that the tables show, us. Smaller values give empty cells.
 const WORTH_A_CELL: f64 = 5e-4;
 /// Number of steps without control after which a humanoid lies on the floor.
 const FALL: usize = 200;
@@ -78,7 +78,8 @@ fn humanoid(level: Level) {
 
 /// Measures the recorded episodes in `folders`, and prints a table of the step's parts for each episode, and a table of all episodes.
 ///
-/// Recordings in f64 and f32 of one episode share a table. `json` is a file for the results.
+/// Recordings of one episode in f64 and in f32 share a table. `json` is the JSON file to which the results are written; `None` writes no
+/// file.
 fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<(), String> {
     pin();
     let (mut found, mut refused): (Vec<Anatomy>, Vec<String>) = (vec![], vec![]);
@@ -120,7 +121,8 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
     if refused.is_empty() { Ok(()) } else { Err(refused.join("\n")) }
 }
 
-/// Prints the times of a step's parts, and the counters, with a column for each element of `columns`, one per precision.
+/// Prints two tables of an episode: times of the step's parts, and numbers of events such as contacts. `columns` has the measurements in
+/// each precision.
 fn parts(columns: &[Anatomy]) {
     let line = |first: &str, cells: &dyn Fn(&Anatomy) -> String| {
         let cells: Vec<String> = columns.iter().map(cells).collect();
@@ -184,16 +186,19 @@ fn stages(scene: &Scene, level: Level) {
     counters(&columns);
 }
 
-/// Prints a table row of a part of the step in three lane types. `times` is the text of the number of entries into the part.
+/// Prints a table row with the times of one part of the step in three lane types, in us and in per cent of the whole step.
 ///
-/// `cells` are times per step in ns, printed in us and in per cent of `sums`, the times of all parts.
+/// `times` is the text of the number of times that the part runs per step. `cells` are the times of the part per step, ns, and `sums` the
+/// times of all parts together, ns.
 fn print(name: &str, times: &str, cells: [f64; 3], sums: [f64; 3]) {
     let [a, b, c] = cells.map(|x| 1e-3 * x);
     let [p, q, r] = [0, 1, 2].map(|k| 100.0 * cells[k] / sums[k]);
     println!("| {name} | {times} | {a:.3} | {p:.1} | {b:.4} | {q:.1} | {c:.4} | {r:.1} | {:.1} |", a / b);
 }
 
-/// Prints the counters of a step for three lane types. Each counter is per environment or per group of environments in SIMD lanes.
+/// Prints a table of the mean numbers of events in a step, such as contacts, for three lane types.
+///
+/// A table row counts either per environment or per SIMD group of environments.
 fn counters(columns: &[Recording; 3]) {
     println!("| number in a step | of | f64 | f64 lanes | f32 lanes |\n|---|---|---|---|---|");
     for counter in Counter::ALL.iter().filter(|&&counter| counter != Counter::GroupSteps) {
@@ -203,7 +208,8 @@ fn counters(columns: &[Recording; 3]) {
     println!();
 }
 
-/// Prints the floor of a step in the scene: the operations of each part, and their least time at the measured rates of the core.
+/// Prints a table of the floor of a step in the scene: numbers of arithmetic operations in each part of the step, and the time that they
+/// would take at the measured peak rates of the core.
 fn floor(scene: &Scene, level: Level) {
     let found = single(scene).probe_operations().record(operations, 1);
     let rates = Rates::measure(Precision::F64, level);
@@ -243,8 +249,9 @@ fn simulation(model: &Arc<Model>, num_envs: usize, precision: Precision, threads
     Simulation::at_level(model.clone(), options, Some(num_envs), precision, threads, level)
 }
 
-/// Time of an environment step from the current state, us. It is the fastest of [`ROUNDS`] runs of `calls` steps, and the state is
-/// restored.
+/// Time per environment step, us, in the fastest of [`ROUNDS`] runs of `calls` steps from the current state.
+///
+/// `clock` is the function that reads the time. At the end, the simulation is in its initial state again.
 fn cost(simulation: &mut Simulation, calls: usize, clock: impl Fn() -> Duration) -> f64 {
     let (steps, state) = (calls * simulation.num_envs(), simulation.save_state());
     let mut fastest = Duration::MAX;

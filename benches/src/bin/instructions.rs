@@ -41,7 +41,7 @@ const GREW: f64 = 0.01;
 struct Counts {
     rustc: String,
     arch: String,
-    /// CPU level of the work with a single environment. It is the best level that valgrind supports, so not AVX-512.
+    /// CPU level (such as AVX2) with which single environments are stepped: the best level that valgrind supports, so not AVX-512.
     level: String,
     instructions: BTreeMap<String, f64>,
 }
@@ -108,8 +108,10 @@ fn print(found: &Counts, before: Option<&Counts>) -> usize {
     grew
 }
 
-/// Instruction counts of all work, per environment step. The function runs this program under callgrind, which writes its counters to a
-/// file at each request.
+/// Counts the instructions per environment step of all measured work, by name.
+///
+/// The function starts this program again under callgrind. That process makes callgrind write its instruction counters to a file after
+/// each piece of work, and this function reads the file.
 fn count() -> Result<Counts, String> {
     let folder = std::env::temp_dir().join(format!("stepper-instructions-{}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -163,8 +165,9 @@ fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
     Ok(sums)
 }
 
-/// Requests callgrind to write the instruction counts since the last request to its file, under the given name. Without valgrind the
-/// function does nothing.
+/// Makes callgrind write the number of instructions since the previous call of this function to callgrind's output file, with a name.
+///
+/// Without valgrind the function does nothing.
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
 fn write_down(name: &CStr) {
     /// Request code CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the letters of the tool, and the number of the request.
@@ -190,8 +193,8 @@ fn write_down(_: &CStr) {}
 
 /// Runs all work whose instructions callgrind counts.
 ///
-/// The function prints the CPU level, and then a line for each count: numbers of environment steps, of entries of the part and of spans
-/// inside the part, and the name.
+/// The function first prints the CPU level. It then prints a line for each instruction count: number of environment steps, number of
+/// times that the counted part of the step ran, number of instrumented parts inside it, and name of the count.
 fn work() {
     let level = *Level::available().last().expect("the baseline is always available");
     println!("{level}");

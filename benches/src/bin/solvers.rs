@@ -65,7 +65,7 @@ const MEANING: &str = "
 
 type Method = fn(&Problem<f64>, &mut Iterate<f64>) -> (f64, f64);
 
-/// Table cell of a solver on a problem: "iterations / ms", or the residual if the tolerance was not reached.
+/// Table cell with the result of a solver on a problem: "iterations / ms", or the residual if the solver did not reach the tolerance.
 fn cell(heap: &Heap, method: Method) -> String {
     let (problem, cold) = heap.problem();
     let mut best = f64::INFINITY;

@@ -178,9 +178,10 @@ fn best_level() -> Level {
     *Level::available().last().expect("some level is always available")
 }
 
-/// Reference solution of a scene: right final positions of the bodies, m. Empty for [`Course::Heap`], which needs no reference.
+/// Reference solution of a scene, from which errors are measured: final positions of the bodies, m, exact or from small time steps.
 ///
-/// For [`Course::Balls`] it has the right accelerations of plate and balls instead, m/s^2.
+/// For [`Course::Balls`] it has the exact accelerations of plate and balls instead, m/s^2. [`Course::Heap`] has no reference solution:
+/// the result is empty.
 pub fn answer(course: Course) -> Vec<[f64; 3]> {
     match course {
         Course::Chain(_) => {
@@ -195,7 +196,9 @@ pub fn answer(course: Course) -> Vec<[f64; 3]> {
     }
 }
 
-/// Runs the engine once in a scene, and returns its two errors, which [`Course::measures`] names. `answer` is the result of [`answer`].
+/// Runs the engine once in a scene, and returns its two errors. [`Course::measures`] has the names of these errors.
+///
+/// The argument `answer` is the reference solution, as the function [`answer`] returns it.
 pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [f64; 2] {
     engine.rewind();
     let steps = engine.steps();

@@ -1,6 +1,6 @@
 """Speed of the adapters to other libraries, compared with the vector environment that they wrap.
 
-The first table has environment steps per second with random actions, on one core. The adapters take turns; figures are medians over rounds.
+The first table has environment steps per second with random actions, on one core. The adapters take turns; speeds are medians over rounds.
 Libraries that are not installed are skipped; `make adapters` installs them. The second table shows the time that overlapping saves on two
 cores: a policy acts on one core while environments step on the other.
 

@@ -1,7 +1,7 @@
 """Cost of drives: step time of a humanoid with a drive on each actuator, divided by the step time without drives.
 
-Calls with and without drives alternate, and figures are medians over calls. The step time depends on the motion, so all variants start each
-call from the same states. These states come from a run without drives, under random control.
+Calls with and without drives alternate, and the reported times are medians over calls. The step time depends on the motion, so all
+variants start each call from the same states. These states come from a run without drives, under random control.
 
     taskset -c 1 python benches/drives.py
 """

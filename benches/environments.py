@@ -7,7 +7,7 @@ All engines run the same tasks with random actions, Gymnasium's default autorese
 * Gymnasium's environments in a `SyncVectorEnv`, with few environments, as its speed does not depend on their number;
 * stepper's task code over `mujoco.batch`, and over mjbatch if `--mjbatch` gives a Python that has it.
 
-The engines take turns, and figures are medians of processor time, so that other load on the machine affects all of them alike.
+The engines take turns, and the results are medians of processor time, so that other load on the machine affects all of them alike.
 
     pip install envpool imageio                         # Gymnasium needs imageio; missing libraries are skipped
     python -m venv .venv-mjbatch && .venv-mjbatch/bin/pip install mjbatch gymnasium
@@ -95,7 +95,7 @@ class Contender:
             timed += 1
 
     def _step(self) -> float:
-        """Processor time of one step, s."""
+        """Step all environments once with random actions, and return the processor time, s."""
         action = self._actions[len(self._times) % len(self._actions)]
         begin = time.process_time()
         self._envs.step(action)

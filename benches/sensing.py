@@ -1,8 +1,8 @@
 """Cost of sensors: step time of humanoids with sensors, divided by the step time without sensors, as a markdown table.
 
 dm_control's humanoid has 66 readings (IMU, forces and torques at the leg joints, touch). The variant "with joints" adds position and
-velocity of all joints and an orientation. All batches get the same random controls, in turns, in one process on one core. Figures are
-medians of processor time over turns. See docs/benchmarks/components.md.
+velocity of all joints and an orientation. All batches get the same random controls, in turns, in one process on one core. The
+results are medians of processor time over turns. See docs/benchmarks/components.md.
 """
 
 from __future__ import annotations

@@ -21,7 +21,10 @@ DIVERGED, ABSENT = "#1a1a1a", "#d9d9d9"
 
 
 def _colour(row: Row) -> str | tuple[float, float, float, float]:
-    """Colour of a cell: the ratio of error to tolerance on a logarithmic scale."""
+    """Colour of a result in the figure.
+
+    It follows from the ratio of error to tolerance on a logarithmic scale, or is fixed if the run diverged or was not possible.
+    """
     if row.outcome == CANNOT:
         return ABSENT
     if not math.isfinite(row.error):

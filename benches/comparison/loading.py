@@ -6,8 +6,8 @@ stepper reads MJCF with MuJoCo's compiler, whose time is therefore included. Col
 * again: the second load of the same model in that process, where MuJoCo has cached the meshes;
 * saved: the load of a file of `Model.save` in a new process.
 
-Times are wall times, as MuJoCo's compiler has threads, with files in the page cache. Engines take turns, and figures are medians over
-turns. The robots come from the packages of benches/corpus, or from given files. See docs/benchmarks/performance.md.
+Times are wall times, as MuJoCo's compiler has threads, with files in the page cache. Engines take turns, and the results are
+medians over turns. The robots come from the packages of benches/corpus, or from given files. See docs/benchmarks/performance.md.
 """
 
 from __future__ import annotations

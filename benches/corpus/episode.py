@@ -103,7 +103,7 @@ class Limits:
         return np.maximum(beyond - self.outside, 0.0)
 
     def worst(self, excess: Array) -> tuple[float, float]:
-        """Largest entries of `excess` for hinges, rad, and for slides, m."""
+        """Largest limit violation of a hinge, rad, and of a slide, m. `excess` has the violation of each limited joint."""
         return float(excess[self.hinge].max(initial=0.0)), float(excess[~self.hinge].max(initial=0.0))
 
 

@@ -108,12 +108,12 @@ def write_markdown(path: Path, rows: Sequence[Row], notes: Mapping[str, object])
 
 
 def _line(cells: Iterable[object]) -> str:
-    """Row of a Markdown table."""
+    """Row of a Markdown table, from the contents of its cells."""
     return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |\n"
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """Markdown table."""
+    """Markdown table with headings `head`, and with the cells of each line."""
     return _line(head) + _line(["---"] * len(head)) + "".join(_line(line) for line in lines)
 
 

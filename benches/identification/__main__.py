@@ -57,7 +57,12 @@ def _own(count: int, threads: int) -> list[Row]:
 
 
 def _coloured(count: int, threads: int) -> list[Row]:
-    """Rows of the table for readings with noise that is correlated in time."""
+    """Rows of the table for readings with noise that is correlated in time.
+
+    Args:
+        count: Number of repetitions per row.
+        threads: Number of threads.
+    """
     return [
         Row(
             f"{t.scene.name}, noise of autocorrelation {COLOUR:g}", t.scene.truth, partial(t.once, t.scene.starts[0], colour=COLOUR), count
@@ -70,6 +75,10 @@ def _with_peer(count: int, threads: int) -> list[Row]:
     """Rows of the table that compares stepper with mujoco.sysid.
 
     MuJoCo simulates the motion, and both libraries identify the parameters: stepper with MuJoCo's contact law, and mujoco.sysid.
+
+    Args:
+        count: Number of repetitions per row.
+        threads: Number of threads.
     """
     rows = []
     for make in SCENES:

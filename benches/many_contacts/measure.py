@@ -220,7 +220,7 @@ def _warmed_up(scene: Scene, script: Script, model: Model, path: Path) -> Script
 
 
 def _figures(track: Track) -> dict[str, Any]:
-    """Measured numbers of one batch in one phase, by name: time, contacts, penetration and slip."""
+    """Results of one batch in one phase, as numbers by name for JSON: time, contacts, penetration and slip."""
     return {
         "microseconds": track.microseconds,
         "contacts": float(np.mean([s.contacts for s in track.samples])),
@@ -246,7 +246,12 @@ class _StateMeter:
         return self.referee.measure(batch.qpos[:MEASURED_ENVS], batch.qvel[:MEASURED_ENVS])
 
     def places(self, batch: Batch, held: tuple[str, str]) -> Array:
-        """Position of the held object in the frame of its holder, (environments, 3), m."""
+        """Positions of a held body in the frame of the holding body, in the first `MEASURED_ENVS` environments: (environments, 3), m.
+
+        Args:
+            batch: Batch of environments.
+            held: Names of the held body and of the holding body.
+        """
         body, holder = (self.model.body(name).id for name in held)
         out = []
         for qpos in batch.qpos[:MEASURED_ENVS]:
@@ -257,7 +262,7 @@ class _StateMeter:
 
 
 def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, meter: _StateMeter) -> dict[tuple[str, str], Track]:
-    """Runs a script `plan.rounds` times in all batches, which take turns of `CHUNK` steps.
+    """Simulates the episode of a script `plan.rounds` times in all batches, which take turns of `CHUNK` steps.
 
     Args:
         scene: Scene with the phases.
@@ -301,12 +306,12 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, me
 
 
 def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> float:
-    """Makes some steps of a script, and returns the time in microseconds per environment step.
+    """Steps a batch through a part of an episode. Returns the processor time per environment step, us.
 
     Args:
         batch: Environments.
-        script: Inputs of the steps.
-        steps: Indices of the steps.
+        script: Controls and other inputs of the whole episode.
+        steps: Indices of the time steps to simulate.
         phase: Name of the phase for the batch's statistics; None records none.
     """
     spent, n = 0.0, batch.num_envs

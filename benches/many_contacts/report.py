@@ -85,12 +85,12 @@ alone, and the second table the share of steps that they leave unsolved."""
 
 
 def _line(cells: Iterable[object]) -> str:
-    """Row of a Markdown table."""
+    """Row of a Markdown table, from the contents of its cells."""
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """Markdown table."""
+    """Markdown table with headings `head`, and with the cells of each line."""
     return "\n".join([_line(head), _line(["---"] * len(head)), *map(_line, lines)])
 
 
@@ -100,7 +100,7 @@ def _both(values: Iterable[object]) -> str:
 
 
 def _mm(metres: float) -> str:
-    """Text of a length in mm."""
+    """Text of a length in mm, from the length in m."""
     return f"{1e3 * metres:.2g}"
 
 

@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def _measure(source: Source, args: argparse.Namespace) -> Row:
-    """Row with the comparison of a model."""
+    """Compare one model in stepper and in MuJoCo. Returns the result as a row of the table."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -88,7 +88,13 @@ def prepare(compiled: Any) -> None:
 
 
 def states(compiled: Any, count: int, seed: int = 0) -> States:
-    """States from MuJoCo's simulation with random controls."""
+    """Collect states from MuJoCo's simulation with random controls, and simulate one step of MuJoCo from each.
+
+    Args:
+        compiled: MuJoCo's model.
+        count: Number of states.
+        seed: Seed of the random numbers.
+    """
     data, rng = mujoco.MjData(compiled), np.random.default_rng(seed)
     limited = compiled.actuator_ctrllimited[:, None].astype(bool)
     low, high = np.where(limited, compiled.actuator_ctrlrange, [-1.0, 1.0]).T

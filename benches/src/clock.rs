@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// Run to be timed, which can be repeated from the same initial state.
+/// Benchmark run: a fixed sequence of steps, which can be timed and repeated from the same initial state.
 pub trait Run {
     /// Restores the initial state. This is not timed.
     fn rewind(&mut self);

@@ -48,7 +48,7 @@ impl Episode {
     /// Benchmark run with all environments of a recording, which the calling thread steps.
     ///
     /// # Errors
-    /// Those of [`Replay::simulation`].
+    /// Returns the errors of [`Replay::simulation`].
     pub fn recorded(replay: &Replay) -> Result<Self, Error> {
         Ok(Self { simulation: replay.simulation()?, start: replay.start.clone(), calls: replay.calls.clone() })
     }
@@ -56,7 +56,7 @@ impl Episode {
     /// Copy of the benchmark run with only the environment `env`. Its states equal those of this environment in the batch bit for bit.
     ///
     /// # Errors
-    /// Those of [`Simulation::new`].
+    /// Returns the errors of [`Simulation::new`].
     pub fn of_one(&mut self, env: usize) -> Result<Self, Error> {
         self.rewind();
         let whole = &self.simulation;

@@ -63,7 +63,7 @@ impl Npz {
     /// Array with the given name. It must exist.
     ///
     /// # Errors
-    /// Those of [`Npz::get`], and if there is no such array.
+    /// Returns the errors of [`Npz::get`], and an error if there is no such array.
     pub fn array(&mut self, name: &str) -> Result<Array, String> {
         self.get(name)?.ok_or_else(|| format!("{}: {name} is missing", self.path.display()))
     }

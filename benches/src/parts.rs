@@ -72,7 +72,7 @@ impl Anatomy {
     /// Measures the times of a step's parts and counts events such as contacts, by repeating the steps of a recording.
     ///
     /// # Errors
-    /// Those of [`Episode::recorded`].
+    /// Returns the errors of [`Episode::recorded`].
     pub fn of(replay: &Replay, level: Level) -> Result<Self, Error> {
         let mut episode = Episode::recorded(replay)?;
         let first = episode.time(1);

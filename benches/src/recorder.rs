@@ -43,7 +43,7 @@ pub struct Row {
     pub times: f64,
     /// Number of spans that began directly inside this part.
     pub inner: f64,
-    /// Increase of the meter readings during the part, without the spans inside it.
+    /// Increase of the meter readings during the part, without the increase during other spans inside the part.
     pub readings: [f64; READINGS],
 }
 

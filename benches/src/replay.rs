@@ -160,7 +160,7 @@ impl Replay {
     /// Creates a batch of environments in the initial state of the recording. The calling thread steps the batch.
     ///
     /// # Errors
-    /// Those of [`Simulation::new`], and if the state belongs to another batch.
+    /// Returns the errors of [`Simulation::new`], and an error if the state belongs to another batch.
     pub fn simulation(&self) -> Result<Simulation, Error> {
         let mut simulation = Simulation::new(self.model.clone(), self.options, Some(self.num_envs), self.precision, 1)?;
         simulation.restore_state(&self.start)?;

@@ -54,7 +54,7 @@ impl Scene {
         (q, v)
     }
 
-    /// Pseudo-random controls of environment `env` in call `call`, within the control ranges of the actuators.
+    /// Pseudo-random controls of environment `env` in the call number `call` of `step`, within the control ranges of the actuators.
     pub fn action(&self, env: usize, call: usize) -> impl Iterator<Item = f64> {
         (0..self.model.nu()).map(move |i| noise((env * 7919 + call * 104_729 + i) as u64))
     }

@@ -1,6 +1,6 @@
 """Study of gymnasium-robotics' Fetch arm (`pip install --no-deps gymnasium-robotics`) and its cube with random controls.
 
-Figures are in docs/benchmarks/studies.md.
+The results are in docs/benchmarks/studies.md.
 """
 
 from __future__ import annotations

@@ -84,7 +84,10 @@ class Track:
                 self.flags[str(flag.name)] += count
 
     def figures(self) -> dict[str, Any]:
-        """Figures for JSON. Times are means over turns of the median over rounds."""
+        """Measured numbers by name, for JSON: time per environment step (us), contacts, penetration (m), flags and iterations per step.
+
+        The time is the median over rounds for each turn, averaged over turns.
+        """
         steps = max(self.env_steps, 1)
         return {
             "microseconds": float(np.mean([np.median(turn) for turn in self.times.values()])),
@@ -130,7 +133,10 @@ def _written(ground: Ground, add: Callable[[Any], None], cache: Path, out: Path)
 
 
 def script(ground: Ground, model: mujoco.MjModel, plan: Plan, seed: int = 0) -> Script:
-    """Script of an episode: actions of an untrained policy, and initial states above the ground."""
+    """Initial states and controls of an episode (a `Script`) on a ground.
+
+    The robots start above the ground, and get the random actions of an untrained policy.
+    """
     found = unitree.script(unitree.GO1, model, plan.num_envs, np.random.default_rng(seed), plan.noise)
     rng = np.random.default_rng(seed + 1)
     for qpos in (found.qpos, *(() if found.reset_qpos is None else found.reset_qpos)):
@@ -147,7 +153,7 @@ def _foothold(ground: Ground, qpos: Array) -> Array:
 
 
 def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any]:
-    """Measures the step time on a ground, and returns a row of the tables as a dictionary for JSON.
+    """Measures the step times of all engines on a ground. Returns the name of the ground and the measured numbers, for JSON.
 
     Args:
         ground: The ground.
@@ -182,7 +188,7 @@ def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[st
         actions: Initial states and actions.
         plan: Extent of the measurement.
         tracks: Measurements by name of the batch, which are extended.
-        referee: Measurement of contacts; None does not measure.
+        referee: Measurement of contacts and penetration. With None they are not measured.
     """
     for batch in batches:
         batch.begin(actions)

@@ -74,5 +74,5 @@ def _label(name: str) -> str:
 
 
 def _markdown(lines: list[list[str]]) -> str:
-    """Markdown table from a head and rows."""
+    """Markdown table from lists of cells: the first list has the headings."""
     return "\n".join("| " + " | ".join(line) + " |" for line in [lines[0], ["---"] * len(lines[0]), *lines[1:]])

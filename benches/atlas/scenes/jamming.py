@@ -183,9 +183,9 @@ PINCHES = (
 
 
 HELD = {"cube": box((0.02, 0.02, 0.02), OBJECT), "ball": ball(0.02, OBJECT)}
-"""Geoms of the objects of scene 31 by shape. A cube has four contact points per side, whose single loads statics does not determine.
+"""Geoms of the objects of scene 31 by shape. A ball has one contact point per side.
 
-A ball has one contact point per side.
+A cube has four contact points per side. Statics determines only the sum of their loads.
 """
 
 

@@ -42,7 +42,7 @@ def tension(engine: Engine, dt: float) -> float:
 
 
 def of_loose_links() -> str:
-    """MJCF of scene 13 with a chain of free bodies, each connected to the one above by an equality."""
+    """MJCF of scene 13 with a chain of free bodies. An equality constraint connects each body to the body above."""
     text, joints = "", ""
     for k in range(LINKS):
         text += f'<body name="link{k}" pos="0 0 {-LINK * k}"><freejoint/>{ROD}{WEIGHT if k == LINKS - 1 else ""}</body>'
@@ -133,7 +133,10 @@ RING = 8
 
 
 def ring() -> str:
-    """MJCF of scene 23: a ring of links of 0.2 m, a regular octagon in a vertical plane. An equality closes it at its fixed corner."""
+    """MJCF of scene 23: a ring of links of 0.2 m, a regular octagon in a vertical plane.
+
+    An equality constraint closes the ring at its fixed corner.
+    """
     turn, length = 2 * math.pi / RING, 0.2
     text = ""
     for k in range(RING):

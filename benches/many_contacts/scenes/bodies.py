@@ -29,7 +29,7 @@ def humanoid(file: str, assets: Assets) -> Any:
 
 
 def limp(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script for humanoids that fall without controls.
+    """Initial states and controls of an episode (a `Script`) for humanoids that fall without controls.
 
     They start at a height of 1 m with random orientations and random joint angles within 0.35 rad.
     """
@@ -42,7 +42,7 @@ def limp(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Scri
 
 
 def on_soles(assets: Assets) -> Any:
-    """Model of mjlab's G1, with a box instead of the seven capsules of each foot, and stiffer servos."""
+    """Model specification (`MjSpec`) of mjlab's G1, with a box instead of the seven capsules of each foot, and stiffer servos."""
     s = unitree.spec(unitree.G1, assets)
     for geom in list(s.geoms):
         if "_foot" in (geom.name or ""):
@@ -59,7 +59,7 @@ def on_soles(assets: Assets) -> Any:
 
 
 def stand(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script in which each robot holds a random pose near mjlab's home pose."""
+    """Initial states and controls of an episode (a `Script`) in which each robot holds a random pose near mjlab's home pose."""
     home = unitree.home(unitree.G1, model)
     joints = model.jnt_qposadr[model.actuator_trnid[:, 0]]
     control = home[joints] + rng.normal(scale=0.01, size=(1, num_envs, model.nu))

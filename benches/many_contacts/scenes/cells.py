@@ -26,7 +26,7 @@ HOLD = 5
 
 
 def sawyer(assets: Assets) -> Any:
-    """Model of metaworld's Sawyer arm with a drawer, as an `MjSpec` with the model's time step of 2.5 ms.
+    """Model specification (`MjSpec`) of metaworld's Sawyer arm with a drawer; the time step is 2.5 ms, as in metaworld's model.
 
     The hand is welded to a mocap body, with the same weld data as by metaworld's `reset_mocap_welds`.
     """
@@ -38,7 +38,10 @@ def sawyer(assets: Assets) -> Any:
 
 
 def open_drawer(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script in which the hand moves down to a random place along the handle, and pulls."""
+    """Initial states and controls of an episode (a `Script`) in which the hand opens the drawer.
+
+    The hand moves down to a random place along the handle, and pulls.
+    """
     target = HANDLE + BESIDE + np.concatenate([rng.uniform(-0.02, 0.02, (num_envs, 1)), np.zeros((num_envs, 2))], axis=1)
     starts, rot = still(model.qpos0, num_envs), np.zeros(9)
     mujoco.mju_quat2Mat(rot, DOWN)
@@ -68,7 +71,9 @@ STEEP = 0.9
 
 
 def aloha(assets: Assets) -> Any:
-    """Model of ALOHA's two arms with peg and socket on a table, as an `MjSpec`. A site is added between the fingers of each hand.
+    """Model specification (`MjSpec`) of ALOHA's two arms with peg and socket on a table.
+
+    A site is added between the fingers of each hand.
 
     In the package's model the joints have dry friction of 30 to 60 N m (30 N in the fingers) and no damping. MuJoCo's dry friction is soft,
     so the joints creep. The servos cannot overcome exact dry friction: the fingers press with at most 7 N. This model therefore replaces
@@ -85,7 +90,10 @@ def aloha(assets: Assets) -> Any:
 
 
 def push(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script in which the hands with closed fingers move down to peg and socket, and move randomly there."""
+    """Initial states and controls of an episode (a `Script`) in which two hands push a peg and a socket.
+
+    The hands, with closed fingers, move down to the peg and the socket, and move randomly there.
+    """
     home: Array = model.key_qpos[0].copy()
     home[[-5, -12]] = ARMS["left"][1], ARMS["right"][1]
     starts = still(home, num_envs)

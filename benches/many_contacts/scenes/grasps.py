@@ -24,7 +24,10 @@ PHASES = (Phase("grips", 150, timed=False), Phase("lifts", 250, held=HELD))
 
 
 def gripper(mass: float, _: Assets) -> Any:
-    """Model of a hand of 1 kg on a vertical slide, with two fingers on slides, and a box on the floor; friction 1."""
+    """Model specification (`MjSpec`) of a hand with two fingers, and a box on the floor; all friction coefficients are 1.
+
+    The hand has 1 kg and a vertical slide. Each finger has a horizontal slide. `mass` is the mass of the box, kg.
+    """
     pad = f'type="box" size="0.01 0.005 0.02" pos="0 {{}} {HALF}" mass="0.05"'
     finger = '<body name="{0}"><joint name="{0}" type="slide" axis="0 1 0" damping="5" armature="0.05"/><geom name="{0}" {1}/></body>'
     fingers = "".join(finger.format(name, pad.format(side * (OPEN + 0.005))) for name, side in (("left", 1), ("right", -1)))
@@ -38,7 +41,7 @@ def gripper(mass: float, _: Assets) -> Any:
 
 
 def lift(model: Any, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script in which the fingers close, and the hand rises within 0.5 s.
+    """Initial states and controls of an episode (a `Script`) in which fingers close around a box, and the hand rises within 0.5 s.
 
     The box is displaced by up to 4 mm and rotated by up to 5 degrees, at random.
     """

@@ -25,12 +25,15 @@ PHASES = (Phase("drops", 100, timed=False), Phase("turns", STEPS))
 
 
 def spec(name: str, assets: Assets) -> Any:
-    """Model of the Shadow hand with its object, by the name of the scene."""
+    """Model specification (`MjSpec`) of the Shadow hand with an object, whose `name` is "block" or "pen"."""
     return assets.spec("gymnasium-robotics", f"gymnasium_robotics/envs/assets/hand/manipulate_{name}.xml")
 
 
 def script(name: str, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script for the Shadow hand: targets in the middle of their ranges while the object drops, and random targets afterwards."""
+    """Initial states and controls of an episode (a `Script`) for the Shadow hand with a block or a pen.
+
+    The servo targets are in the middle of their ranges while the object drops onto the hand, and random afterwards.
+    """
     place = int(model.joint("object:joint").qposadr[0])
     starts = np.tile(still(model.qpos0, num_envs), (DRAWS + 1, 1, 1))
     starts[..., place : place + 3] += rng.normal(scale=0.005, size=(DRAWS + 1, num_envs, 3))

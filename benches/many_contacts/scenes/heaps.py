@@ -38,7 +38,7 @@ def parsed(text: str, timestep: float) -> Any:
 
 
 def bin_of_boxes(count: int, _: Assets) -> Any:
-    """Model of boxes of 4 to 10 cm above an open bin."""
+    """Model specification (`MjSpec`) of `count` boxes of 4 to 10 cm above an open bin."""
     rng = np.random.default_rng(count)
     halves = rng.uniform(0.02, 0.05, (count, 3))
     boxes = "".join(free(f"box{i}", box(half, float(DENSITY * 8 * half.prod())), (0, 0, 1)) for i, half in enumerate(halves))
@@ -49,7 +49,10 @@ def bin_of_boxes(count: int, _: Assets) -> Any:
 
 
 def pour(count: int, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script for a heap: layers of four boxes fall into the bin with random orientations."""
+    """Initial states and controls of an episode (a `Script`) in which `count` boxes fall into a bin.
+
+    The boxes start in layers of four above the bin, with random orientations.
+    """
     qpos = still(model.qpos0, num_envs).reshape(num_envs, count, 7)
     layer, place = np.divmod(np.arange(count), 4)
     corner = 0.1 * np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)])[place]
@@ -60,7 +63,10 @@ def pour(count: int, model: mujoco.MjModel, num_envs: int, rng: np.random.Genera
 
 
 def wall_of_bricks(_: Assets) -> Any:
-    """Model of a wall in running bond, and a ball. Courses are shifted by two fifths of a brick, so that each centre is supported."""
+    """Model specification (`MjSpec`) of a brick wall and a ball.
+
+    Courses are shifted by two fifths of a brick, so that the centre of each brick is supported.
+    """
     mass = float(DENSITY * 8 * BRICK.prod())
     bricks = ""
     for course in range(COURSES):
@@ -72,7 +78,7 @@ def wall_of_bricks(_: Assets) -> Any:
 
 
 def strike(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script in which the ball flies towards the standing wall, and hits it at a random place."""
+    """Initial states and controls of an episode (a `Script`) in which a ball hits a brick wall at a random place."""
     before = PHASES_OF_WALL[0].steps * float(model.opt.timestep)
     qpos, qvel = still(model.qpos0, num_envs), np.zeros((num_envs, model.nv))
     speed, gravity = STRIKER[2], -float(model.opt.gravity[2])
@@ -88,12 +94,15 @@ PHASES_OF_WALL = (Phase("stands", 100), Phase("impact", 60))
 
 
 def plate(_: Assets) -> Any:
-    """Model of the plate with 25 balls of SimBenchmark, as an `MjSpec`."""
+    """Model specification (`MjSpec`) of SimBenchmark's plate with 25 balls."""
     return parsed(balls_on_plate(), 0.002)
 
 
 def pulled(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script for the plate with balls: a constant force on the plate, and a random initial speed."""
+    """Initial states and controls of an episode (a `Script`) for the plate with balls.
+
+    A constant force pulls the plate, and the initial speed is random.
+    """
     push = np.zeros((model.nbody, 6))
     push[model.body("plate").id, :3] = FORCE * WAY
     qvel = np.zeros((num_envs, model.nv))

@@ -42,7 +42,7 @@ PHASES = (
 
 
 def spec(assets: Assets) -> Any:
-    """Model of the robot with gripper and servos, and a cube on a table."""
+    """Model specification (`MjSpec`) of a Panda arm with gripper and servos, and a cube on a table."""
     s = bare(mujoco.MjSpec.from_file(str(assets.file("robosuite", f"{FOLDER}/base.xml"))))
     robot = assets.spec("robosuite", f"{FOLDER}/robots/panda/robot.xml")
     gripper = assets.spec("robosuite", f"{FOLDER}/grippers/panda_gripper.xml")
@@ -71,7 +71,10 @@ def spec(assets: Assets) -> Any:
 
 
 def script(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Script of picking and placing. The cube lies within 3 cm and 20 degrees of the middle of the table, at random."""
+    """Initial states and controls of an episode (a `Script`) in which the robot picks, carries and places a cube.
+
+    The initial pose of the cube is random, within 3 cm and 20 degrees of the middle of the table.
+    """
     places = rng.uniform(-0.03, 0.03, (num_envs, 2))
     yaws = rng.uniform(-0.35, 0.35, num_envs)
     starts = np.tile(model.qpos0, (num_envs, 1))

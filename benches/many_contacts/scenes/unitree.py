@@ -142,7 +142,7 @@ GO1 = Walker(
 
 
 def spec(walker: Walker, assets: Assets) -> Any:
-    """Model of the robot on a plane, with mjlab's collisions, motors and solver settings."""
+    """Model specification (`MjSpec`) of a robot on a plane, with mjlab's collisions, motors and solver settings."""
     s = assets.spec("mjlab", walker.xml)
     s.option.timestep, s.option.iterations, s.option.ls_iterations = 0.005, 10, 20
     s.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -185,7 +185,9 @@ def home(walker: Walker, model: mujoco.MjModel) -> Array:
 
 
 def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator, noise: float = 1.0) -> Script:
-    """Script for a walking robot: random actions, and resets of fallen robots.
+    """Initial states and controls of an episode (a `Script`) of a walking robot with random actions.
+
+    Robots that have fallen are reset.
 
     Args:
         walker: The robot.

@@ -64,7 +64,7 @@ impl Course {
         }
     }
 
-    /// Simulated time of a timed run, s. For scenes with uniform motion of many bodies, only the beginning is timed.
+    /// Simulated time over which the speed is measured, s. In scenes with uniform motion of many bodies it is only the beginning.
     pub const fn timed(self) -> f64 {
         match self {
             Course::Chain(_) | Course::Box => self.duration(),
@@ -136,7 +136,7 @@ pub struct Entry {
     pub name: String,
     /// Engine, whose runs are timed.
     pub engine: Box<dyn Engine>,
-    /// Errors, see [`Course::measures`].
+    /// Two errors of the engine in the scene, whose names [`Course::measures`] returns.
     pub errors: [f64; 2],
 }
 

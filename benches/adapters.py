@@ -34,7 +34,7 @@ Step = Callable[[], Any]
 
 
 def native(name: str, num_envs: int) -> Step:
-    """Function that steps a `StepperVectorEnv` without an adapter, with one constant action."""
+    """Create a `StepperVectorEnv` without an adapter, and return a function that steps all environments once with a fixed action."""
     envs = make_native(name, num_envs, **SETTINGS)
     action = _action(envs.single_action_space, num_envs)
     envs.reset(seed=0)
@@ -42,7 +42,10 @@ def native(name: str, num_envs: int) -> Step:
 
 
 def envpool(name: str, num_envs: int) -> Step:
-    """Function that steps all environments through the adapter with EnvPool's interface, with a quarter of the environments in a batch."""
+    """Create environments in the adapter with EnvPool's interface, and return a function that steps each environment once.
+
+    The environments are stepped in four batches, one after the other.
+    """
     pool = StepperPool(name, num_envs, num_envs // 4, seed=0, precision="f32")
     action = _action(pool.action_space, num_envs)
     pool.async_reset()
@@ -59,9 +62,9 @@ def envpool(name: str, num_envs: int) -> Step:
 
 
 def sb3(infos: str) -> Callable[[str, int], Step]:
-    """Function that creates environments with the adapter to Stable-Baselines3's `VecEnv`, and returns a function that steps them.
+    """Return a function like the others of this file, for the adapter to Stable-Baselines3's `VecEnv`.
 
-    The arguments of the created function are the id of the environment and the number of environments.
+    From the id of an environment and a number of environments, it creates the environments, and returns a function that steps them.
 
     Args:
         infos: Argument `infos` of the adapter `StepperVecEnv`.
@@ -79,7 +82,7 @@ def sb3(infos: str) -> Callable[[str, int], Step]:
 
 
 def pytorch(name: str, num_envs: int) -> Step:
-    """Function that steps a vector environment with PyTorch tensors."""
+    """Create a vector environment with PyTorch tensors, and return a function that steps all its environments once."""
     import torch  # noqa: PLC0415
     from stepper.adapters.torch import TorchVectorEnv  # noqa: PLC0415
 
@@ -90,7 +93,7 @@ def pytorch(name: str, num_envs: int) -> Step:
 
 
 def torchrl(name: str, num_envs: int) -> Step:
-    """Function that steps the adapter to TorchRL by its method `step_and_maybe_reset`."""
+    """Create the adapter to TorchRL, and return a function that steps all environments once by its method `step_and_maybe_reset`."""
     import torch  # noqa: PLC0415
     from stepper.adapters.torchrl import StepperTorchRLEnv  # noqa: PLC0415
 
@@ -107,7 +110,10 @@ def torchrl(name: str, num_envs: int) -> Step:
 
 
 def rllib(name: str, num_envs: int) -> Step:
-    """Function that steps a vector environment in RLlib's wrapper, which makes a dictionary of infos for each environment."""
+    """Create a vector environment in RLlib's wrapper, and return a function that steps all its environments once.
+
+    The wrapper makes a dictionary of infos for each environment.
+    """
     from gymnasium.wrappers.vector import DictInfoToList  # noqa: PLC0415
 
     envs = DictInfoToList(make_native(name, num_envs, precision="f32", dtype="float32"))
@@ -117,7 +123,7 @@ def rllib(name: str, num_envs: int) -> Step:
 
 
 def pufferlib(name: str, num_envs: int) -> Step:
-    """Function that steps the adapter to PufferLib's `PufferEnv`."""
+    """Create the adapter to PufferLib's `PufferEnv`, and return a function that steps all its environments once."""
     from stepper.adapters.pufferlib import StepperPufferEnv  # noqa: PLC0415
 
     env = StepperPufferEnv(name, num_envs, precision="f32")
@@ -127,7 +133,10 @@ def pufferlib(name: str, num_envs: int) -> Step:
 
 
 def ray(name: str, num_envs: int) -> Step:
-    """Function that steps the adapter to Ray: one actor has the environments in four blocks, and each step is one remote call."""
+    """Create the adapter to Ray, and return a function that steps all its environments once, by one remote call.
+
+    One actor has the environments, in four blocks.
+    """
     import ray  # noqa: PLC0415
     from stepper.adapters.ray import RayVectorEnv  # noqa: PLC0415
 
@@ -140,7 +149,10 @@ def ray(name: str, num_envs: int) -> Step:
 
 
 def ray_rollout(name: str, num_envs: int) -> Step:
-    """Function that steps the adapter to Ray: one actor has the environments in four blocks, and runs several steps per remote call."""
+    """Create the adapter to Ray, and return a function that is called once per step, but makes several steps in one remote call.
+
+    One actor has the environments, in four blocks. Only every `STEPS`-th call of the function does work.
+    """
     import ray  # noqa: PLC0415
     from stepper.adapters.ray import RayVectorEnv  # noqa: PLC0415
 

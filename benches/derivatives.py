@@ -357,7 +357,7 @@ def effort(num_envs: int = 32) -> None:
 
 
 def mean_effort(copies: stepper.Stepper) -> tuple[float, float]:
-    """Mean numbers of the solver's sweeps and of its Newton steps in the last step, over all environments."""
+    """Mean numbers of the solver's Gauss-Seidel iterations and of its Newton steps in the last step, over all environments."""
     newton_steps = float(np.asarray(copies.newton_steps).mean())
     return float(np.asarray(copies.iterations).mean()) - newton_steps, newton_steps
 

@@ -45,7 +45,7 @@ ALONE = 8
 
 @dataclass(frozen=True)
 class Case:
-    """Model to measure: name, file, stepper's model, and random controls."""
+    """Model whose throughput is measured in both engines: name, MJCF file, stepper's model, and random controls."""
 
     name: str
     path: str

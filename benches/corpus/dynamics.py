@@ -77,7 +77,10 @@ def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[f
 
 
 def _relative(metric: Array, found: Array, expected: Array, floor: float) -> float:
-    """Relative error |found - expected| / |expected| in the norm of a metric, with |expected|^2 at least `floor`."""
+    """Relative error |found - expected| / |expected| in the norm |x|^2 = x . metric x.
+
+    The square of the denominator counts as at least `floor`.
+    """
     difference = found - expected
     return math.sqrt(max(float(difference @ metric @ difference), 0.0) / max(float(expected @ metric @ expected), floor))
 

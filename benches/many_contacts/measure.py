@@ -312,7 +312,7 @@ def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> flo
         batch: Environments.
         script: Controls and other inputs of the whole episode.
         steps: Indices of the time steps to simulate.
-        phase: Name of the phase for the batch's statistics; None records none.
+        phase: Name of the phase for the statistics of the solver. With None no statistics are recorded.
     """
     spent, n = 0.0, batch.num_envs
     for step in steps:

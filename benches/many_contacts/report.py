@@ -274,7 +274,7 @@ class Report:
         return f"{text}\n\n{table}"
 
     def page(self, scenes: Iterable[Scene]) -> str:
-        """Content of docs/benchmarks/many_contacts.md."""
+        """Content of the page docs/benchmarks/many_contacts.md: all tables, and the descriptions of `scenes`."""
         about = [[s.name, s.about, _timed(s), f"{s.target[0]:g} / {s.target[1]:g}"] for s in scenes]
         came_from = self.came_from
         versions = ", ".join(f"{name} {came_from['versions'][name]}" for name in ("stepper", "mujoco-core", "python"))

@@ -72,10 +72,10 @@ class Scene:
         spec: Function that builds the model, an `MjSpec`, from the cache of downloaded packages.
         script: Function that makes the `Script` (initial states and controls) from compiled model, number of environments and generator.
         phases: Phases of an episode, in order.
-        lead: Number of steps before the episode begins, with the first controls of the script. Their final states are the episode's initial
-            states in all engines.
+        lead: Number of steps before the episode begins, with the first controls of the script. The episode starts
+            in all engines from the states after these steps.
         group: Name of a group of similar scenes, which count as one scene in mean speedups. Empty if the scene counts alone.
-        target: Target speedups in f64 and f32.
+        target: Target speedups over MuJoCo, in f64 and f32.
     """
 
     name: str

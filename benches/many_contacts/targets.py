@@ -188,7 +188,7 @@ def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[R
 
     Args:
         what: Text of the first cell, such as the name of a scene.
-        targets: Target speedups in f64 and f32.
+        targets: Target speedups over MuJoCo, in f64 and f32.
         by_precision: Measured results, a sequence for f64 and one for f32.
         factor: Factor by which the targets are multiplied, as `scale` returns it for a CPU level.
     """

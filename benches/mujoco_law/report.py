@@ -63,7 +63,7 @@ def _number(values: np.ndarray[tuple[int], np.dtype[np.float64]], quantile: floa
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:
-    """Write the cells of all models as CSV."""
+    """Write the table of results as CSV, with a line for each model."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         header = next((list(row.cells()) for row in rows if row.parity), [])
@@ -73,7 +73,7 @@ def write_csv(path: Path, rows: list[Row]) -> None:
 
 
 def write_table(path: Path, rows: list[Row]) -> None:
-    """Replaces the table of the page docs/benchmarks/mujoco_law.md."""
+    """Replaces the table of the page docs/benchmarks/mujoco_law.md (the file `path`) by the results in `rows`."""
     measured = [row for row in rows if row.parity]
     header = ["model", *measured[0].cells(), "omitted"] if measured else []
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]

@@ -142,8 +142,9 @@ impl Heap {
         self.contacts.is_empty()
     }
 
-    /// Constraint problem of the scene, and its initial iterate. Its variable w is the velocity change of each box, times the square root
-    /// of the mass or moment of inertia.
+    /// Constraint problem of the scene, and the initial iterate of its solver.
+    ///
+    /// The variable w of the problem is the velocity change of each box, times the square root of the mass or moment of inertia.
     pub fn problem(&self) -> (Problem<f64>, Iterate<f64>) {
         let n = 6 * self.bricks.len();
         let mut problem = Problem::with_capacity(n, 0, self.contacts.len());

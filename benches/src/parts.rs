@@ -29,7 +29,7 @@ pub struct Anatomy {
     pub precision: &'static str,
     /// Number of environments of the batch, stepped in SIMD lanes.
     pub num_envs: usize,
-    /// Time of the whole step without a probe, median of the rounds, us.
+    /// Median time per environment step over all rounds, us, measured without instrumentation of the parts.
     pub micros: f64,
     /// Floor of the step: time that its arithmetic operations would take at the measured peak rates of the core, us.
     pub floor: f64,

@@ -23,7 +23,7 @@ class Ground:
     Attributes:
         name: Name in tables.
         add: Function that adds the geoms to an `MjSpec`.
-        height: Height of the ground, m.
+        height: Function from positions x and y to the height of the ground, m.
         spread: Half the side of the square in which robots start, m.
         mesh: Function that adds the concave mesh "ground" for stepper instead. None if both engines have the same geoms.
     """
@@ -125,7 +125,7 @@ def _stones_and_floor(spec: Any) -> None:
 
 
 def _stone_height(x: Array, y: Array) -> Array:
-    """Largest possible height of the stones, m, at all positions."""
+    """Upper bound of the height of the stones, m, the same at all positions."""
     height = np.zeros_like(x)
     for cx, cy, a, b, c, _ in _stones():
         height = np.where(np.hypot(x - cx, y - cy) < np.hypot(a, b), np.maximum(height, 2 * c), height)
@@ -133,7 +133,7 @@ def _stone_height(x: Array, y: Array) -> Array:
 
 
 def _tiles(count: int) -> Callable[[Any], None]:
-    """Function that adds a square of `count` boxes with slightly different heights to an `MjSpec`."""
+    """Create a function that adds a square of `count` boxes with slightly different heights to an `MjSpec`."""
 
     def add(spec: Any) -> None:
         side = int(np.ceil(np.sqrt(count)))
@@ -153,7 +153,7 @@ def _far_boxes(spec: Any) -> None:
 
 
 def _tile_height(x: Array, _: Array) -> Array:
-    """Largest possible height of the tiles, m, at all positions."""
+    """Upper bound of the height of the tiles, m, the same at all positions."""
     return np.full_like(x, 0.02)
 
 

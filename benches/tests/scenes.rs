@@ -1,4 +1,5 @@
-//! Tests that scenes have the documented properties, and that a probe does not change a step.
+//! Tests that scenes have the documented properties, and that the instrumentation of a step does not
+//! change its results.
 
 use stepper_benches::clock::Run;
 use stepper_benches::counted::operations;

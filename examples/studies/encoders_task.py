@@ -31,7 +31,7 @@ class Encoders(InvertedDoublePendulum):
         return stepper.load(encoders.model(), strict=False)
 
     def sensors(self) -> Any:
-        """Sensor model in the training, the one of encoders.py."""
+        """Sensor model of the training: encoders with noise, drift and delay, as in encoders.py."""
         return encoders.encoders()
 
     def observations(self) -> Any:

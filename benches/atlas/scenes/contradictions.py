@@ -63,9 +63,10 @@ def hinge_in_a_ball(joint: str) -> str:
 
 
 def pendulum_gain(joint: str):
-    """Function that measures scene 37, a pendulum with its joint inside a ball.
+    """Create the function that measures scene 37, a pendulum with its joint inside a ball.
 
-    It returns the largest gain of energy within two seconds, relative to the potential energy of the rod. `joint` is the MJCF of the joint.
+    The created function returns the largest gain of energy within two seconds, relative to the potential energy of the rod.
+    `joint` is the MJCF of the joint.
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -63,9 +63,9 @@ def _share(world: World, velocity: tuple[float, float], seconds: float) -> float
 
 
 def crest(kind: str):
-    """Function that measures scene 38 with a ball that glides along a straight crest, a row of edges, for 0.6 s.
+    """Create the function that measures scene 38 with a ball that glides along a straight crest, a row of edges, for 0.6 s.
 
-    It returns the relative change of the energy. `kind` is the kind of surface: "hfield" or "mesh".
+    The created function returns the relative change of the energy. `kind` is the kind of surface: "hfield" or "mesh".
     """
 
     def measure(engine: Engine, dt: float) -> float:
@@ -97,9 +97,10 @@ def valley(engine: Engine, dt: float) -> float:
 
 
 def bowl(kind: str):
-    """Function that measures scene 38 with a ball that rolls from rest in a bowl of facets for 1 s.
+    """Create the function that measures scene 38 with a ball that rolls from rest in a bowl of facets for 1 s.
 
-    It returns the largest change of the ball's energy relative to the initial energy. `kind` is the kind of surface: "hfield" or "mesh".
+    The created function returns the largest change of the ball's energy relative to the initial energy.
+    `kind` is the kind of surface: "hfield" or "mesh".
     """
 
     def measure(engine: Engine, dt: float) -> float:

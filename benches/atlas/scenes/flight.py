@@ -188,7 +188,7 @@ def reference(links: int) -> Array:
 
 
 def pendulum_state(links: int):
-    """Function that measures scene 11, a swinging chain: largest error of an angle after one second, rad."""
+    """Create the function that measures scene 11, a swinging chain: largest error of an angle after one second, rad."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(chain(links), dt)
@@ -200,7 +200,7 @@ def pendulum_state(links: int):
 
 
 def pendulum_energy(links: int):
-    """Function that measures scene 11, a swinging chain: largest deviation of the energy in five seconds.
+    """Create the function that measures scene 11, a swinging chain: largest deviation of the energy in five seconds.
 
     The deviation is relative to the work of lifting all links by one length.
     """

@@ -170,7 +170,7 @@ def _tray(mu: float, factor: float, engine: Engine, dt: float) -> World:
 
 
 def tray_holds(mu: float):
-    """Function that measures scene 32, a body on a tray: creep speed at 0.99 of the force at which it slides, m/s."""
+    """Create the function that measures scene 32, a body on a tray: creep speed at 0.99 of the force at which it slides, m/s."""
 
     def measure(engine: Engine, dt: float) -> float:
         return creep(_tray(mu, 0.99, engine, dt), 2000)
@@ -179,9 +179,9 @@ def tray_holds(mu: float):
 
 
 def tray_slips(mu: float):
-    """Function that measures scene 32, a body on a tray pushed with 1.01 of the force at which it slides.
+    """Create the function that measures scene 32, a body on a tray pushed with 1.01 of the force at which it slides.
 
-    It returns the relative error of the acceleration (F - mu m g) / m.
+    The created function returns the relative error of the acceleration (F - mu m g) / m.
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -41,9 +41,9 @@ def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) 
 
 
 def level(kind: str):
-    """Function that measures scene 42 with a ball that glides along a level groove without friction for a second.
+    """Create the function that measures scene 42 with a ball that glides along a level groove without friction for a second.
 
-    It returns the relative change of the ball's velocity. `kind` is the kind of groove: "planes", "hfield" or "mesh".
+    The created function returns the relative change of the ball's velocity. `kind` is the kind of groove: "planes", "hfield" or "mesh".
     """
 
     def measure(engine: Engine, dt: float) -> float:
@@ -56,7 +56,9 @@ def level(kind: str):
 
 
 def downhill(kind: str, rolls: bool):
-    """Function that measures scene 42 with a ball in an inclined groove: relative error of the distance travelled in a second from rest.
+    """Create the function that measures scene 42 with a ball that starts at rest in an inclined groove.
+
+    The created function returns the relative error of the distance that the ball travels in a second.
 
     Half the opening angle of the groove is a, and the ball's radius is r. Both contacts are at the distance r sin(a) from its rotation
     axis. Rolling with angular velocity w gives the speed w r sin(a), and the acceleration g sin(slope) / (1 + 2/5 / sin^2(a)).

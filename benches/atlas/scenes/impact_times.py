@@ -43,9 +43,9 @@ RADIUS, HEIGHTS, BOUNCES = 0.1, 0.5 + 0.5 * np.arange(20) / 20, 2
 
 
 def apexes(e: float):
-    """Function that measures scene 35: balls that fall from twenty heights and bounce with restitution e.
+    """Create the function that measures scene 35: balls that fall from twenty heights and bounce with restitution e.
 
-    It returns the largest error of the heights of the first two apexes, over all initial heights, m.
+    The created function returns the largest error of the heights of the first two apexes, over all initial heights, m.
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -132,9 +132,9 @@ def right_velocity(mu: float, dt: float) -> np.ndarray:
 
 
 def painleve(factor: float):
-    """Function that measures scene 19, Painleve's rod, with friction of `factor` times the critical one.
+    """Create the function that measures scene 19, Painleve's rod, with friction of `factor` times the critical one.
 
-    It returns the error of the rod's velocity after one step (m/s, rad/s).
+    The created function returns the error of the rod's velocity after one step (m/s, rad/s).
     """
 
     def measure(engine: Engine, dt: float) -> float:
@@ -225,7 +225,7 @@ def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], fact
 
 
 def pinch_holds(*case: float | str | None):
-    """Function that measures scene 31, a pinch grasp with 1.01 of the required finger force: slip speed, m/s.
+    """Create the function that measures scene 31, a pinch grasp with 1.01 of the required finger force: slip speed, m/s.
 
     The arguments are friction, shape of the object ("cube" or "ball"), and iterations of the solver (None: the default).
     """
@@ -237,11 +237,12 @@ def pinch_holds(*case: float | str | None):
 
 
 def pinch_slips(*case: float | str | None):
-    """Function that measures scene 31, a pinch grasp with 0.99 of the required finger force.
+    """Create the function that measures scene 31, a pinch grasp with 0.99 of the required finger force.
 
     The arguments are friction, shape of the object ("cube" or "ball"), and iterations of the solver (None: the default).
 
-    The function returns the relative error of the slip acceleration, which must be 0.01 (g + a). Here a is the hand's upward acceleration.
+    The created function returns the relative error of the slip acceleration, which must be 0.01 (g + a).
+    Here a is the hand's upward acceleration.
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -35,7 +35,7 @@ def hung_from_a_carrier() -> str:
 
 
 def tension(engine: Engine, dt: float) -> float:
-    """Error of scene 13, a ball on a chain: relative error of the contact force under the carrying plate, after two seconds."""
+    """Error of scene 13, a ball on a chain: relative error of the contact force under the plate that carries it, after two seconds."""
     world = engine.start(hung_from_a_carrier(), dt)
     world.run(2.0)
     return abs(world.normal_force() / ((CARRIER + LINKS * LINK_MASS + BALL_MASS) * G) - 1.0)
@@ -66,9 +66,9 @@ HELD = 200
 
 
 def servo(ratio: float):
-    """Function that measures scene 22, a critically damped servo on a mass m = 1 kg, with stiffness k such that h sqrt(k/m) = ratio.
+    """Create the function that measures scene 22, a critically damped servo on a mass m = 1 kg.
 
-    h is the time step. The function returns the share of an offset that is left after 200 steps.
+    The stiffness k of the servo follows from h sqrt(k/m) = ratio, where h is the time step. The created function returns the share of an offset that is left after 200 steps.
     """
 
     def measure(engine: Engine, dt: float) -> float:

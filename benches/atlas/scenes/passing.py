@@ -24,9 +24,9 @@ FLYERS = {
 
 
 def near_miss(flyer: str) -> Callable[[Engine, float], float]:
-    """Function that measures scene 43: a body, named in `FLYERS`, that flies past a box at 4 m/s, 1.5 mm above it.
+    """Create the function that measures scene 43: a body, named in `FLYERS`, that flies past a box at 4 m/s, 1.5 mm above it.
 
-    It returns the largest change of a velocity, m/s or rad/s.
+    The created function returns the largest change of a velocity, m/s or rad/s.
     """
 
     def measure(engine: Engine, dt: float) -> float:
@@ -55,9 +55,9 @@ SLIDERS = {
 
 
 def small_tiles(slider: str) -> Callable[[Engine, float], float]:
-    """Function that measures scene 44: a body, named in `SLIDERS`, that slides over ten seams of flush tiles without friction.
+    """Create the function that measures scene 44: a body, named in `SLIDERS`, that slides over ten seams of flush tiles without friction.
 
-    It returns the share of the speed that the body loses, or its largest rise divided by 10 mm, the larger of the two.
+    The created function returns the share of the speed that the body loses, or its largest rise divided by 10 mm, the larger of the two.
     """
 
     def measure(engine: Engine, dt: float) -> float:

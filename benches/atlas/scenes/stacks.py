@@ -26,9 +26,9 @@ def tower(top: float) -> str:
 
 
 def weights(top: float):
-    """Function that measures scene 12, a stack of ten boxes with a top box of `top` kg, after two seconds.
+    """Create the function that measures scene 12, a stack of ten boxes with a top box of `top` kg, after two seconds.
 
-    It returns the largest relative error of the force between two boxes, compared with the weight above it.
+    The created function returns the largest relative error of the force between two boxes, compared with the weight above it.
     """
 
     def measure(engine: Engine, dt: float) -> float:

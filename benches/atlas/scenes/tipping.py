@@ -52,7 +52,7 @@ def _upright(world: World) -> np.ndarray:
 
 
 def stays(start):
-    """Function that measures scene 41, a box at 0.999 of the threshold at which it tips: its tilt in two seconds, rad.
+    """Create the function that measures scene 41, a box at 0.999 of the threshold at which it tips: its tilt in two seconds, rad.
 
     `start` makes the environment: `_pushed` or `_leaning`.
     """
@@ -92,9 +92,9 @@ def _fall(kind: str) -> float:
 
 
 def tips(start, kind: str):
-    """Function that measures scene 41, a box at 1.001 of the threshold at which it tips.
+    """Create the function that measures scene 41, a box at 1.001 of the threshold at which it tips.
 
-    It returns the relative error of the tilt at the time at which the exact tilt is `TILT`.
+    The created function returns the relative error of the tilt at the time at which the exact tilt is `TILT`.
 
     Args:
         start: Function that creates the environment: `_pushed` or `_leaning`.

@@ -24,7 +24,7 @@ SOLE = (0.093, 0.026, 0.01)
 
 
 def humanoid(file: str, assets: Assets) -> Any:
-    """Model specification (`MjSpec`) of a humanoid of dm_control's suite."""
+    """Model specification (`MjSpec`) of a humanoid of dm_control's suite. `file` is the name of its MJCF file, without ".xml"."""
     return assets.spec("dm-control", f"dm_control/suite/{file}.xml")
 
 

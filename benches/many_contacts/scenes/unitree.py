@@ -25,7 +25,7 @@ HOLD = 4
 """Number of time steps for which the robot's action stays the same."""
 STEPS = 300
 WALKING = (6.0, 10.0)
-"""Target speedups of walkers, in f64 and f32."""
+"""Target speedups over MuJoCo for the scenes with walking robots, in f64 and f32."""
 FREQUENCY, DAMPING_RATIO = 10 * 2.0 * math.pi, 2.0
 """Natural frequency (rad/s) and damping ratio of a servo that moves only the armature of its joint; they determine the gains."""
 FALLEN = math.cos(math.radians(70.0))

@@ -62,9 +62,9 @@ def envpool(name: str, num_envs: int) -> Step:
 
 
 def sb3(infos: str) -> Callable[[str, int], Step]:
-    """Return a function like the others of this file, for the adapter to Stable-Baselines3's `VecEnv`.
+    """Return a function that creates environments in the adapter to Stable-Baselines3's `VecEnv`.
 
-    From the id of an environment and a number of environments, it creates the environments, and returns a function that steps them.
+    The created function takes the id and the number of environments. It returns a function that steps all of them once.
 
     Args:
         infos: Argument `infos` of the adapter `StepperVecEnv`.

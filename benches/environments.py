@@ -1,4 +1,4 @@
-"""Environment steps per second, with observations, rewards and resets, and the overhead besides physics.
+"""Environment steps per second, with observations, rewards and resets, and the time of a step outside the physics.
 
 All engines run the same tasks with random actions, Gymnasium's default autoreset mode and one core:
 

@@ -36,7 +36,10 @@ TRANSFERS = {
 
 
 def equipped(model: Model, transfer: Transfer | None) -> SensorModel | None:
-    """Sensor model with a transfer function on every sensor. Unit quaternions get no scale, misalignment and limits."""
+    """Sensor model with the errors of a transfer function on every sensor. The result is None if `transfer` is None.
+
+    The orientation sensor, which measures a unit quaternion, gets no scale error, misalignment and limits.
+    """
     if transfer is None:
         return None
     turned = replace(transfer, scale_std=0.0, misalignment_std=0.0, limits=None)

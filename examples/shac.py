@@ -247,7 +247,8 @@ class Learner:
         and next states, and A and B the matrices of `linearize`. The loss has the value of the samples, and its gradient includes A and B.
 
         Returns:
-            Loss, fraction of the steps near a kink, and fraction of the environments that are left out for lack of a derivative.
+            Loss, fraction of the steps near a kink (where a step has no derivative, such as at a change of contacts), and fraction of the
+            environments that are left out for lack of a derivative.
         """
         states, actions, noise = made.states, made.actions, made.noise
         T, n, size = len(actions), actions.shape[1], states.shape[2]

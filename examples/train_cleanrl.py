@@ -114,10 +114,10 @@ def train(wrapped: Wrapped, seed: int, iterations: int, settings: Settings, curv
         seed: Seed of all random numbers.
         iterations: Number of rollouts, each with an update.
         settings: Settings of the learner.
-        curve: CSV file for the learning curve; None writes none.
+        curve: CSV file for the learning curve. With None no file is written.
 
     Returns:
-        The agent, and the mean return of the episodes that ended in each rollout; NaN for none.
+        The agent, and the mean return of the episodes that ended in each rollout, NaN if none ended.
     """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)

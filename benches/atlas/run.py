@@ -79,7 +79,7 @@ def run(scene: Scene, engine: Engine, dt: float) -> Row:
 
 
 def sweep(scenes: Sequence[Scene], engines: Sequence[Engine], progress: Callable[[Row], None]) -> list[Row]:
-    """Run all scenes in all engines at all time steps of the scenes."""
+    """Run all scenes in all engines at all time steps of the scenes. Returns the results, and calls `progress` with each new one."""
     rows = []
     for scene in scenes:
         for dt in scene.dts:

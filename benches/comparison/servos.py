@@ -59,7 +59,7 @@ def arm(kp: float, kv: float, share: float) -> Any:
 
 
 def robot(walker: unitree.Walker, assets: Assets, share: float) -> Any:
-    """Model of a robot on a plane, with a fraction `share` of its torque limits."""
+    """Model specification (`MjSpec`) of a robot on a plane, with the fraction `share` of its torque limits."""
     s = unitree.spec(walker, assets)
     for act in s.actuators:
         act.forcerange = share * act.forcerange

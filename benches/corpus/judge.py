@@ -33,7 +33,7 @@ class Fault:
 
     Attributes:
         criterion: Name of the criterion.
-        figures: Measured values.
+        figures: Text of the measured values that violate the criterion.
     """
 
     criterion: str

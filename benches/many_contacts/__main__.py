@@ -133,7 +133,7 @@ def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str
 
 
 def _ratios(row: dict[str, Any]) -> str:
-    """Text of the speedups over MuJoCo in a row of the table."""
+    """Text of stepper's speedups over MuJoCo, from the measurements of one phase of a scene (`row`)."""
     return " ".join(f"{found['ratio']:.2f}" for found in row["ours"].values())
 
 

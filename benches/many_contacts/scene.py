@@ -17,7 +17,7 @@ Array: TypeAlias = NDArray[np.float64]
 LEAST = (2.5, 4.0)
 """Smallest speedup over MuJoCo that every scene should have, in f64 and f32."""
 MEAN = (5.0, 9.0)
-"""Target of the geometric mean of the speedup over scenes, in f64 and f32."""
+"""Target of the speedup over MuJoCo, as geometric mean over all scenes, in f64 and f32."""
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class Source:
 
 
 def sources(only: list[str]) -> Iterator[Source]:
-    """Yield the installed models whose name contains an entry of `only`; all if `only` is empty."""
+    """Yield the installed models whose name contains at least one of the texts in `only`. An empty list selects all models."""
     for package, pattern in FILES.items():
         for folder in _folders(package):
             for path in sorted(folder.glob(pattern)):
@@ -62,7 +62,10 @@ def sources(only: list[str]) -> Iterator[Source]:
 
 
 def _wanted(name: str, path: Path, only: list[str]) -> Iterator[Source]:
-    """Yield a source if it is a complete model and its name contains an entry of `only`."""
+    """Yield one model file if it is a complete model, and if its name contains at least one of the texts in `only`.
+
+    An empty list `only` selects all files.
+    """
     if path.exists() and path.stem not in NO_MODELS and (not only or any(part in name for part in only)):
         yield Source(name, path)
 

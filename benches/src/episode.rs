@@ -25,7 +25,7 @@ pub struct Episode {
 }
 
 impl Episode {
-    /// Run with the environments `first..first + count` of a scene, stepped on the calling thread.
+    /// Benchmark run with the environments `first..first + count` of a scene, which the calling thread steps.
     pub fn new(scene: &Scene, first: usize, count: usize, precision: Precision, level: Level) -> Self {
         // Both precisions have the same tolerance, so that rows are comparable.
         let options = Options { tolerance: Some(Precision::F64.tolerance()), ..Options::default() };
@@ -169,7 +169,7 @@ fn run(call: &Call, simulation: &mut Simulation) {
     call.run(simulation).expect("the call is of this batch");
 }
 
-/// Several runs as one run, executed one after the other.
+/// Several benchmark runs as a single one, which executes them one after the other.
 pub struct InTurn<T>(pub Vec<T>);
 
 impl<T: Run> Run for InTurn<T> {

@@ -34,7 +34,7 @@ pub struct Npz {
 }
 
 impl Npz {
-    /// Opens a file.
+    /// Opens a file of `numpy.savez`.
     ///
     /// # Errors
     /// If the file cannot be read, or is not a file of `numpy.savez`.

@@ -72,7 +72,7 @@ impl Recording {
     /// Mean number of events of the kind `counter` in a step.
     ///
     /// Events that all environments of a SIMD group share are divided by the number of group steps. Other numbers are returned unchanged.
-    /// Divide the recording by the number of environment steps before, with the weight of [`Recording::add`].
+    /// Before this call, divide the recording by the number of environment steps, with the weight of [`Recording::add`].
     pub fn mean(&self, counter: Counter) -> f64 {
         let steps = if counter.is_shared() { self.counters[Counter::GroupSteps as usize] } else { 1.0 };
         self.counters[counter as usize] / steps
@@ -174,7 +174,9 @@ pub fn nanoseconds(_: Option<Span>) -> [u64; READINGS] {
     [START.with(Instant::elapsed).as_nanos() as u64, 0, 0]
 }
 
-/// Measured cost of the probe per span, ns: the time that it adds to the span, and the time that it adds to the part around the span.
+/// Measured cost of the instrumentation per span (instrumented part of a step), ns.
+///
+/// The first number is the time that it adds to the span, and the second one the time that it adds to the part around the span.
 pub fn own_cost() -> [f64; 2] {
     const TIMES: usize = 1000;
     let round = || {

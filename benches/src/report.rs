@@ -183,7 +183,7 @@ impl Group {
         Self { name, measures, rows: rows.into_iter().map(row).collect() }
     }
 
-    /// Prints the table of the group, and returns the number of marked ratios.
+    /// Prints the table of the group, and returns the number of ratios that are marked as slower than in the earlier group `before`.
     fn print(&self, before: Option<&Self>) -> usize {
         let mut marked = 0;
         let [a, b] = self.measures.clone().unwrap_or_default();
@@ -224,7 +224,7 @@ fn peers(course: Course, rounds: usize) -> Group {
     Group::new(name, Some(course.measures().map(Into::into)), rows)
 }
 
-/// Exit code of a program with a result. An error is printed to standard error.
+/// Exit code of a program that ends with `result`. The function prints an error to standard error.
 pub fn exit_code(result: Result<ExitCode, String>) -> ExitCode {
     result.unwrap_or_else(|message| {
         eprintln!("{message}");

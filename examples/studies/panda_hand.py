@@ -72,7 +72,7 @@ def _inverse() -> Any:
 
 
 def arm(target: Any) -> Any:
-    """Joint angles (n, 7) with the fingers at targets (n, 3), pointing down. The error is at most 0.5 mm."""
+    """Joint angles of the arm, (n, 7) rad, that put the fingers at target positions (n, 3), m, pointing down; errors are below 0.5 mm."""
     return _terms(target) @ _inverse()
 
 
@@ -83,7 +83,7 @@ def controls(target: Any, closed: Any) -> Any:
 
 
 def moved(target: Any, action: Any) -> Any:
-    """Target of the hand (n, 3) after an action (n, 4)."""
+    """Target position of the hand, (n, 3) m, that an action (n, 4) of the policy makes of the previous target (n, 3)."""
     return np.clip(target + MOVE * np.clip(action[:, :3], -1.0, 1.0), LOW, HIGH)
 
 

@@ -86,8 +86,9 @@ fn load(path: &Path) -> Result<Counts, String> {
     serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Prints a table of the counts `found` and their ratios to `before`. The result is the number of counts that increased by more than
-/// [`GREW`].
+/// Prints a table of the instruction counts `found`, and of their ratios to the earlier counts `before`, if there are any.
+///
+/// The result is the number of counts that increased by more than [`GREW`].
 fn print(found: &Counts, before: Option<&Counts>) -> usize {
     let of = |c: &Counts| [&c.rustc[..], &c.arch, &c.level].join(", ");
     let kept = before.map_or_else(String::new, |b| format!("; kept ones: {}", of(b)));
@@ -215,7 +216,9 @@ fn work() {
 /// Prefix of the names under which the parts of a humanoid's step are counted.
 const PARTS: &str = "humanoid f64, ";
 
-/// Names of the two counts that measure the cost of a probe: instructions inside empty spans, and in the part around these spans.
+/// Names of the two counts that measure the cost of the instrumentation.
+///
+/// They are the instructions inside empty spans (instrumented parts without work), and in the part around these spans.
 ///
 /// `EMPTY_SPANS` is the number of empty spans in the measurement.
 const EMPTY: [&str; 2] = ["inside an empty span", "outside of it"];
@@ -238,7 +241,8 @@ fn part_ends(span: Option<Span>) -> [u64; READINGS] {
     [0; READINGS]
 }
 
-/// Meter for the cost of a probe: makes callgrind write the instruction counts since the last reading under a name of [`EMPTY`].
+/// Meter for the cost of the instrumentation: makes callgrind write the instruction counts since the last reading under
+/// a name of [`EMPTY`].
 ///
 /// The name is the first one at the end of a span, and the second one outside all spans.
 fn empty_ends(span: Option<Span>) -> [u64; READINGS] {
@@ -246,7 +250,7 @@ fn empty_ends(span: Option<Span>) -> [u64; READINGS] {
     [0; READINGS]
 }
 
-/// Runs counted steps of the humanoid with a probe, so that callgrind counts each part of a step.
+/// Runs counted steps of the humanoid with instrumentation by a [`Recorder`], so that callgrind counts each part of a step.
 fn parts() {
     let mut run = single(&Scene::humanoid()).probe();
     run.run();

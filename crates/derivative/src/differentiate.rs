@@ -43,7 +43,7 @@ pub fn differentiate(sim: &mut Simulation, ctrl: &[f64], query: &DerivativeQuery
     sim.visit_groups(ctrl, query.tolerance, &visitor)
 }
 
-/// Visitor that computes the derivatives of the step of each group.
+/// Visitor that computes the derivatives of the step of each SIMD group of environments.
 struct Differentiation<'a> {
     query: DerivativeQuery<'a>,
     /// Results of each environment. Each environment belongs to one group, so that no thread waits for a lock.

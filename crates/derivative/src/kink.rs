@@ -1,18 +1,19 @@
-//! Flags of kinks near a step: changes at which the step is not differentiable. They are Python's `stepper.derivatives.Kink`.
+//! Flags of kinks: changes between the nominal and a displaced state at which a step is not differentiable. They equal Python's
+//! `stepper.derivatives.Kink`.
 
-/// Contacts that push at one of the compared states and not at the other.
+/// Flag: a contact pushes at only one of the two compared states (nominal, displaced).
 pub const CONTACT: u32 = 1;
-/// Contacts that stick at one of the compared states and slip at the other.
+/// Flag: a contact sticks at one of the two compared states (nominal, displaced) and slips at the other.
 pub const SLIP: u32 = 2;
-/// Contacts or limits that are open at one of the compared states and overlap at the other.
+/// Flag: a contact or limit is open at one of the two compared states (nominal, displaced) and overlaps at the other.
 pub const GAP: u32 = 4;
-/// Joints that are at a limit at only one of the compared states.
+/// Flag: a joint is at a limit at only one of the two compared states (nominal, displaced).
 pub const LIMIT: u32 = 8;
-/// Joints that dry friction holds at only one of the compared states.
+/// Flag: dry friction holds a joint at only one of the two compared states (nominal, displaced).
 pub const DRY_FRICTION: u32 = 16;
-/// Actuators whose force is at its bound at only one of the compared states.
+/// Flag: the force of an actuator is at its bound at only one of the two compared states (nominal, displaced).
 pub const SATURATION: u32 = 32;
-/// Derivatives that differ between the two sides of the nominal state.
+/// Flag: the slopes from the nominal state to two displaced states of the same coordinate differ.
 pub const SLOPE: u32 = 64;
-/// Steps that were not solved, not finite, or too long for their motion, so that the derivative is unreliable.
+/// Flag: a step was not solved, not finite, or too long for its motion, so that the derivative is unreliable.
 pub const UNSOLVED: u32 = 128;

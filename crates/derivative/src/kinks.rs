@@ -1,9 +1,9 @@
 //! Search for kinks of a step: compares the active sets of an environment and its perturbed copies.
 //!
 //! A step with contact is differentiable if all copies have the same active set. The active set lists contacts that push, stick and slip,
-//! joints at their limits or held by dry friction, and saturated actuators. Between copies with different active sets is a kink. The
-//! distance of the kink, as a multiple of the perturbation, follows to first order from switch values. A switch value is a quantity that is
-//! zero at a kink, such as a normal force, the margin to a bound of friction, or a gap.
+//! joints at their limits or held by dry friction, and saturated actuators. If two copies have different active sets, a kink is between
+//! them. Switch values give the distance to the kink to first order, as a multiple of the perturbation. A switch value is a quantity that
+//! is zero at a kink, such as a normal force, the margin to slipping, or a gap.
 
 use std::cmp::Ordering;
 
@@ -13,13 +13,13 @@ use stepper_core::{Contact, ContactLaw, Error, Model, Parameter, Simulation, Sta
 use crate::kink::*;
 use crate::rows::check_length;
 
-/// Flags of the kinds of kinks for which [`ActiveSet`] has a list of active constraints.
+/// Flags of kinks for which [`ActiveSet`] lists the active constraints, in the order of these lists.
 const LISTED: [u32; 6] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION];
 
 /// Ratio of a contact's normal force to the largest normal force in the environment, above which the contact counts as pushing.
 const PUSHES: f64 = 1e-9;
-/// Distance of friction from its bound below which a contact counts as slipping, as a fraction of the normal force. Evidence: solutions are
-/// on the bound to 1e-12.
+/// Margin to slipping below which a contact counts as slipping, N per N of normal force, see [`ContactFriction::slack`]. Evidence:
+/// solutions reach the bound of friction to 1e-12.
 const SLIPS: f64 = 1e-6;
 /// Distance from the end of its range below which a joint counts as at its limit, rad or m. Evidence: the position solve of a step ends
 /// within 1e-7.
@@ -37,20 +37,22 @@ pub struct PerturbedCopies<'a> {
     pub count: usize,
     /// Number of coordinates that are perturbed (columns of the derivative).
     pub columns: usize,
-    /// Number of sides on which each coordinate has a perturbed copy, 1 or 2.
+    /// Number of copies per coordinate that determine the distance to a kink: 1 or 2. Two copies are displaced in opposite directions, or
+    /// in the same direction (`one_sided`).
     pub sides: usize,
-    /// Whether both perturbed copies of a coordinate are on the same side, (environments, columns). They are then at one and two times the
-    /// perturbation.
+    /// Whether both copies of a coordinate are displaced in the same direction, (environments, columns). The displacements are then one and
+    /// two times the perturbation.
     pub one_sided: &'a [bool],
-    /// Addresses in qpos and qvel of the joints whose limits are compared.
+    /// Addresses in qpos and qvel of the joints whose limits are checked for kinks.
     pub limited: &'a [[usize; 2]],
-    /// Ranges of the joints `limited`, (num_envs, joints, 2), or (joints, 2) for all environments.
+    /// Lowest and highest position of each joint in `limited`, m or rad: (num_envs, joints, 2), or (joints, 2) for all environments.
     pub ranges: &'a [f64],
-    /// Positions of the joints `limited` at which the step evaluated their limits, (num_envs, joints).
+    /// Joint positions at which the last step evaluated the limits of the joints in `limited`, m or rad: (num_envs, joints).
     pub limit_positions: &'a [f64],
-    /// Indices of the degrees of freedom whose dry friction is compared.
+    /// Indices of the degrees of freedom whose dry friction is checked for kinks.
     pub rubbing: &'a [usize],
-    /// Whether the target velocity of a contact is the same function of distance for gaps and overlaps. A closing gap is then no kink.
+    /// Whether the target velocity of a contact is the same function of the distance for open and for overlapping contacts. Then the
+    /// distance 0 is no kink.
     pub smooth_at_rest: bool,
     /// Residual above which a step counts as unsolved, m/s.
     pub tolerance: f64,
@@ -59,20 +61,20 @@ pub struct PerturbedCopies<'a> {
 /// Result of the search for kinks between copies of environments.
 #[derive(Clone, Debug)]
 pub struct Kinks {
-    /// Flags of every column, (environments, columns), see [`kink`](crate::kink).
+    /// Flags of the kinks that were found for each perturbed coordinate (column), (environments, columns), see [`kink`](crate::kink).
     pub causes: Vec<u32>,
     /// Distance to the nearest kink in each environment, as a multiple of the perturbation; infinite if no distance is known.
     pub distance: Vec<f64>,
 }
 
-/// Active set of one environment: its active constraints, and the switch values that are zero at a kink.
+/// Active set of one environment: its active constraints, and its switch values, which are quantities that are zero at a kink.
 #[derive(Clone, Debug, Default)]
 struct ActiveSet {
     /// Indices of the active constraints, one list for each flag in [`LISTED`].
     lists: [Vec<usize>; 6],
-    /// Switch values of the contacts that push, three for each: normal force, margin to slipping, and gap. NaN means no kink.
+    /// Switch values of each contact that pushes: normal force, margin to slipping, and gap. A NaN gives no distance to a kink.
     contacts: Vec<[f64; 3]>,
-    /// Switch values of joint limits and of dry friction. NaN means no kink.
+    /// Switch values of joint limits and of dry friction: distances from the limits, and joint speeds. A NaN gives no distance to a kink.
     joints: Vec<f64>,
     unsolved: bool,
 }
@@ -207,9 +209,9 @@ fn read_joints(sim: &Simulation, copies: &PerturbedCopies<'_>, env: usize, hard:
 /// Friction parameters of the contacts in one environment.
 struct ContactFriction<'a> {
     model: &'a Model,
-    /// Friction coefficients of the geoms in this environment, (ngeom, 3); `None` for those of the model.
+    /// Friction coefficients of the geoms in this environment, (ngeom, 3). `None` selects the coefficients of the model.
     geoms: Option<&'a [f64]>,
-    /// Friction coefficients of the explicit pairs in this environment, (npair, 3); `None` for those of the model.
+    /// Friction coefficients of the explicit pairs in this environment, (npair, 3). `None` selects the coefficients of the model.
     pairs: Option<&'a [f64]>,
 }
 
@@ -270,20 +272,20 @@ impl ActiveSet {
         self.unsolved = false;
     }
 
-    /// Flags of the kinds of constraints in [`LISTED`] for which the active constraints of the two sets differ.
+    /// Flags of [`LISTED`] whose lists of active constraints differ between this active set and `other`.
     fn difference(&self, other: &Self) -> u32 {
         let pairs = self.lists.iter().zip(&other.lists).zip(LISTED);
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
     }
 
-    /// Switch values of the active set `of`: first for as many contacts as this set has, then for the joints. Contacts that `of` does not
-    /// have get NaN.
+    /// Switch values of the active set `of`, in an order that can be compared with the active set `self`. They begin with as many contacts
+    /// as `self` has. Contacts that `of` does not have get NaN. The values of the joints follow.
     fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
         let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
         contacts.chain(of.joints.iter().copied())
     }
 
-    /// Changes of the switch values from this set to `other`, written to `out`.
+    /// Writes to `out` the changes of the switch values from this active set to the active set `other`.
     fn changes(&self, other: &Self, out: &mut Vec<f64>) {
         out.clear();
         out.extend(self.numbers(self).zip(self.numbers(other)).map(|(now, there)| there - now));
@@ -291,9 +293,8 @@ impl ActiveSet {
 
     /// Distance to the nearest kink in one column of the derivative, to first order, as a multiple of the perturbation.
     ///
-    /// The slope of each switch value is a weighted sum of two changes from the unperturbed copy, with the factors `weights`. `first` has
-    /// the changes at the copy on the first side. The second change is that from this active set to `last`, the active set of the last
-    /// copy.
+    /// This active set is that of the unperturbed copy. `first` has the changes of the switch values from it to the first perturbed copy,
+    /// and `last` is the active set of the last one. The slope of a switch value is the sum of its two changes with the factors `weights`.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {
         let first = first.iter().copied().chain(std::iter::repeat(0.0));
         let widths = self.numbers(self).zip(self.numbers(last)).zip(first).map(|((now, there), first)| {

@@ -12,13 +12,14 @@ use stepper_solve::newton::{Response, Switch, SwitchDistance};
 /// At such a residual the contact modes (open, sticking, slipping) are certain, and the error of the response is of the same order.
 const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of an error of the predicted velocity per rad or m of motion within the step. The weight is at most 1.
+/// Weight of the prediction error per rad or m of motion within the step, in the test whether a step has a response. The weight is at most
+/// 1.
 ///
-/// The error is the difference between the velocity that the solved step predicted and that of a second prediction at the same state.
-/// Errors of slow motion count less, because inertial forces are quadratic in velocities.
+/// The prediction error is the difference between the velocity that the solved step predicted and the velocity of a second prediction at
+/// the same state. Errors of slow motion count less, because inertial forces are quadratic in velocities.
 const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
-/// Smallest distance of a position correction from its bound, as a fraction of the bound, at which the correction has a derivative.
+/// Smallest distance of a position correction from its bound at which it counts as differentiable, as a fraction of the bound.
 const BOUND_DISTANCE: f64 = 1e-3;
 
 /// Lanes whose residual is small enough that the step has a derivative.
@@ -81,8 +82,8 @@ impl<R: Real> ImpulseRule<R> for Rule<'_, R> {
         self.lanes &= !lanes | response.settle(system, impulses, self.lanes & lanes, name, before);
     }
 
-    /// Sets the impulses of the problem at a displaced state, by the stored response to the changes of its rows. Lanes in which a
-    /// constraint of the solved step no longer exists are removed from `self.lanes`.
+    /// Sets the impulses of the constraint problem at a displaced state, from the stored first-order response to the changes of the
+    /// constraint rows. Lanes in which a constraint of the solved step no longer exists are removed from `self.lanes`.
     fn set(&mut self, problem: ImpulseProblem<'_, R>) {
         let ImpulseProblem { solve, system, impulses, lanes, names } = problem;
         let (response, before) = self.impulses.of(solve);

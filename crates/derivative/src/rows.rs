@@ -6,27 +6,30 @@ use stepper_solve::newton::{Switch, SwitchDistance};
 
 use crate::kink::*;
 
-/// Arguments of [`differentiate`](crate::differentiate). Arrays are environment-major.
+/// Arguments of [`differentiate`](crate::differentiate). The first axis of an array is the environment.
 #[derive(Clone, Copy, Debug)]
 pub struct DerivativeQuery<'a> {
-    /// Parts of the state (or controls) whose coordinates are the columns of the derivative, in this order.
+    /// Parts of the state, or controls, with respect to which the step is differentiated. Each of their coordinates is a column of the
+    /// derivative, in this order.
     pub parts: &'a [StatePart],
-    /// Displacements of the coordinate of every column, (num_envs, points, columns), in SI units.
+    /// Displacements of the coordinate of each column, (num_envs, points, columns), in the SI unit of the coordinate.
     pub offsets: &'a [f64],
-    /// Number of displaced states per column, 1 or 2.
+    /// Number of displaced states at which the step is evaluated for each column, 1 or 2.
     pub points: usize,
     /// Residual to which the step is solved, m/s.
     pub tolerance: f64,
 }
 
-/// Results of [`differentiate`](crate::differentiate), environment-major.
+/// Result arrays of [`differentiate`](crate::differentiate). The first axis of an array is the environment.
 #[derive(Debug)]
 pub struct DerivativeRows<'a> {
-    /// Derivatives of qpos (as displacements), qvel and act after the step, (num_envs, 2 nv + na, columns).
+    /// Derivatives of the state after the step, (num_envs, 2 nv + na, columns). The rows are qpos (as displacements, nv), qvel (nv) and act
+    /// (na). The columns are the coordinates of [`DerivativeQuery::parts`].
     pub slopes: &'a mut [f64],
-    /// Flags of kinks in every column, (num_envs, columns), see [`kink`](crate::kink).
+    /// Flags of the kinks that were found for each column of the derivative, (num_envs, columns), see [`kink`](crate::kink).
     pub causes: &'a mut [u32],
-    /// Distance to the nearest kink as a multiple of the displacement, to first order; infinite if no kink was found, (num_envs).
+    /// Distance from the nominal state to the nearest kink, (num_envs), to first order, as a multiple of the displacement in `offsets`. It
+    /// is infinite if no kink was found.
     pub distance: &'a mut [f64],
     /// Whether the derivative is valid, (num_envs): 1 if the implicit function theorem applies, otherwise 0.
     pub sound: &'a mut [u8],
@@ -74,7 +77,7 @@ impl<'a> DerivativeRows<'a> {
     }
 }
 
-/// Splits an array into equal parts for `num_envs` environments; empty parts if the array is empty.
+/// Splits an array into `num_envs` equal parts, one for each environment. All parts of an empty array are empty.
 fn each<T>(all: &mut [T], num_envs: usize) -> impl Iterator<Item = &mut [T]> {
     all.chunks_mut((all.len() / num_envs).max(1)).chain(std::iter::repeat_with(Default::default))
 }

@@ -1,4 +1,4 @@
-//! Derivative of the step of a group, by differences of evaluations at displaced states.
+//! Derivative of the step of a SIMD group of environments, by differences of evaluations at displaced states.
 
 use std::sync::MutexGuard;
 
@@ -11,28 +11,30 @@ use crate::kink::*;
 use crate::response::{HardResponse, is_solved};
 use crate::rows::{DerivativeQuery, DerivativeRows};
 
-/// Relative difference of the slopes at two displaced states, per unit of displacement, up to which a function counts as smooth.
+/// Largest relative difference of two slopes, per unit of displacement, that counts as curvature. A larger difference is a kink. The slopes
+/// are difference quotients from the nominal state to two displaced states of a coordinate.
 const CURVATURE: f64 = 1e4;
-/// Largest relative difference of the slopes at two displaced states of a smooth function, for any displacement.
+/// Largest relative difference of these two slopes that counts as curvature for large displacements, where [`CURVATURE`] allows more.
 const LARGEST_BEND: f64 = 0.1;
 
-/// Smallest slope by which a difference of slopes is divided, SI units.
+/// Smallest divisor of a difference of slopes when the relative difference is computed, SI units.
 ///
-/// It is needed for bodies at rest. Their slopes are 0 except for terms of second order, so that relative differences mean nothing.
+/// It is needed for bodies at rest. Their slopes are 0 except for terms of second order, so that a division by the slopes would show kinks
+/// where there are none.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Largest difference between the solved step and its evaluation by the response at the same state that counts as rounding. It is relative
-/// to the largest velocity. A larger difference means that the step has a part that the response does not model.
+/// Largest difference that counts as rounding between the result of the solved step and its evaluation with the first-order response at the
+/// same state. It is relative to the largest velocity. A larger difference means that the response does not model a part of the step.
 const FAITHFUL: f64 = 1e-8;
 
-/// Workspace for the derivatives of the step of a group.
+/// Workspace for the derivatives of the step of a SIMD group of environments.
 #[derive(Clone, Debug)]
 pub(crate) struct StepDerivative<R: Real> {
     /// First-order response of the impulses with hard contact.
     response: HardResponse<R>,
     /// Whether contact is hard. With MuJoCo's contact law the solver itself computes the response.
     is_hard: bool,
-    /// Changes of the state after the step, for each of the two displaced states of a column.
+    /// Changes of the state after the step that are caused by the first and by the second displacement of a coordinate.
     changes: [Vec<R>; 2],
 }
 
@@ -81,7 +83,7 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Makes the step at the present state. Returns the lanes (bits) in which it is solved.
+    /// Computes the step from the present state. Returns the lanes (bits) in which the step is solved.
     fn solve(&mut self, step: &mut GroupStep<R>, rows: &mut [MutexGuard<'_, DerivativeRows<'_>>]) -> u32 {
         let solved = step.solve();
         let outcome = step.outcome();
@@ -189,8 +191,7 @@ impl<R: Real> StepDerivative<R> {
     }
 }
 
-/// Displacements of the coordinate of column `column` at its two displaced states, in the first `lanes` lanes. `columns` is the number of
-/// columns.
+/// First and second displacement of the coordinate with the index `column` among `columns` coordinates, in the first `lanes` lanes.
 fn offsets<R: Real>(query: &DerivativeQuery<'_>, lanes: usize, column: usize, columns: usize) -> [R; 2] {
     let mut offsets = [R::one(); 2];
     for (point, offset) in offsets.iter_mut().enumerate().take(query.points) {

@@ -6,7 +6,7 @@ use stepper_core::model::{ActuatorBuilder, BodyBuilder, GeomBuilder, JointBuilde
 use stepper_core::{Error, Field, Integrator, Model, Options, Precision, Simulation, StepInputs};
 use stepper_derivative::{DerivativeQuery, DerivativeRows, PerturbedCopies, StatePart, differentiate, find_kinks, kink};
 
-/// Results of [`differentiate`], with their memory.
+/// Arrays that own the results of [`differentiate`].
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Derivative {
     slopes: Vec<f64>,
@@ -18,7 +18,7 @@ struct Derivative {
     state: [Vec<f64>; 3],
 }
 
-/// Columns by positions, velocities and controls, each displaced by `width` to both sides.
+/// Parts of the state with respect to which the tests differentiate: positions, velocities and controls.
 const PARTS: [StatePart; 3] = [StatePart::Qpos, StatePart::Qvel, StatePart::Ctrl];
 
 fn derivative(sim: &mut Simulation, ctrl: &[f64], width: f64) -> Result<Derivative, Error> {

@@ -44,16 +44,16 @@ __version__: Final[str]
 _Array: TypeAlias = NDArray[Any]
 
 def cpu_levels() -> list[str]:
-    """CPU levels of this machine, slowest first."""
+    """CPU levels (instruction sets of the compiled kernels) that this machine supports, slowest first, such as "avx2"."""
 
 def fields() -> list[tuple[str, str, str, str, bool]]:
     """Fields of `Model.replace`: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` accepts it."""
 
 def selected(envs: ArrayLike | None, num_envs: int) -> list[int]:
-    """Indices of the environments that an argument `envs` selects, in its order; see `Stepper.reset`.
+    """Indices of the environments that the argument `envs` of a method selects, in the order of the argument; see `Stepper.reset`.
 
     Args:
-        envs: Boolean mask (num_envs,), or integer indices (k,). None is all.
+        envs: Boolean mask (num_envs,), or integer indices (k,). None selects all environments.
         num_envs: Number of environments.
 
     Raises:
@@ -90,15 +90,15 @@ class Body:
     mocapid: Final[int]
     """Row in `mocap_pos` and `mocap_quat`; -1 for bodies that are not mocap bodies."""
     jntadr: Final[int]
-    """Index of the body's first joint; -1 without joints."""
+    """Index of the body's first joint; -1 for a body without joints."""
     jntnum: Final[int]
     """Number of the body's joints."""
     dofadr: Final[int]
-    """Address of the body's first degree of freedom in qvel; -1 without degrees of freedom."""
+    """Address of the body's first degree of freedom in qvel; -1 for a body without degrees of freedom."""
     dofnum: Final[int]
     """Number of the body's degrees of freedom."""
     geomadr: Final[int]
-    """Index of the body's first geom; -1 without geoms."""
+    """Index of the body's first geom; -1 for a body without geoms."""
     geomnum: Final[int]
     """Number of the body's geoms."""
 
@@ -125,7 +125,7 @@ class Joint:
     limited: Final[bool]
     """Whether the joint position has bounds."""
     range: Final[_Array]
-    """Lowest and highest joint position, m or rad: (2,), infinite without a bound."""
+    """Lowest and highest joint position, m or rad: (2,). A missing bound is infinite."""
     pos: Final[_Array]
     """Anchor of the joint in the body's frame, m: (3,)."""
     axis: Final[_Array]
@@ -162,7 +162,7 @@ class Geom:
     contype: Final[int]
     """Bit mask: two geoms may collide if the contype of one has a common bit with the conaffinity of the other."""
     conaffinity: Final[int]
-    """Bit mask of the contypes of other geoms with which this geom may collide."""
+    """Bit mask: this geom may collide with geoms whose contype has a common bit with it."""
     condim: Final[int]
     """Dimension of the geom's contacts: 1, 3, 4 or 6, as in MuJoCo."""
     priority: Final[int]
@@ -231,21 +231,23 @@ class Actuator:
     actadr: Final[int]
     """Address of the actuator's activation in act; -1 if the actuator has no activation."""
     ctrlrange: Final[_Array]
-    """Bounds of the control: (2,), infinite without a bound."""
+    """Lowest and highest control: (2,). A missing bound is infinite."""
     forcerange: Final[_Array]
-    """Bounds of the force, N or N m: (2,), infinite without a bound."""
+    """Lowest and highest force, N or N m: (2,). A missing bound is infinite."""
     actrange: Final[_Array]
-    """Bounds of the activation: (2,), infinite without a bound."""
+    """Lowest and highest activation: (2,). A missing bound is infinite."""
     gear: Final[_Array]
     """Gear: (6,). Entry 0 scales length, velocity and force. For a site, the entries are force and torque directions."""
     gaintype: Final[str]
     """Type of the gain: "fixed", "affine", "dcmotor" or "pid"."""
     gainprm: Final[_Array]
-    """Parameters of the gain: constant, factor of length, factor of velocity; others are 0: (10,)."""
+    """Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of velocity.
+    Unused entries are 0."""
     biastype: Final[str]
     """Type of the bias: "none", "affine" or "dcmotor"."""
     biasprm: Final[_Array]
-    """Parameters of the bias: constant, factor of length, factor of velocity; others are 0: (10,)."""
+    """Parameters of the bias: (10,). For the type "affine" they begin with constant, factor of length and factor of velocity. Unused
+    entries are 0."""
 
 @final
 class Sensor:
@@ -281,7 +283,7 @@ class Tendon:
     limited: Final[bool]
     """Whether the tendon length has bounds."""
     range: Final[_Array]
-    """Lowest and highest tendon length, m or rad: (2,), infinite without a bound."""
+    """Lowest and highest tendon length, m or rad: (2,). A missing bound is infinite."""
     stiffness: Final[float]
     """Stiffness of the tendon spring, N per unit of tendon length (m or rad)."""
     damping: Final[float]
@@ -359,24 +361,25 @@ class Model:
     tendon_names: Final[list[str]]
     """Names of the fixed tendons in order; empty for those without a name."""
     sensors: Final[list[dict[str, Any]]]
-    """Sensors as dictionaries: name, type, adr (index of the first reading), dim, datatype, and noise, cutoff, delay and interval if the
-    source has them."""
+    """Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and interval.
+    The last four are properties from the source file, and 0 if it does not specify them."""
     omitted: Final[list[tuple[str, str, str]]]
-    """Elements of the source that this model omits, as tuples (kind, name, reason)."""
+    """Elements of the source file that this model omits, as tuples (kind of element, name, reason)."""
     requested: Final[dict[str, Any] | None]
-    """Settings of the source that default options replace: integrator, solver, iterations, cone, constrained (whether the model has
-    constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). None for models made in code."""
+    """Dictionary of the settings of the source file that default options replace: integrator, solver, iterations, cone, constrained
+    (whether the model has constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). It is None for
+    models made in code."""
     excluded_overlaps: Final[list[tuple[str, str, float]]]
     """Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled. The format is that of
     `overlaps()`."""
     wide_hulls: Final[list[tuple[int, float]]]
     """Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
 
-    The list has ratios of 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite
-    for a mesh that encloses no space, such as an open surface."""
+    The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the mesh
+    encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface."""
     deviations: Final[list[str]]
-    """Settings that the source contains explicitly and that the default options replace, as texts: for example an integrator other than
-    Euler's, or softness."""
+    """Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
+    Each is a line of text."""
     digest: Final[str]
     """SHA-256 of the model, in hexadecimal."""
     @property
@@ -594,7 +597,7 @@ class Model:
         """Bounds of the force, N or N m: (nu, 2)."""
     @staticmethod
     def from_description(description: dict[str, Any], strict: bool) -> Model:
-        """Checked model from a plain description, a dictionary with the fields of the Rust crate's `Description`.
+        """Model from a description, a dictionary with the fields of the Rust crate's `Description`. The description is checked.
 
         Vertices and faces of meshes and elevations of height fields may be arrays.
 
@@ -616,7 +619,7 @@ class Model:
 
         Sections of the report:
 
-        * settings of the source that the default options replace
+        * settings of the source file that the default options replace
         * simulated elements; omitted elements, with reasons; features that the scene does not use, and that cost no time
         * phenomena that rigid-body simulation does not cover
         * overlapping geoms whose contacts are disabled; convex hulls much larger than their mesh
@@ -630,8 +633,8 @@ class Model:
 
         Args:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-                values. Each array has the axes of the selected entries. A single name or index has no axis, and neither has a single
-                column. A scalar sets all selected entries.
+                values. Each array has the axes of the selected entries. A selector with a single name, index or column has no axis for it.
+                A scalar sets all selected entries.
             **fields: Values of whole fields, in the shape of the model's attribute.
 
         Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. So a
@@ -646,9 +649,9 @@ class Model:
     def exclude_overlaps(self) -> Model:
         """New model without contacts between bodies that overlap in the reference pose, as by `stepper.load(..., overlaps="exclude")`.
 
-        `excluded_overlaps` lists these overlaps, deeper than 0.01 mm. All contacts between the two bodies are disabled. If a body is
-        the world, only contacts between the two geoms are disabled. Overlaps with the ground are kept, and `overlaps()` lists them. Ground
-        means planes, height fields and, for bodies with a free joint, all fixed geoms.
+        Overlaps count if they are deeper than 0.01 mm; `excluded_overlaps` lists them. All contacts between the two bodies of an overlap
+        are disabled. If a body is the world, only contacts between the two overlapping geoms are disabled. Overlaps with the ground are
+        kept, and `overlaps()` lists them. Ground means planes, height fields and, for bodies with a free joint, all fixed geoms.
         """
     def overlaps(self) -> list[tuple[str, str, float]]:
         """Pairs of geoms that can collide and overlap by more than 0.01 mm in the reference pose, the deepest first.
@@ -697,7 +700,7 @@ class Model:
             IndexError: The model has no geom of that index.
         """
     def _requested_options(self) -> dict[str, Any]:
-        """Settings of the source for `Options.from_model`: contact, integrator, iterations; empty if it has none."""
+        """Options contact, integrator and iterations of the source file, for `Options.from_model`; empty for models made in code."""
     def pair(self, key: str | int) -> Pair:
         """Explicit pair of geoms by name or index (negative from the end).
 
@@ -804,13 +807,13 @@ class Stepper:
 
     Args:
         model: Model of the scene.
-        num_envs: Number of environments. None is a single environment, whose arrays do not have the leading axis.
-        options: Settings of the step. None is `Options()`.
+        num_envs: Number of environments. None makes a single environment, whose arrays do not have the leading axis.
+        options: Settings of the step. None uses `Options()`.
         precision: Floating-point precision: "f64", "f32", or a NumPy type such as `np.float32`.
-        threads: Number of threads; 0 is all processors of this process. Results do not depend on it.
+        threads: Number of threads; 0 uses all processors of this process. Results do not depend on it.
         seed: Seed of the random sensor errors.
-        sensors: Sensor model. None is ideal sensors.
-        actuators: Actuator model between controls and forces. None is ideal actuators.
+        sensors: Sensor model. None simulates ideal sensors.
+        actuators: Actuator model between controls and forces. None simulates ideal actuators.
 
     Raises:
         ValueError: A setting is out of range.
@@ -823,7 +826,7 @@ class Stepper:
     options: Final[Options]
     """Settings of the step, as given at construction."""
     num_envs: Final[int | None]
-    """Number of environments. None is a single environment, whose arrays do not have the leading axis."""
+    """Number of environments. None means a single environment, whose arrays do not have the leading axis."""
     timestep: Final[float]
     """Current time step, s."""
     tolerance: Final[float]
@@ -831,7 +834,7 @@ class Stepper:
     precision: Final[Precision]
     """Floating-point precision: "f64" or "f32"."""
     threads: Final[int]
-    """Number of threads; 0 is all processors of this process."""
+    """Number of threads; 0 uses all processors of this process."""
     seed: Final[int]
     """Seed of the random sensor errors."""
     qpos: Final[_Array]
@@ -902,7 +905,8 @@ class Stepper:
     status: Final[Any]
     """Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`."""
     residual: Final[Any]
-    """Residual of the solver in the last step (error of the natural map), (num_envs,), m/s; 0 for environments with NON_FINITE."""
+    """Residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE. It measures the error of the natural
+    map, a function of impulses and velocities that is zero at the exact solution."""
     iterations: Final[Any]
     """Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps."""
     newton_steps: Final[Any]
@@ -919,11 +923,12 @@ class Stepper:
     float64, m or rad. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite stiffness are
     springs and are not included. With contact="mujoco" all equalities are soft, and all are included."""
     recorder: Any
-    """Recorder that is notified of `step`, `reset`, `set_state` and `randomize` (see `stepper.Recorder`), or None."""
+    """Recorder that is notified of `step`, `reset`, `set_state` and `randomize` (see `stepper.Recorder`). None means that no recorder is
+    set."""
     sensors: Final[SensorModel | None]
-    """Sensor model given at construction, or None."""
+    """Sensor model given at construction. None means ideal sensors."""
     actuators: Final[ActuatorModel | None]
-    """Actuator model given at construction. `randomized` has later changes by `randomize`."""
+    """Actuator model given at construction. None means ideal actuators. `randomized` has later changes by `randomize`."""
     sensordata: Final[_Array]
     """Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a
     writable copy."""
@@ -984,10 +989,11 @@ class Stepper:
         the next `step` with controls. Parameters of `randomize` are kept.
 
         Args:
-            envs: Environments: a boolean mask (num_envs,), or unique integer indices (k,). None is all. With a mask, arrays have rows for
-                all environments, and only those of the selected ones are used. With indices, arrays have a row for each index, in order.
-            qpos: Initial positions, (num_envs, nq) or (nq,). None is the reference configuration. Quaternions are normalised.
-            qvel: Initial velocities, (num_envs, nv) or (nv,). None is at rest.
+            envs: Environments: a boolean mask (num_envs,), or unique integer indices (k,). None selects all environments. With a mask,
+                arrays have rows for all environments, and only those of the selected ones are used. With indices, arrays have a row for
+                each index, in order.
+            qpos: Initial positions, (num_envs, nq) or (nq,). None uses the reference configuration. Quaternions are normalised.
+            qvel: Initial velocities, (num_envs, nv) or (nv,). None uses zero velocities.
             seed: New seed of the sensor errors, or seeds (num_envs,). None keeps the old ones.
             keyframe: Name or index of a keyframe with the initial qpos, qvel, act, ctrl and time.
 
@@ -1033,10 +1039,11 @@ class Stepper:
         Args:
             ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
             nstep: Number of steps per control.
-            initial: Initial state, as in `set_state`: a state of one environment or of all, or a list with one for each. None is the
-                current state.
+            initial: Initial state, as in `set_state`: a state of one environment, a state of all environments, or a list with a state for
+                each environment. None starts from the current state.
             fields: Quantities to store after each control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
-                "sensordata" (T, num_envs, nsensordata). None stores the quantities of `out`, or without `out` all except "act".
+                "sensordata" (T, num_envs, nsensordata). None stores the quantities in `out`. Without `out`, None stores all of them except
+                "act".
             out: Arrays for the results, by quantity, with these shapes. They must be C-contiguous and float64, or float32 with
                 `precision="f32"`. "status" and "residual" are also possible.
 
@@ -1116,8 +1123,8 @@ class Stepper:
 
         Args:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-                values. Each array has the axis of environments, and then the axes of the selected entries. A single name or index has no
-                axis, and neither has a single column. An array (num_envs,) sets all selected entries of an environment to one value, and a
+                values. Each array has the axis of environments, and then the axes of the selected entries. A selector with a single name,
+                index or column has no axis for it. An array (num_envs,) sets all selected entries of an environment to one value, and a
                 scalar sets those of all environments. None restores the values of the model. The first argument may also be `envs`, without
                 values.
             envs: Environments to change, as in `reset`.
@@ -1162,7 +1169,7 @@ class Stepper:
         Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of it.
 
         Args:
-            env: Index of an environment. None is all.
+            env: Index of an environment. None saves all environments.
         """
     def contacts(self, envs: ArrayLike | None = None) -> NDArray[np.void]:
         """Contacts of the last step: all that the solver considered.
@@ -1244,7 +1251,7 @@ class Stepper:
         Args:
             wrt: Names of the inputs: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or by selector
                 ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero for a mass, size, stiffness or
-                frictionloss of 0, which the model does not simulate. None is ("qpos", "qvel", "act", "ctrl").
+                frictionloss of 0, which the model does not simulate. None selects ("qpos", "qvel", "act", "ctrl").
             ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None keeps the current controls.
             nstep: Number of steps.
             method: "fd" is finite differences of whole steps. "implicit" solves the step once and applies the implicit function theorem
@@ -1253,7 +1260,7 @@ class Stepper:
                 "implicitfast" or "implicit". Environments where it does not apply use finite differences (`Linearization.implicit`).
             step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it from the tolerance
                 (`stepper.derivatives.perturbations.step_of`), or for "implicit" uses `stepper.derivatives.implicit.STEP`.
-            tolerance: Solver tolerance of the copies, m/s. None is 1e-13, or that of the stepper if it is smaller.
+            tolerance: Solver tolerance of the copies, m/s. None uses 1e-13, or the tolerance of the stepper if that is smaller.
             centered: Whether differences are central. One-sided differences need half the copies. Their error is of first order in `step`
                 instead of second, and they cannot compare the slopes of both sides.
             extrapolate: Whether to apply Richardson extrapolation with differences of twice the width. It needs twice the copies and gives
@@ -1269,8 +1276,9 @@ class Stepper:
         """Derivatives of a step by the implicit function theorem. `stepper.derivatives.implicit` documents the arguments.
 
         Returns:
-            Arrays by name: "slopes" (num_envs, 2 nv + na, columns), "causes" (num_envs, columns) uint32, "distance", "sound" (uint8),
-            "residual" and "status" (num_envs,), and "qpos", "qvel" and "act" after the step.
+            Dictionary of arrays: derivatives "slopes" (num_envs, 2 nv + na, columns); flags of kinks "causes" (num_envs, columns) uint32;
+            "distance" to the nearest kink, "sound" (uint8, 1 for a valid derivative), "residual" and "status" (num_envs,); and "qpos",
+            "qvel" and "act" after the step.
         """
     def _find_kinks(
         self,
@@ -1288,7 +1296,8 @@ class Stepper:
         """Kinks between copies of environments after a step. `stepper.derivatives.kinks` documents the arguments.
 
         Returns:
-            Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
+            Flags of `Kink` for each column of the derivative, (environments, columns) uint32, and the distance to the nearest kink as a
+            multiple of the perturbation, (environments,).
         """
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> _Array:
         """Values of a quantity for all its elements, or for some by name or index.
@@ -1299,7 +1308,7 @@ class Stepper:
         Args:
             name: Name of an attribute of `Stepper`, such as "xpos", "qvel" or "sensordata".
             of: Name or index of an element, or a list of several. The quantity determines the kind of element: body, site, geom, joint,
-                actuator or sensor. None is all elements. A single body, site or geom has no axis of elements: (num_envs, 3). The
+                actuator or sensor. None selects all elements. A single body, site or geom has no axis of elements: (num_envs, 3). The
                 columns of joints and sensors are concatenated: (num_envs, n).
 
         Returns:
@@ -1331,7 +1340,8 @@ class Stepper:
         All states are read before any is changed. The copies have independent random sensor errors.
 
         Args:
-            sources: Indices of the source environments, one for each of `envs`, or one for all. Indices may repeat.
+            sources: Indices of the source environments: one for each environment in `envs`, or a single one for all of them. Indices may
+                repeat.
             envs: Target environments, as in `reset`.
 
         Raises:
@@ -1373,10 +1383,10 @@ class Stepper:
         Args:
             points: Origins of the rays, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative to its frame.
             directions: Directions of the rays, of any positive length, (num_envs, n, 3) or (n, 3).
-            body: Name or index of the body that carries the rays, such as a lidar. Its geoms are not hit. None is the world.
+            body: Name or index of the body that carries the rays, such as a lidar. Its geoms are not hit. None fixes the rays to the world.
             axes: Axes of points and directions with `body`: "body", those of the body; "heading", those of the world rotated by the body's
                 heading; "world".
-            geoms: Names or indices of the geoms that rays can hit. None is all.
+            geoms: Names or indices of the geoms that rays can hit. None selects all geoms.
             exclude: Name or index of a body whose geoms are not hit. None excludes the geoms of `body`.
 
         Returns:

@@ -28,8 +28,8 @@ pub struct DerivativeRows<'a> {
     pub slopes: &'a mut [f64],
     /// Flags of the kinks that were found for each column of the derivative, (num_envs, columns), see [`kink`](crate::kink).
     pub causes: &'a mut [u32],
-    /// Distance from the nominal state to the nearest kink, (num_envs), to first order, as a multiple of the displacement in `offsets`. It
-    /// is infinite if no kink was found.
+    /// Distance from the nominal state to the nearest kink, (num_envs), to first order, as a multiple of the displacement in
+    /// [`DerivativeQuery::offsets`]. It is infinite if no kink was found.
     pub distance: &'a mut [f64],
     /// Whether the derivative is valid, (num_envs): 1 if the implicit function theorem applies, otherwise 0.
     pub sound: &'a mut [u8],

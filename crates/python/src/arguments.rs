@@ -6,7 +6,8 @@ use pyo3::types::PyDict;
 
 use crate::array::whole;
 
-/// Checks that a call has no unknown keywords.
+/// Checks that the Python call `call` has no unknown keywords. `others` has the keywords that are no parameter of the method, and `known`
+/// the names of its parameters.
 ///
 /// # Errors
 /// `TypeError` for the first unknown keyword, with its current name or similar names.

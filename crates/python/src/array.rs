@@ -23,7 +23,7 @@ pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, preci
     })
 }
 
-/// Buffer of numbers in one of the two precisions, for a new array.
+/// Buffer of f64 or f32 numbers, for a new NumPy array.
 pub(crate) enum OwnNumbers {
     F64(Vec<f64>),
     F32(Vec<f32>),
@@ -46,7 +46,7 @@ impl OwnNumbers {
         }
     }
 
-    /// Array of the given shape with the numbers.
+    /// NumPy array of the given shape with the numbers of this buffer.
     pub(crate) fn into_array<'py>(self, py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
         fn shaped<T>(shape: &[usize], data: Vec<T>) -> PyResult<ArrayD<T>> {
             ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))
@@ -220,8 +220,8 @@ pub(crate) fn assign_attribute(owner: &Bound<'_, PyAny>, name: &Bound<'_, PyAny>
     }
 }
 
-/// Exception for an attribute `name` of `owner` that does not exist or is read-only. Its text comes from the function `which` of
-/// `stepper._hints`.
+/// Exception for an attribute `name` of the Python object `owner` that does not exist or is read-only. The function of `stepper._hints`
+/// with the name `which` writes its message.
 pub(crate) fn hint(owner: &Bound<'_, PyAny>, which: &str, name: &Bound<'_, PyAny>) -> PyResult<PyErr> {
     let class = owner.get_type();
     let error = owner.py().import("stepper._hints")?.call_method1(which, (class, name))?;

@@ -33,7 +33,7 @@ impl<'py> Rows<'py> {
         }
     }
 
-    /// Rows from an argument with configurations. A joint with a zero quaternion is an error.
+    /// Rows of the array argument `name`, each a configuration of the model. A joint with a zero quaternion is an error.
     fn of_configurations(given: &Bound<'py, PyAny>, name: &'static str, model: &Core) -> PyResult<Self> {
         let rows = Self::new(given, name, model.nq())?;
         for (row, q) in rows.numbers.as_slice()?.chunks_exact(model.nq().max(1)).enumerate() {
@@ -52,7 +52,7 @@ impl<'py> Rows<'py> {
         &self.numbers.shape()[..self.numbers.shape().len() - 1]
     }
 
-    /// Row `k`, counted over all leading axes. An argument with a single row gives this row for every `k`.
+    /// Row with the index `k`, counted over all leading axes of the array. An array with a single row has this row for every `k`.
     fn row(&self, k: usize) -> PyResult<&[f64]> {
         let all = self.numbers.as_slice()?;
         Ok(if self.lead().is_empty() { all } else { &all[k * self.width..(k + 1) * self.width] })

@@ -11,14 +11,15 @@ pub(crate) struct DerivedArrays {
     /// [`stepper_core::Simulation::revision`] at which the arrays were computed.
     revision: u64,
     arrays: Vec<(DerivedQuantity, Py<PyAny>)>,
-    /// Quantities that were read at the current revision.
+    /// Quantities that were read since the revision last changed, which happens when the state or an input changes.
     asked: Vec<DerivedQuantity>,
-    /// Quantities that were read at the previous revision, not counting revisions without any reading.
+    /// Quantities that were read at the previous revision of the state. Revisions at which nothing was read are skipped.
     before: Vec<DerivedQuantity>,
 }
 
 impl DerivedArrays {
-    /// Cached array of a quantity at the simulation's `revision`, or None. If the revision has changed, the cache is cleared first.
+    /// Cached array of a quantity at the simulation's state number `revision`; `None` if it is not cached. If the revision has changed, the
+    /// cache is cleared first.
     pub(crate) fn get(&mut self, revision: u64, quantity: DerivedQuantity) -> Option<&Py<PyAny>> {
         if self.revision != revision {
             self.arrays.clear();
@@ -47,7 +48,7 @@ impl DerivedArrays {
         all
     }
 
-    /// Adds an array to the cache, for the revision of the last call of [`DerivedArrays::get`].
+    /// Adds an array to the cache. It must belong to the revision that was passed to the last call of [`DerivedArrays::get`].
     pub(crate) fn keep(&mut self, quantity: DerivedQuantity, array: Py<PyAny>) {
         self.arrays.push((quantity, array));
     }

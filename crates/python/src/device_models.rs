@@ -25,7 +25,7 @@ pub(crate) fn drives(
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
 }
 
-/// Calls the method `method` of a sensor or actuator model, `given`, and returns its result for all sensors or actuators.
+/// Calls the method `method` of `given`, a sensor or actuator model, and returns what the method returns for all sensors or actuators.
 ///
 /// If `given` does not have the method, the result is a `TypeError`. Its message contains the name `argument` of the Python argument and
 /// its required class.

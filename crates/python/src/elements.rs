@@ -61,15 +61,15 @@ elements! {
         iquat,
         /// Row in `mocap_pos` and `mocap_quat`; -1 for bodies that are not mocap bodies.
         mocapid,
-        /// Index of the body's first joint; -1 without joints.
+        /// Index of the body's first joint; -1 for a body without joints.
         jntadr,
         /// Number of the body's joints.
         jntnum,
-        /// Address of the body's first degree of freedom in qvel; -1 without degrees of freedom.
+        /// Address of the body's first degree of freedom in qvel; -1 for a body without degrees of freedom.
         dofadr,
         /// Number of the body's degrees of freedom.
         dofnum,
-        /// Index of the body's first geom; -1 without geoms.
+        /// Index of the body's first geom; -1 for a body without geoms.
         geomadr,
         /// Number of the body's geoms.
         geomnum,
@@ -95,7 +95,7 @@ elements! {
         nv,
         /// Whether the joint position has bounds.
         limited,
-        /// Lowest and highest joint position, m or rad: (2,), infinite without a bound.
+        /// Lowest and highest joint position, m or rad: (2,). A missing bound is infinite.
         range,
         /// Anchor of the joint in the body's frame, m: (3,).
         pos,
@@ -131,7 +131,7 @@ elements! {
         quat,
         /// Bit mask: two geoms may collide if the contype of one has a common bit with the conaffinity of the other.
         contype,
-        /// Bit mask of the contypes of other geoms with which this geom may collide.
+        /// Bit mask: this geom may collide with geoms whose contype has a common bit with it.
         conaffinity,
         /// Dimension of the geom's contacts: 1, 3, 4 or 6, as in MuJoCo.
         condim,
@@ -197,21 +197,23 @@ elements! {
         trnid,
         /// Address of the actuator's activation in act; -1 if the actuator has no activation.
         actadr,
-        /// Bounds of the control: (2,), infinite without a bound.
+        /// Lowest and highest control: (2,). A missing bound is infinite.
         ctrlrange,
-        /// Bounds of the force, N or N m: (2,), infinite without a bound.
+        /// Lowest and highest force, N or N m: (2,). A missing bound is infinite.
         forcerange,
-        /// Bounds of the activation: (2,), infinite without a bound.
+        /// Lowest and highest activation: (2,). A missing bound is infinite.
         actrange,
         /// Gear: (6,). Entry 0 scales length, velocity and force. For a site, the entries are force and torque directions.
         gear,
         /// Type of the gain: "fixed", "affine", "dcmotor" or "pid".
         gaintype,
-        /// Parameters of the gain: constant, factor of length, factor of velocity; others are 0: (10,).
+        /// Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of
+        /// velocity. Unused entries are 0.
         gainprm,
         /// Type of the bias: "none", "affine" or "dcmotor".
         biastype,
-        /// Parameters of the bias: constant, factor of length, factor of velocity; others are 0: (10,).
+        /// Parameters of the bias: (10,). For the type "affine" they begin with constant, factor of length and factor of velocity. Unused
+        /// entries are 0.
         biasprm,
     }
 
@@ -245,7 +247,7 @@ elements! {
         coef,
         /// Whether the tendon length has bounds.
         limited,
-        /// Lowest and highest tendon length, m or rad: (2,), infinite without a bound.
+        /// Lowest and highest tendon length, m or rad: (2,). A missing bound is infinite.
         range,
         /// Stiffness of the tendon spring, N per unit of tendon length (m or rad).
         stiffness,

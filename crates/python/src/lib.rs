@@ -32,10 +32,10 @@ fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     Ok(())
 }
 
-/// Indices of the environments that an argument `envs` selects, in its order; see `Stepper.reset`.
+/// Indices of the environments that the argument `envs` of a method selects, in the order of the argument; see `Stepper.reset`.
 ///
 /// Args:
-///     envs: Boolean mask (num_envs,), or integer indices (k,). None is all.
+///     envs: Boolean mask (num_envs,), or integer indices (k,). None selects all environments.
 ///     num_envs: Number of environments.
 ///
 /// Raises:
@@ -48,7 +48,7 @@ fn selected(envs: Option<Bound<'_, PyAny>>, num_envs: usize) -> PyResult<Vec<usi
     Ok(selection::Selection::of(envs.as_ref(), num_envs)?.envs)
 }
 
-/// CPU levels of this machine, slowest first.
+/// CPU levels (instruction sets of the compiled kernels) that this machine supports, slowest first, such as "avx2".
 #[pyfunction]
 fn cpu_levels() -> Vec<String> {
     stepper_core::Level::available().iter().map(ToString::to_string).collect()

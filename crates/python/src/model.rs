@@ -144,7 +144,7 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// Checked model from a plain description, a dictionary with the fields of the Rust crate's `Description`.
+    /// Model from a description, a dictionary with the fields of the Rust crate's `Description`. The description is checked.
     ///
     /// Vertices and faces of meshes and elevations of height fields may be arrays.
     ///
@@ -182,7 +182,7 @@ impl Model {
     ///
     /// Sections of the report:
     ///
-    /// * settings of the source that the default options replace
+    /// * settings of the source file that the default options replace
     /// * simulated elements; omitted elements, with reasons; features that the scene does not use, and that cost no time
     /// * phenomena that rigid-body simulation does not cover
     /// * overlapping geoms whose contacts are disabled; convex hulls much larger than their mesh
@@ -198,8 +198,8 @@ impl Model {
     ///
     /// Args:
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-    ///         values. Each array has the axes of the selected entries. A single name or index has no axis, and neither has a single
-    ///         column. A scalar sets all selected entries.
+    ///         values. Each array has the axes of the selected entries. A selector with a single name, index or column has no axis for it.
+    ///         A scalar sets all selected entries.
     ///     **fields: Values of whole fields, in the shape of the model's attribute.
     ///
     /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. So a
@@ -243,9 +243,9 @@ impl Model {
 
     /// New model without contacts between bodies that overlap in the reference pose, as by `stepper.load(..., overlaps="exclude")`.
     ///
-    /// `excluded_overlaps` lists these overlaps, deeper than 0.01 mm. All contacts between the two bodies are disabled. If a body is
-    /// the world, only contacts between the two geoms are disabled. Overlaps with the ground are kept, and `overlaps()` lists them. Ground
-    /// means planes, height fields and, for bodies with a free joint, all fixed geoms.
+    /// Overlaps count if they are deeper than 0.01 mm; `excluded_overlaps` lists them. All contacts between the two bodies of an overlap
+    /// are disabled. If a body is the world, only contacts between the two overlapping geoms are disabled. Overlaps with the ground are
+    /// kept, and `overlaps()` lists them. Ground means planes, height fields and, for bodies with a free joint, all fixed geoms.
     fn exclude_overlaps(&self) -> Self {
         Self::of(overlaps::exclude(&self.core))
     }
@@ -423,7 +423,7 @@ impl Model {
         assign_attribute(slf, name, value)
     }
 
-    /// Settings of the source for `Options.from_model`: contact, integrator, iterations; empty if it has none.
+    /// Options contact, integrator and iterations of the source file, for `Options.from_model`; empty for models made in code.
     fn _requested_options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let settings = PyDict::new(py);
         if self.core.requested.is_some() {
@@ -435,16 +435,17 @@ impl Model {
         Ok(settings)
     }
 
-    /// Settings of the source that default options replace: integrator, solver, iterations, cone, constrained (whether the model has
-    /// constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). None for models made in code.
+    /// Dictionary of the settings of the source file that default options replace: integrator, solver, iterations, cone, constrained
+    /// (whether the model has constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). It is None for
+    /// models made in code.
     #[getter]
     fn requested<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let asked = self.core.requested.as_ref().map(|asked| pythonize::pythonize(py, asked));
         asked.transpose().map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
-    /// Settings that the source contains explicitly and that the default options replace, as texts: for example an integrator other than
-    /// Euler's, or softness.
+    /// Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
+    /// Each is a line of text.
     #[getter]
     fn deviations(&self) -> Vec<String> {
         self.core.deviations(false).into_iter().map(in_python).collect()
@@ -459,8 +460,8 @@ impl Model {
 
     /// Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
     ///
-    /// The list has ratios of 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite
-    /// for a mesh that encloses no space, such as an open surface.
+    /// The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the
+    /// mesh encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface.
     #[getter]
     fn wide_hulls(&self) -> Vec<(usize, f64)> {
         self.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect()
@@ -580,8 +581,8 @@ impl Model {
         Kind::Tendon.names(&self.core)
     }
 
-    /// Sensors as dictionaries: name, type, adr (index of the first reading), dim, datatype, and noise, cutoff, delay and interval if the
-    /// source has them.
+    /// Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and
+    /// interval. The last four are properties from the source file, and 0 if it does not specify them.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let one = |(sensor, at): (&Sensor, usize)| {
@@ -605,7 +606,7 @@ impl Model {
         Kind::Keyframe.names(&self.core)
     }
 
-    /// Elements of the source that this model omits, as tuples (kind, name, reason).
+    /// Elements of the source file that this model omits, as tuples (kind of element, name, reason).
     #[getter]
     fn omitted(&self) -> Vec<(&str, &str, &str)> {
         self.core.omitted.iter().map(|o| (o.kind.as_str(), o.name.as_str(), o.reason.as_str())).collect()

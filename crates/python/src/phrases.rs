@@ -1,6 +1,6 @@
 //! Translation of the core's messages for Python: names of Rust calls become names of Python calls.
 
-/// Phrases with a Rust call in messages of the core, each with the phrase that replaces it and has the Python call.
+/// Pairs of phrases: one of the core's messages, which names a Rust call, and its replacement, which names the Python call.
 const PHRASES: [(&str, &str); 15] = [
     ("Options::from_model(&model)", "Options.from_model(model)"),
     ("choose ContactLaw::Mujoco and an integrator", "choose Options(contact=\"mujoco\", integrator=...)"),

@@ -40,13 +40,13 @@ use crate::selection::{Numbers, Selection};
 ///
 /// Args:
 ///     model: Model of the scene.
-///     num_envs: Number of environments. None is a single environment, whose arrays do not have the leading axis.
-///     options: Settings of the step. None is `Options()`.
+///     num_envs: Number of environments. None makes a single environment, whose arrays do not have the leading axis.
+///     options: Settings of the step. None uses `Options()`.
 ///     precision: Floating-point precision: "f64", "f32", or a NumPy type such as `np.float32`.
-///     threads: Number of threads; 0 is all processors of this process. Results do not depend on it.
+///     threads: Number of threads; 0 uses all processors of this process. Results do not depend on it.
 ///     seed: Seed of the random sensor errors.
-///     sensors: Sensor model. None is ideal sensors.
-///     actuators: Actuator model between controls and forces. None is ideal actuators.
+///     sensors: Sensor model. None simulates ideal sensors.
+///     actuators: Actuator model between controls and forces. None simulates ideal actuators.
 ///
 /// Raises:
 ///     ValueError: A setting is out of range.
@@ -93,7 +93,7 @@ impl Stepper {
         if self.batched { read_only(out.into_any(), name) } else { out.call_method0("item") }
     }
 
-    /// Selection of environments by an argument `envs`, None for all.
+    /// Selection of environments by an argument `envs`. None selects all environments.
     fn selection(&self, envs: Option<&Bound<'_, PyAny>>) -> PyResult<Selection> {
         Selection::of(envs, self.n())
     }
@@ -248,7 +248,7 @@ impl Stepper {
         slf.options.clone_ref(py)
     }
 
-    /// Number of environments. None is a single environment, whose arrays do not have the leading axis.
+    /// Number of environments. None means a single environment, whose arrays do not have the leading axis.
     #[getter]
     pub(crate) fn num_envs(slf: Reading<'_>) -> Option<usize> {
         slf.batched.then(|| slf.n())
@@ -272,7 +272,7 @@ impl Stepper {
         precision_name(slf.simulation.precision())
     }
 
-    /// Number of threads; 0 is all processors of this process.
+    /// Number of threads; 0 uses all processors of this process.
     #[getter]
     fn threads(slf: Reading<'_>) -> usize {
         slf.threads
@@ -284,7 +284,7 @@ impl Stepper {
         slf.seed
     }
 
-    /// Actuator model given at construction. `randomized` has later changes by `randomize`.
+    /// Actuator model given at construction. None means ideal actuators. `randomized` has later changes by `randomize`.
     #[getter]
     fn actuators(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
         slf.actuators.as_ref().map(|a| a.clone_ref(py))

@@ -17,7 +17,7 @@ impl Stepper {
     /// Args:
     ///     wrt: Names of the inputs: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or by selector
     ///         ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero for a mass, size, stiffness or
-    ///         frictionloss of 0, which the model does not simulate. None is ("qpos", "qvel", "act", "ctrl").
+    ///         frictionloss of 0, which the model does not simulate. None selects ("qpos", "qvel", "act", "ctrl").
     ///     ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None keeps the current controls.
     ///     nstep: Number of steps.
     ///     method: "fd" is finite differences of whole steps. "implicit" solves the step once and applies the implicit function theorem
@@ -26,7 +26,7 @@ impl Stepper {
     ///         "implicitfast" or "implicit". Environments where it does not apply use finite differences (`Linearization.implicit`).
     ///     step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it from the tolerance
     ///         (`stepper.derivatives.perturbations.step_of`), or for "implicit" uses `stepper.derivatives.implicit.STEP`.
-    ///     tolerance: Solver tolerance of the copies, m/s. None is 1e-13, or that of the stepper if it is smaller.
+    ///     tolerance: Solver tolerance of the copies, m/s. None uses 1e-13, or the tolerance of the stepper if that is smaller.
     ///     centered: Whether differences are central. One-sided differences need half the copies. Their error is of first order in `step`
     ///         instead of second, and they cannot compare the slopes of both sides.
     ///     extrapolate: Whether to apply Richardson extrapolation with differences of twice the width. It needs twice the copies and gives
@@ -74,7 +74,7 @@ impl Stepper {
     /// Args:
     ///     name: Name of an attribute of `Stepper`, such as "xpos", "qvel" or "sensordata".
     ///     of: Name or index of an element, or a list of several. The quantity determines the kind of element: body, site, geom, joint,
-    ///         actuator or sensor. None is all elements. A single body, site or geom has no axis of elements: (num_envs, 3). The
+    ///         actuator or sensor. None selects all elements. A single body, site or geom has no axis of elements: (num_envs, 3). The
     ///         columns of joints and sensors are concatenated: (num_envs, n).
     ///
     /// Returns:

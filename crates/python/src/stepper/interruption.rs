@@ -17,8 +17,8 @@ pub(super) struct Interrupted {
 impl Interrupted {
     /// Exception for Python about an interrupted call of the method `call`, such as "step".
     ///
-    /// The exception's attribute `steps` is the number of steps made. Its message (or a note, for an exception with its own message)
-    /// contains this number, the number `of` of requested steps, and the text `also`.
+    /// The attribute `steps` of the exception is the number of steps made. The message of the exception contains this number, the number of
+    /// requested steps (`of`), and the text `also`. An exception that has a message already gets a note with this text instead.
     pub(super) fn raise(self, py: Python<'_>, call: &str, of: usize, also: &str) -> PyErr {
         let Self { steps, error } = self;
         let message = format!("{call} was interrupted after {steps} of {of} steps, in every environment{also}");

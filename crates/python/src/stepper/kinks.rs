@@ -13,7 +13,8 @@ impl Stepper {
     /// Kinks between copies of environments after a step. `stepper.derivatives.kinks` documents the arguments.
     ///
     /// Returns:
-    ///     Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
+    ///     Flags of `Kink` for each column of the derivative, (environments, columns) uint32, and the distance to the nearest kink as a
+    ///     multiple of the perturbation, (environments,).
     #[pyo3(signature = (*, count, sides, one_sided, limited, ranges, limit_positions, rubbing, smooth_at_rest, tolerance))]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn _find_kinks<'py>(

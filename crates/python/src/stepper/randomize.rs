@@ -13,14 +13,15 @@ use crate::selection::Selection;
 use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::{Reading, Stepper, borrow};
 
-/// Name of the argument of `randomize` with drives. All other names are fields of the model.
+/// Name of the argument of `randomize` that takes an actuator model. All other names are fields of the model.
 const ACTUATORS: &str = "actuators";
 
 impl Stepper {
     /// Sets parameters of the selected environments.
     ///
     /// The dictionary `fields` has an array (num_envs, ...) for each field name, and the actuator model under the key "actuators". A value
-    /// None restores the values of the model, or the drives of the constructor. An empty or missing `fields` restores everything.
+    /// None restores the values of the model, or the drives (actuator dynamics) that the stepper was created with. An empty or missing
+    /// `fields` restores everything.
     pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
         let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
@@ -99,8 +100,8 @@ impl Stepper {
     ///
     /// Args:
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-    ///         values. Each array has the axis of environments, and then the axes of the selected entries. A single name or index has no
-    ///         axis, and neither has a single column. An array (num_envs,) sets all selected entries of an environment to one value, and a
+    ///         values. Each array has the axis of environments, and then the axes of the selected entries. A selector with a single name,
+    ///         index or column has no axis for it. An array (num_envs,) sets all selected entries of an environment to one value, and a
     ///         scalar sets those of all environments. None restores the values of the model. The first argument may also be `envs`, without
     ///         values.
     ///     envs: Environments to change, as in `reset`.

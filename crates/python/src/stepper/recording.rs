@@ -14,7 +14,8 @@ pub(super) fn recorder_of(py: Python<'_>, this: PyRefMut<'_, Stepper>) -> Option
     this.recorder.as_ref().map(|r| r.clone_ref(py))
 }
 
-/// Calls the recorder's method `what` with the stepper and the arguments `given`, by name. Without a recorder it does nothing.
+/// Calls the method `what` of the recorder with the stepper and the keyword arguments `given`, which are pairs of name and value. If
+/// `recorder` is `None`, nothing is called.
 pub(super) fn notify(
     slf: &Bound<'_, Stepper>,
     recorder: Option<Py<PyAny>>,
@@ -32,7 +33,7 @@ pub(super) fn notify(
     Ok(())
 }
 
-/// Notifies the recorder of `nstep` steps, with the current controls and applied inputs.
+/// Tells the recorder that the stepper made `nstep` steps with the current controls and applied inputs.
 #[cold]
 pub(super) fn tell_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, nstep: usize) -> PyResult<()> {
     let py = slf.py();
@@ -56,7 +57,8 @@ impl Stepper {
         Ok(recorder)
     }
 
-    /// Recorder that is notified of `step`, `reset`, `set_state` and `randomize` (see `stepper.Recorder`), or None.
+    /// Recorder that is notified of `step`, `reset`, `set_state` and `randomize` (see `stepper.Recorder`). None means that no recorder is
+    /// set.
     #[getter]
     fn recorder(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
         slf.recorder.as_ref().map(|r| r.clone_ref(py))

@@ -15,7 +15,7 @@ use crate::stepper::interruption::watched;
 use crate::stepper::taking_over::states_of;
 use crate::stepper::{Stepper, borrow};
 
-/// Names of the fields that every result contains, so that failures are visible.
+/// Names of the arrays that the result of every rollout contains, so that unsolved steps are visible.
 const CERTIFICATE: [&str; 2] = ["status", "residual"];
 /// Quantities in the result if the caller gives neither `fields` nor `out`.
 const DEFAULT: [Quantity; 3] = [Quantity::Qpos, Quantity::Qvel, Quantity::Observation];
@@ -42,8 +42,8 @@ impl<'py, T: Element + Copy> Output<'py, T> {
         Ok(self.made.as_slice_mut()?)
     }
 
-    /// Adds the array to the dictionary `result`. If the caller gave an array in `out`, it is added instead, after its first `controls`
-    /// rows were filled with the results.
+    /// Adds the array to the dictionary `result`. If the caller gave an array in `out`, the results of the first `controls` controls are
+    /// copied to that array, and it is added instead.
     fn enter(mut self, controls: usize, result: &Bound<'py, PyDict>) -> PyResult<()> {
         let Some(mut given) = self.given.take() else { return result.set_item(self.name, &**self.made) };
         let (all, made) = (self.made.shape()[0], self.made.as_slice()?);
@@ -148,10 +148,11 @@ impl Stepper {
     /// Args:
     ///     ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
     ///     nstep: Number of steps per control.
-    ///     initial: Initial state, as in `set_state`: a state of one environment or of all, or a list with one for each. None is the
-    ///         current state.
+    ///     initial: Initial state, as in `set_state`: a state of one environment, a state of all environments, or a list with a state for
+    ///         each environment. None starts from the current state.
     ///     fields: Quantities to store after each control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
-    ///         "sensordata" (T, num_envs, nsensordata). None stores the quantities of `out`, or without `out` all except "act".
+    ///         "sensordata" (T, num_envs, nsensordata). None stores the quantities in `out`. Without `out`, None stores all of them except
+    ///         "act".
     ///     out: Arrays for the results, by quantity, with these shapes. They must be C-contiguous and float64, or float32 with
     ///         `precision="f32"`. "status" and "residual" are also possible.
     ///

@@ -52,7 +52,7 @@ impl Stepper {
         read_only(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "sensor_faults")
     }
 
-    /// Sensor model given at construction, or None.
+    /// Sensor model given at construction. None means ideal sensors.
     #[getter]
     pub(crate) fn sensors(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
         slf.sensors.as_ref().map(|s| s.clone_ref(py))

@@ -34,7 +34,8 @@ impl Stepper {
         read_only(array(py, &self.shape(&[width]), data, self.simulation.precision())?, field.name())
     }
 
-    /// Values of a state field, such as qpos, for the selected environments, from an optional array argument; None without the argument.
+    /// Values of a state field, such as qpos, for the selected environments, from an optional array argument. Without the argument, the
+    /// result is None.
     fn field_rows<'py>(&self, field: Field, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
         given.map(|given| self.selected_rows(given, field.name(), field.width(self.simulation.model()), selection)).transpose()
     }
@@ -59,10 +60,11 @@ impl Stepper {
     /// the next `step` with controls. Parameters of `randomize` are kept.
     ///
     /// Args:
-    ///     envs: Environments: a boolean mask (num_envs,), or unique integer indices (k,). None is all. With a mask, arrays have rows for
-    ///         all environments, and only those of the selected ones are used. With indices, arrays have a row for each index, in order.
-    ///     qpos: Initial positions, (num_envs, nq) or (nq,). None is the reference configuration. Quaternions are normalised.
-    ///     qvel: Initial velocities, (num_envs, nv) or (nv,). None is at rest.
+    ///     envs: Environments: a boolean mask (num_envs,), or unique integer indices (k,). None selects all environments. With a mask,
+    ///         arrays have rows for all environments, and only those of the selected ones are used. With indices, arrays have a row for
+    ///         each index, in order.
+    ///     qpos: Initial positions, (num_envs, nq) or (nq,). None uses the reference configuration. Quaternions are normalised.
+    ///     qvel: Initial velocities, (num_envs, nv) or (nv,). None uses zero velocities.
     ///     seed: New seed of the sensor errors, or seeds (num_envs,). None keeps the old ones.
     ///     keyframe: Name or index of a keyframe with the initial qpos, qvel, act, ctrl and time.
     ///
@@ -171,7 +173,7 @@ impl Stepper {
     /// Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of it.
     ///
     /// Args:
-    ///     env: Index of an environment. None is all.
+    ///     env: Index of an environment. None saves all environments.
     #[pyo3(signature = (env=None, **others), text_signature = "($self, env=None)")]
     fn get_state(slf: Reading<'_>, env: Option<Env>, others: Option<&Bound<'_, PyDict>>) -> PyResult<State> {
         no_others("Stepper.get_state", others, &["env"])?;

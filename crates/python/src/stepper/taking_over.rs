@@ -65,7 +65,8 @@ impl Stepper {
     /// All states are read before any is changed. The copies have independent random sensor errors.
     ///
     /// Args:
-    ///     sources: Indices of the source environments, one for each of `envs`, or one for all. Indices may repeat.
+    ///     sources: Indices of the source environments: one for each environment in `envs`, or a single one for all of them. Indices may
+    ///         repeat.
     ///     envs: Target environments, as in `reset`.
     ///
     /// Raises:

@@ -2,13 +2,13 @@
 
 use crate::{Actuator, BiasType, Description, ForceModel, GainType, ModelError, Transmission, label};
 
-/// Number of values in a row of `actuator_gear`.
+/// Number of values of one actuator in the field `actuator_gear`.
 pub(crate) const GEAR: usize = 6;
-/// Number of values in a row of `actuator_gainprm` and of `actuator_biasprm`.
+/// Number of values of one actuator in the fields `actuator_gainprm` and `actuator_biasprm`.
 pub(crate) const PARAMETERS: usize = 10;
 
-/// Coefficients of an affine force: those of the gain, then those of the bias. Each has a constant, a factor of length, and a factor of
-/// velocity.
+/// Coefficients of an affine actuator force: first of the gain, then of the bias. Both consist of a constant, a factor of length, and a
+/// factor of velocity.
 pub type AffineForce = ([f64; 3], [f64; 3]);
 
 impl Actuator {
@@ -40,8 +40,8 @@ impl Actuator {
 }
 
 impl Actuator {
-    /// Row of `actuator_gear`: for a site, force and torque per unit of actuator force. For other transmissions, the first entry scales
-    /// length, velocity and force.
+    /// Values of this actuator in the field `actuator_gear`. For an actuator on a site, they are force and torque per unit of actuator
+    /// force. For other transmissions, the first value scales length, velocity and force.
     pub fn gear_row(&self) -> [f64; GEAR] {
         match self.transmission {
             Transmission::Site { wrench, .. } => wrench.map(|x| x * self.gear),
@@ -49,17 +49,18 @@ impl Actuator {
         }
     }
 
-    /// Row of `actuator_gainprm`: parameters of the gain, padded with zeros.
+    /// Values of this actuator in the field `actuator_gainprm`: parameters of the gain, padded with zeros.
     pub fn gain_row(&self) -> [f64; PARAMETERS] {
         row(&self.gain[..self.force_model.gain.width()])
     }
 
-    /// Row of `actuator_biasprm`: parameters of the bias, padded with zeros.
+    /// Values of this actuator in the field `actuator_biasprm`: parameters of the bias, padded with zeros.
     pub fn bias_row(&self) -> [f64; PARAMETERS] {
         row(&self.bias[..self.force_model.bias.width()])
     }
 
-    /// Description of the property that determines which columns of `field` the actuator uses, and the number of these columns.
+    /// Text with the property that determines how many columns of `field` the actuator uses, such as "it acts on a joint", and the number
+    /// of these columns.
     fn reads(&self, field: &str) -> (String, usize) {
         match (field, self.transmission) {
             ("actuator_gainprm", _) => (format!("its gaintype is {:?}", self.force_model.gain.word()), self.force_model.gain.width()),
@@ -104,15 +105,15 @@ pub(crate) fn bias(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// Visits one row of actuator parameters: the values `read`, which the actuator uses, and a zero for every further column.
+/// Calls `f` for each parameter of one actuator: for the values `read`, which the actuator uses, and for a zero in every further column.
 fn visit(read: &mut [f64], f: &mut dyn FnMut(&mut f64)) {
     let others = PARAMETERS - read.len();
     read.iter_mut().for_each(&mut *f);
     (0..others).for_each(|_| f(&mut 0.0));
 }
 
-/// Error for the new value `value` of entry `k` of the array `field`, in a column that the actuator does not use. The result is `None` for
-/// fields other than the actuator's gear, gain parameters and bias parameters.
+/// Error for a new value in a column of `field` that the actuator does not use. `value` is the new value and `k` its index in the flat
+/// array. The result is `None` for fields other than the gear, gain parameters and bias parameters of actuators.
 pub(crate) fn unread(model: &Description, field: &str, k: usize, value: f64) -> Option<ModelError> {
     let width = match field {
         "actuator_gear" => GEAR,

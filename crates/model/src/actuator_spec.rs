@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, ForceModel, Model, Transmission, label};
 
-/// Dynamics of an actuator between its control and its force. Every list has one value for all environments, or one for each.
+/// Dynamics of an actuator between its control and its force. Every list has a single value for all environments, or a value for each
+/// environment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorSpec {
@@ -12,7 +13,7 @@ pub struct ActuatorSpec {
     pub delay: Vec<f64>,
     /// Additional delay of the control in steps, which is added to `delay`.
     pub delay_steps: Vec<f64>,
-    /// Time constant of the first-order lag between control and force, s; 0 for none.
+    /// Time constant of the first-order lag between control and force, s; 0 means no lag.
     pub lag: Vec<f64>,
     /// Lowest force of the actuator, N or N m.
     pub low: Vec<f64>,
@@ -20,7 +21,7 @@ pub struct ActuatorSpec {
     pub high: Vec<f64>,
     /// Dry friction, N or N m, before the actuator's gear.
     pub friction: Vec<f64>,
-    /// Servo that replaces the actuator's affine force.
+    /// Servo that replaces the actuator's affine force; `None` keeps the affine force.
     pub servo: Option<Servo>,
     /// Motor with its gear; `None` for an ideal motor.
     pub motor: Option<Motor>,
@@ -38,7 +39,7 @@ pub struct Servo {
     pub kd: Vec<f64>,
     /// Largest force of the integral term, N or N m; may be infinite.
     pub integral_limit: Vec<f64>,
-    /// Sampling period, s; empty for a continuous servo.
+    /// Sampling period of the servo, s. The list is empty for a continuous servo.
     pub period: Vec<f64>,
 }
 
@@ -46,7 +47,7 @@ pub struct Servo {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motor {
-    /// Stall torque at nominal voltage, N m; empty for a motor without a torque-speed curve.
+    /// Stall torque at nominal voltage, N m. The list is empty for a motor without a torque-speed curve.
     pub stall_torque: Vec<f64>,
     /// No-load speed at nominal voltage, rad/s.
     pub no_load_speed: Vec<f64>,
@@ -107,7 +108,7 @@ impl ActuatorSpec {
         self.servo.as_ref().is_some_and(|s| s.period.is_empty())
     }
 
-    /// Whether the control of a motor with a torque-speed curve is its voltage; `None` for other actuators.
+    /// Whether the control of a motor with a torque-speed curve is its voltage. The result is `None` for actuators without such a motor.
     pub fn curve(&self) -> Option<bool> {
         self.motor.as_ref().filter(|m| !m.stall_torque.is_empty()).map(|m| m.voltage)
     }
@@ -122,11 +123,11 @@ impl ActuatorSpec {
         any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
-    /// Combines a model with the dynamics `specs` of its actuators. Returns the new model and the new dynamics; `None` is an ideal
-    /// actuator.
+    /// Combines a model with the dynamics of its actuators. `specs` has the dynamics of each actuator, where `None` means an ideal
+    /// actuator. Returns the changed model and the changed dynamics.
     ///
     /// Rotor inertia is added to the armature in the model, and servos replace affine forces of the model. Delays of the model are added to
-    /// those of the dynamics, and force limits of both are combined. `num_envs` is the number of environments, `h` the time step, s.
+    /// the delays of the dynamics, and force limits of both are combined. `num_envs` is the number of environments, `h` the time step, s.
     ///
     /// # Errors
     /// The first value out of range, or the first part of the dynamics that an actuator cannot have, with the actuator's name.

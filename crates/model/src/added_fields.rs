@@ -1,6 +1,6 @@
-//! Serialization of description fields that were added after version 12 of saved models.
+//! Serialization of fields of a description that did not exist in version 12 of the format of saved models.
 //!
-//! In text formats they are ordinary fields of the description. The binary format has no field names; there `crate::file` writes them after
+//! In text formats, these fields are serialized as usual. In the binary format, which has no field names, `crate::file` writes them after
 //! the description. The bytes and the digest of a description without these fields are therefore the same as before.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

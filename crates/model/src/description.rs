@@ -239,7 +239,8 @@ pub struct Pair {
     pub gap: f64,
     /// Softness in MuJoCo's contact law.
     pub softness: Softness,
-    /// [`Softness::solref`] of the friction rows of a contact. With zeros, the friction rows have the solref of the normal row.
+    /// [`Softness::solref`] of the constraints for friction in a contact. With zeros, they have the solref of the constraint along the
+    /// normal.
     pub solref_friction: [f64; 2],
     /// Ratios of the friction along the second tangent to the friction along the first: for sliding, then for rolling friction. Only
     /// MuJoCo's contact law uses these ratios.
@@ -271,7 +272,7 @@ pub enum Transmission {
 /// Activation dynamics: the differential equation between the control and the force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Activation {
-    /// No dynamics: the control is the input of the force.
+    /// No activation dynamics: the control itself is the input of the actuator's gain.
     None,
     /// Integrator: the control is the time derivative of the activation.
     Integrator,
@@ -355,7 +356,7 @@ pub struct Requested {
     pub iterations: u32,
     /// Shape of the friction cone, "pyramidal" or "elliptic"; `None` if no geoms can touch.
     pub cone: Option<String>,
-    /// Whether the scene has constraints, which are soft in the simulator of the source file.
+    /// Whether the scene has constraints. They are soft in MuJoCo.
     pub constrained: bool,
     /// Elements whose softness differs from the default, for example "2 geoms: foot, floor".
     pub soft: Vec<String>,

@@ -29,17 +29,17 @@ pub enum DeviceError {
     /// Value out of its range.
     #[error("{name} is {found}, must be {must}")]
     Range {
-        /// Name of the field.
+        /// Name of the invalid field, such as "delay".
         name: &'static str,
         /// Value that was given.
         found: f64,
         /// Allowed range, in words.
         must: &'static str,
     },
-    /// List with neither one value for all environments nor one for each.
+    /// List whose length is neither 1, for a value that all environments share, nor the number of environments.
     #[error("{name} has {found} numbers, must have 1, or {num_envs}, one for each environment")]
     Count {
-        /// Name of the field.
+        /// Name of the invalid field, such as "delay".
         name: &'static str,
         /// Length of the list.
         found: usize,
@@ -112,19 +112,19 @@ pub enum DeviceError {
         "{name} is given, and it was made without; stages are compiled: give it to Simulation::set_actuator_models, if only to one environment"
     )]
     MadeWithout {
-        /// Name of the field.
+        /// Name of the field with the stage, such as "lag".
         name: &'static str,
     },
-    /// Missing stage of the dynamics, for an actuator that was created with this stage.
+    /// Actuator dynamics without a stage, such as a lag, for an actuator that was created with this stage.
     #[error("{name} is not given, and it was made with one; give it here too")]
     MadeWith {
-        /// Name of the field.
+        /// Name of the field with the stage, such as "lag".
         name: &'static str,
     },
     /// Changed value of a property that all environments must share.
     #[error("{name} is {found}, must be {must}, which all environments share; make a simulation with it")]
     Shared {
-        /// Name of the field.
+        /// Name of the invalid field, such as "delay".
         name: &'static str,
         /// Value that was given.
         found: String,

@@ -29,18 +29,18 @@ pub enum EqualityKind {
     Connect {
         /// Indices of the bodies; 0 is the world.
         bodies: [usize; 2],
-        /// Points in the frames of the bodies, m.
+        /// Position of the connected point in the frame of each of the two bodies, m.
         anchors: [[f64; 3]; 2],
     },
     /// Weld: a connection like [`EqualityKind::Connect`], with a fixed relative orientation.
     Weld {
         /// Indices of the bodies; 0 is the world.
         bodies: [usize; 2],
-        /// Points in the frames of the bodies, m.
+        /// Position of the connected point in the frame of each of the two bodies, m.
         anchors: [[f64; 3]; 2],
         /// Orientation of the second body in the frame of the first, a unit quaternion (w, x, y, z).
         relpose: [f64; 4],
-        /// Weight of the rotation error relative to the position error, m/rad. With 0, rotations are free.
+        /// Weight of the rotation error relative to the position error, m/rad. With the weight 0, rotations are free.
         torquescale: f64,
     },
     /// Coupling `q0 - ref0 = p(q1 - ref1)` of two hinges or slides with the positions q0 and q1. p is the polynomial, and the references
@@ -48,9 +48,9 @@ pub enum EqualityKind {
     Joint {
         /// Index of the first joint.
         joint: usize,
-        /// Index of the second joint; `None` for a constant target.
+        /// Index of the second joint. With `None`, the first joint is fixed at a constant position.
         other: Option<usize>,
-        /// Coefficients of the powers 0 to 4.
+        /// Coefficients of the polynomial p, for the powers 0 to 4.
         polycoef: [f64; 5],
     },
     /// Coupling `l0 - ref0 = p(l1 - ref1)` of two fixed tendons with the lengths l0 and l1. p is the polynomial, and the references ref0
@@ -58,9 +58,9 @@ pub enum EqualityKind {
     Tendon {
         /// Index of the first tendon.
         tendon: usize,
-        /// Index of the second tendon; `None` for a constant target.
+        /// Index of the second tendon. With `None`, the first tendon has a constant length.
         other: Option<usize>,
-        /// Coefficients of the powers 0 to 4.
+        /// Coefficients of the polynomial p, for the powers 0 to 4.
         polycoef: [f64; 5],
     },
 }

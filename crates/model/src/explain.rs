@@ -55,8 +55,8 @@ impl Model {
         .join("\n\n")
     }
 
-    /// Settings of the source file that the default options replace, one line each. With `implied` the list includes settings that the file
-    /// leaves at the defaults of its simulator.
+    /// Settings of the source file that the default options replace, as one line of text each. If `implied` is true, the list includes
+    /// settings that the file leaves at the defaults of MuJoCo.
     pub fn deviations(&self, implied: bool) -> Vec<String> {
         let Some(asked) = &self.requested else { return vec![] };
         let lines = [asked.integrator_line(), asked.softness_line(), asked.cone_line(), self.noslip_line()];
@@ -243,8 +243,8 @@ impl Model {
     }
 }
 
-/// Line of the report about a setting of the source file that the default options replace; `None` if they do not replace it. The boolean is
-/// whether the source file sets it explicitly.
+/// Line of the report about a setting of the source file that the default options replace; `None` if they do not replace the setting. The
+/// boolean is true if the source file contains the setting explicitly.
 type Deviation = Option<(bool, String)>;
 
 impl Requested {
@@ -282,7 +282,8 @@ impl Verdict {
     }
 }
 
-/// Line of the report about a feature: text if the scene has it, and text if it does not.
+/// Line of the report about a feature. If the scene has the feature (`present`), the text describes it; otherwise the text is the name of
+/// the missing feature.
 #[derive(Clone)]
 struct Line {
     present: bool,

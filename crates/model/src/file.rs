@@ -40,7 +40,7 @@ const WITHOUT_NOSLIP: u32 = 12;
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";
 
-/// Fields that were added to the description later, and that are written after it.
+/// Fields of the description that were added after version 13 of the format. A saved model contains them after the description.
 #[derive(Default, PartialEq, Serialize, Deserialize)]
 struct Added {
     /// Speed limits of all joints; empty if no joint has one.
@@ -89,7 +89,7 @@ impl ForceModels {
     }
 }
 
-/// Description in which the parameters of all actuators are those of affine forces.
+/// Description in which all actuators have the gain and bias parameters of the equivalent affine force.
 fn with_affine_forces(description: &Description) -> Cow<'_, Description> {
     let mut affine = Cow::Borrowed(description);
     for (i, actuator) in description.actuators.iter().enumerate() {

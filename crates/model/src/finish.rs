@@ -49,7 +49,7 @@ impl Description {
         Ok(Model { description: self, hulls })
     }
 
-    /// Checks the fields that may differ between environments, after their values in a finished model have changed.
+    /// Checks only the fields that may differ between environments. It is for a finished model in which only such fields have changed.
     pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
         check::parameters(self)
     }
@@ -125,7 +125,7 @@ pub(super) mod tests {
         rich_model().into_description()
     }
 
-    /// Finished scene of [`rich`].
+    /// Finished model with one element of every supported kind.
     pub(crate) fn rich_model() -> Model {
         let mut scene = Model::builder("rich");
         scene.timestep(0.001).geom(WORLD, GeomBuilder::plane("floor").restitution(0.5));
@@ -165,7 +165,7 @@ pub(super) mod tests {
         Mesh { name: "rock".into(), vertices, faces: vec![[0, 1, 2]] }
     }
 
-    /// Scene of [`rich`] with an unsupported part: two hollow meshes, "ball" and "rivet", that could touch.
+    /// Scene of [`rich`] in which the geoms "ball" and "rivet" are hollow meshes. They could touch, which is not supported.
     pub(crate) fn hollow() -> Description {
         let mut model = rich();
         let shape = Shape::Mesh { asset: "rock".into(), concave: true };

@@ -61,7 +61,8 @@ impl Model {
         self.description
     }
 
-    /// Mutable description, for changes after which the model is still valid. Convex hulls of meshes do not change.
+    /// Mutable description of the model. The caller must only make changes after which the model is still valid. The stored convex hulls of
+    /// meshes are not updated.
     pub(crate) fn trusted_mut(&mut self) -> &mut Description {
         &mut self.description
     }

@@ -10,11 +10,11 @@ pub enum GainType {
     /// Affine gain with three parameters: constant, factor of length, factor of velocity.
     #[default]
     Affine,
-    /// DC motor: the parameters are resistance and motor constant, and the control is the voltage.
+    /// Gain of a DC motor: the parameters are resistance and motor constant, and the control is the voltage.
     DcMotor,
-    /// Position input of a PID controller without integral term. The gain is `-bias[1]`.
+    /// Gain of the target position in a PID controller without integral term. It is `-bias[1]`, with the bias parameters of the actuator.
     PidPosition,
-    /// Velocity input of a PID controller without integral term. The gain is `-bias[2]`.
+    /// Gain of the target velocity in a PID controller without integral term. It is `-bias[2]`, with the bias parameters of the actuator.
     PidVelocity,
 }
 

@@ -27,8 +27,8 @@ const WIDE_FIXED: f64 = 1.25;
 pub struct WideHull {
     /// Index of the geom in the model.
     pub geom: usize,
-    /// Ratio of the hull's volume to the mesh's volume, which is the space that other bodies cannot enter. It is infinite if the mesh
-    /// encloses no space, such as an open surface.
+    /// Ratio of the hull's volume to the mesh's volume. The mesh's volume is the space in the hull that other bodies cannot enter. The
+    /// ratio is infinite for a mesh that encloses no space, such as an open surface.
     pub ratio: f64,
 }
 
@@ -56,8 +56,8 @@ impl Model {
     }
 }
 
-/// Ratio of the hull's volume to the mesh's volume, which is the space in the hull that other bodies cannot enter. It is infinite if there
-/// is none, and 1 if no grid point is in the hull.
+/// Ratio of the hull's volume to the mesh's volume. The mesh's volume is the space in the hull that other bodies cannot enter. The ratio is
+/// infinite if there is no such space, and 1 if no grid point is in the hull.
 fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
     let grid = Grid::new(mesh);
     let sights = [0, 1, 2].map(|axis| grid.sights(&mesh.vertices, &mesh.faces, axis));
@@ -110,13 +110,13 @@ impl Grid {
         self.low[k] + (i as f64 + PLACE[k]) * self.step[k]
     }
 
-    /// Indices of the grid points along axis `k` between two coordinates, m.
+    /// Indices of the grid points along the coordinate axis `k` between the coordinates `low` and `high`, m.
     fn between(&self, k: usize, low: f64, high: f64) -> std::ops::Range<usize> {
         let index = |x: f64| ((x - self.low[k]) / self.step[k] - PLACE[k]).ceil().clamp(0.0, POINTS as f64) as usize;
         index(low)..index(high)
     }
 
-    /// Intersections of the grid lines along `axis` with the triangles.
+    /// Intersections of the grid lines along the coordinate axis `axis` with triangles, given by `points` and indices of points.
     fn sights(&self, points: &[[f64; 3]], triangles: &[[u32; 3]], axis: usize) -> Sights {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut lines = vec![vec![]; POINTS * POINTS];
@@ -142,8 +142,8 @@ impl Grid {
 }
 
 impl Sights {
-    /// Sides of the first triangles that two rays from the grid point `cell` hit. The first ray points along the axis, the second against
-    /// it.
+    /// Sides (front or back) of the first triangles that two opposite rays from the grid point `cell` hit. The first ray points along the
+    /// axis `self.axis`, the second in the opposite direction.
     fn of(&self, grid: &Grid, cell: [usize; 3]) -> [Sight; 2] {
         let (axis, u, v) = (self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3);
         let (here, line) = (grid.at(axis, cell[axis]), &self.lines[cell[u] * POINTS + cell[v]]);

@@ -12,7 +12,8 @@ use crate::shape::Shape;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Hulls(pub(super) Vec<Option<Arc<Hull>>>);
 
-/// Triangles of the convex hulls, by mesh, as vertex indices. A model file stores these.
+/// Triangles of the convex hull of each mesh, as indices of the mesh's vertices, or `None` for meshes without a hull. A model file stores
+/// them.
 pub(super) type Surfaces = Vec<Option<Vec<[u32; 3]>>>;
 
 /// Source of the convex hulls in the check of a description.
@@ -51,7 +52,7 @@ impl Hulls {
         Ok(())
     }
 
-    /// Triangles of the convex hulls, by mesh, for a model file; `None` for meshes without a hull.
+    /// Triangles of the convex hull of each mesh, as stored in a model file; `None` for meshes without a hull.
     pub(super) fn surfaces(&self) -> Surfaces {
         self.0.iter().map(|hull| hull.as_ref().map(|hull| hull.surface())).collect()
     }

@@ -23,7 +23,7 @@ pub enum Kernel {
     SphereEllipsoid,
     /// Capsule and box: up to 2 contact points.
     CapsuleBox,
-    /// Two balls or capsules, as segments of any length: up to 2 contact points.
+    /// Two balls or capsules: up to 2 contact points. A ball is a capsule of length 0.
     Segments,
     /// Convex shape and surface of triangles (concave mesh, height field), computed lane by lane: up to 16 contact points.
     Surface,

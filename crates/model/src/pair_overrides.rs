@@ -1,4 +1,4 @@
-//! Check for changes of geom fields that have no effect, because an explicit pair has its value instead.
+//! Check for new values of geom fields that have no effect, because contacts of an explicit pair use a field of the pair instead.
 
 use crate::pairs::{Filter, Verdict};
 use crate::{Model, ModelError, label};
@@ -17,7 +17,7 @@ const OVERRIDES: [(&str, &str); 10] = [
     ("geom_damping", "pair_damping"),
 ];
 
-/// Explicit pairs of a model whose fields replace geom fields that are about to change.
+/// Explicit pairs of a model, and geom fields with new values that contacts of these pairs ignore.
 pub(super) struct PairOverrides<'a> {
     model: &'a Model,
     /// Indices of the model's explicit pairs whose geoms can collide.
@@ -33,7 +33,7 @@ struct Overridden {
 }
 
 impl<'a> PairOverrides<'a> {
-    /// Finds the explicit pairs and fields that replace the geom fields `names`.
+    /// Finds the explicit pairs of a model that can collide, and the geom fields among `names` that a field of the pair replaces.
     pub(super) fn new<'n>(model: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Self {
         if model.pairs.is_empty() {
             return Self { model, pairs: vec![], fields: vec![] };

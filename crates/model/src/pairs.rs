@@ -86,9 +86,11 @@ pub struct Filter {
     pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
-    /// Pairs of bodies with an excluded overlap, in both orders, without the world.
+    /// Pairs of bodies whose contacts are disabled by an excluded overlap. Each pair is stored in both orders. The world is never one of
+    /// the bodies.
     overlapping_bodies: HashSet<[usize; 2]>,
-    /// Pairs of geoms with an excluded overlap of which at least one is fixed to the world body, in both orders.
+    /// Pairs of geoms whose contacts are disabled by an excluded overlap, if one of the geoms belongs to the world body. Each pair is
+    /// stored in both orders.
     overlapping_geoms: HashSet<[usize; 2]>,
 }
 
@@ -99,7 +101,7 @@ struct Tag {
     body: usize,
     /// Index of the rigid group that contains the geom's body. Bodies without joints between them form a rigid group.
     group: usize,
-    /// Index of the parent group.
+    /// Index of the parent group: the rigid group of the parent of this group's leading body.
     parent: usize,
     /// Whether the rigid group has joints.
     moves: bool,
@@ -243,7 +245,8 @@ impl Filter {
         self.explicit.keys().copied()
     }
 
-    /// Order of the priorities of two geoms, and dimension (condim) of their contact, for geoms without an explicit pair.
+    /// Comparison of the priorities of two geoms without an explicit pair (`Greater` if the first has the higher priority), and dimension
+    /// (condim) of their contact.
     ///
     /// The geom with the higher priority determines the friction; with equal priorities the larger friction applies.
     #[inline(always)]
@@ -276,8 +279,9 @@ fn both_ways(pairs: impl Iterator<Item = [usize; 2]>) -> HashSet<[usize; 2]> {
     pairs.flat_map(|[a, b]| [[a, b], [b, a]]).collect()
 }
 
-/// Order of the priorities of two geoms, and dimension (condim) of their contact, for geoms without an explicit pair (MuJoCo
-/// `mj_contactParam`). The geom with the higher priority determines the dimension; with equal priorities the larger dimension applies.
+/// Comparison of the priorities of two geoms without an explicit pair, and dimension (condim) of their contact (MuJoCo `mj_contactParam`).
+/// The comparison is `Greater` if the first geom has the higher priority. The geom with the higher priority determines the dimension; with
+/// equal priorities the larger dimension applies.
 fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     let order = a.priority.cmp(&b.priority);
     let condim = match order {

@@ -5,7 +5,7 @@ use crate::hulls::Source;
 use crate::pair_overrides::PairOverrides;
 use crate::{Body, Description, Equality, Geom, Joint, Model, ModelError, Pair, Shape, Tendon};
 
-/// Function that passes every value of a field, in order, to a visitor, which may change it.
+/// Function that calls a visitor for every value of a field, in order. The visitor may change the value.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 
 /// Field of a model: a named array of values, which can be read and replaced.
@@ -13,7 +13,7 @@ type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 pub struct Field {
     /// Name of the field in MuJoCo.
     pub name: &'static str,
-    /// Description of the quantity.
+    /// Text with the quantity, such as "mass".
     pub what: &'static str,
     /// Unit of the values; empty if they have no unit, or several.
     pub unit: &'static str,
@@ -205,8 +205,8 @@ fn each_tendon(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mu
     model.tendons.iter_mut().flat_map(get).for_each(f);
 }
 
-/// Visits the values of each joint once for each of its degrees of freedom. The degrees of freedom of a joint share these values, so that
-/// the values written last remain.
+/// Calls `f` for the values that `get` returns for each joint, once for each degree of freedom of the joint. The degrees of freedom share
+/// these values, so that the values that `f` writes last remain.
 fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
     for joint in &mut model.joints {
         let now = get(joint).to_vec();
@@ -218,8 +218,8 @@ fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut 
     }
 }
 
-/// Visits the value of each joint once for each of its degrees of freedom. The degrees of freedom of a joint share this value, so that the
-/// value written last remains.
+/// Calls `f` for the value that `get` returns for each joint, once for each degree of freedom of the joint. The degrees of freedom share
+/// this value, so that the value that `f` writes last remains.
 fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
     for joint in &mut model.joints {
         let now = *get(joint);
@@ -231,7 +231,8 @@ fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut J
     }
 }
 
-/// Visits the size of a geom. If the size changes, the semi-axes of the geom's fluid model change too.
+/// Calls `f` for each of the three sizes of a geom, which `f` may change. If a size changes, the semi-axes of the geom's fluid model change
+/// too.
 fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
     let before = geom.semi_axes();
     let [mut none, mut nor] = [0.0; 2];
@@ -251,7 +252,7 @@ fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// Visits the two ends of a range. A missing range is visited as -inf and inf.
+/// Calls `f` for the two ends of a range, which `f` may change. A missing range has the ends -inf and inf.
 fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
     const NONE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
     let mut ends = range.unwrap_or(NONE);
@@ -259,14 +260,14 @@ fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
     *range = (ends != NONE).then_some(ends);
 }
 
-/// Visits a limit. A missing limit is visited as infinity.
+/// Calls `f` for a limit, which `f` may change. A missing limit is infinity.
 fn bound(limit: &mut Option<f64>, f: &mut dyn FnMut(&mut f64)) {
     let mut value = limit.unwrap_or(f64::INFINITY);
     f(&mut value);
     *limit = (value != f64::INFINITY).then_some(value);
 }
 
-/// Visits an integer. Written values are clamped to its type.
+/// Calls `f` for an integer, which `f` may change. The new value is clamped to the range of the integer type.
 fn whole<T: Copy + Into<f64> + Saturates>(number: &mut T, f: &mut dyn FnMut(&mut f64)) {
     let mut value = (*number).into();
     f(&mut value);
@@ -290,7 +291,7 @@ impl Saturates for u32 {
     }
 }
 
-/// Visits a flag as 0 or 1. If it is written, any value other than 0 counts as 1.
+/// Calls `f` for a flag as the number 0 or 1, which `f` may change. Any new value other than 0 sets the flag.
 fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
     let mut value = f64::from(u8::from(*set));
     f(&mut value);
@@ -298,7 +299,7 @@ fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
 }
 
 impl Field {
-    /// Description with the unit: "mass, kg".
+    /// Text with the quantity and its unit, such as "mass, kg".
     pub fn meaning(&self) -> String {
         // The description already contains the units if there are several.
         match self.unit {
@@ -307,7 +308,7 @@ impl Field {
         }
     }
 
-    /// Symbolic shape: "(ngeom, 3)"; empty for a scalar.
+    /// Shape of the array as text, such as "(ngeom, 3)"; an empty text for a scalar field.
     pub fn axes(&self) -> String {
         let width = match self.width {
             None => return String::new(),
@@ -386,7 +387,8 @@ impl Model {
 
     /// Copy of the model with new values in one field, checked like any other model, see [`REPLACEABLE`].
     ///
-    /// A new model that would have to omit an element that changes the motion is an error, unless the present model omits such an element.
+    /// If the new values need a feature that stepper does not simulate, the result is an error. A model that already omits an element that
+    /// changes the motion omits the affected elements instead.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] if there is no such field, for a wrong number of values (with both shapes), for invalid values, and for

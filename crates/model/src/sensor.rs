@@ -105,7 +105,7 @@ pub enum ContactSide {
 /// Quantity that a contact sensor reads for each contact, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum ContactField {
-    /// Number of contacts that match; 0 in empty slots.
+    /// Number of contacts that match both sides of the sensor. It is 0 where the sensor has no contact to report.
     Found,
     /// Force in the contact's frame (normal, first and second tangent), N.
     Force,
@@ -128,10 +128,10 @@ impl ContactField {
     }
 }
 
-/// Selection among the matching contacts, if a contact sensor has fewer slots.
+/// Rule that selects the reported contacts of a contact sensor, if more contacts match than the sensor can report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ContactReduction {
-    /// First contacts in stepper's order.
+    /// First contacts in the order in which stepper finds contacts.
     None,
     /// Deepest contacts first.
     MinDistance,
@@ -238,9 +238,9 @@ pub enum SensorKind {
         second: ContactSide,
         /// Reported quantities of each contact, in ascending order.
         fields: Vec<ContactField>,
-        /// Selection among the matching contacts.
+        /// Rule that selects the reported contacts, if more than `slots` contacts match.
         reduction: ContactReduction,
-        /// Number of reported contacts.
+        /// Largest number of reported contacts.
         slots: usize,
     },
     /// Centre of mass of a body with its descendants in the world frame, m.
@@ -281,7 +281,7 @@ pub struct Sensor {
     pub kind: SensorKind,
     /// Standard deviation of the noise according to the source file.
     pub noise: f64,
-    /// Largest magnitude of readings according to the source file; 0 for none.
+    /// Largest magnitude of readings according to the source file; 0 means no limit.
     pub cutoff: f64,
     /// Delay according to the source file, s.
     pub delay: f64,
@@ -320,7 +320,7 @@ impl Sensor {
         }
     }
 
-    /// Kind of the sensor's reading.
+    /// Kind of values in the sensor's reading, such as unit quaternions, which determines how sensor errors act on them.
     pub fn quantity(&self) -> Quantity {
         use SensorKind as K;
         match &self.kind {

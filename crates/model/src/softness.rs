@@ -17,10 +17,11 @@ pub enum Cone {
 /// Softness of a constraint: reference acceleration and impedance (MuJoCo's documentation, "Solver parameters").
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Softness {
-    /// Time constant (s) and damping ratio of the position error; or, if negative, minus stiffness and minus damping per unit of mass.
+    /// Time constant (s) and damping ratio with which the position error decays. Negative values are minus stiffness and minus damping, per
+    /// unit of mass.
     pub solref: [f64; 2],
-    /// Impedance at zero error, and its largest value; error at which the largest value is reached (m or rad); midpoint and power of the
-    /// curve.
+    /// Parameters d0, dwidth, width, midpoint and power of the impedance curve. The impedance is d0 at zero error and dwidth from an error
+    /// of `width` (m or rad) on.
     pub solimp: [f64; 5],
 }
 
@@ -53,7 +54,7 @@ pub struct ContactSpring {
 }
 
 impl Default for ContactSpring {
-    /// Spring of a rigid contact: infinite stiffness.
+    /// Spring of a rigid contact, with infinite stiffness and no damping.
     fn default() -> Self {
         Self { stiffness: f64::INFINITY, damping: 0.0 }
     }
@@ -81,7 +82,7 @@ impl ContactSpring {
 /// Magnitude below which MuJoCo treats a number as zero (`mjMINVAL`).
 pub const MIN_VALUE: f64 = 1e-15;
 
-/// Weight of the first of two geoms in the mixture of their parameters, from their `solmix`.
+/// Weight of the first of two geoms in the mixture of their parameters, computed from the `solmix` values of both.
 pub(crate) fn mixing_share([a, b]: [f64; 2]) -> f64 {
     match (a >= MIN_VALUE, b >= MIN_VALUE) {
         (true, true) => a / (a + b),
@@ -100,9 +101,9 @@ pub struct SoftSettings {
     pub impratio: f64,
     /// Whether time constants are raised to at least two time steps.
     pub refsafe: bool,
-    /// Inverse weights that scale the softness; `None` if stepper computes them.
+    /// Inverse weights (mean inverse inertias) that scale the softness of constraints. With `None`, stepper computes them from the model.
     pub inverse_weights: Option<InverseWeights>,
-    /// Noslip iterations after the solution, which remove slip of sticking contacts.
+    /// Settings of the noslip iterations, which run after the solver and remove slip of sticking contacts.
     #[serde(default, with = "added_fields")]
     pub noslip: NoSlip,
 }
@@ -111,7 +112,7 @@ pub struct SoftSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoSlip {
-    /// Largest number of iterations; 0 for none.
+    /// Largest number of iterations per step; 0 disables the iterations.
     pub iterations: u32,
     /// Improvement of the cost function by one iteration, below which the iterations of an island (connected bodies) stop. It is relative
     /// to the trace of the island's mass matrix.

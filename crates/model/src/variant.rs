@@ -112,7 +112,9 @@ impl<'a> Variants<'a> {
         Ok(Self { base, model: base.clone(), fields, overrides })
     }
 
-    /// Variant with the values `values`, one entry per field; `None` selects the entry of `base_values`, the values of the base model.
+    /// Variant of the model with new values. `values` has the new values of each field, in the order of the names in [`Variants::new`].
+    ///
+    /// A field with `None` in `values` gets the values of the base model. `own` has these values for each field, in the same order.
     ///
     /// # Errors
     /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a number would add rows or terms that the base does not have.
@@ -140,8 +142,10 @@ fn same_structure(base: &Model, model: &Model) -> Checked {
 
 type Checked = Result<(), ModelError>;
 
-/// Error for the element `place` of a variant. Its new value `new` of `field` requires the feature `lack`, which the base model does not
-/// have there.
+/// Error for a new value of a variant that needs a feature that the base model lacks.
+///
+/// `place` is the label of the element, and `new` the new value of its field `field`. `lack` describes the missing feature, such as "no
+/// spring there". `first` completes the remedy "give the model ... there first".
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
     let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))

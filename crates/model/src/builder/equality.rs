@@ -17,14 +17,14 @@ impl EqualityBuilder {
         Self { equality, names: [Some(first.into()), second.map(Into::into)] }
     }
 
-    /// Starts an equality that makes a point of one body coincide with a point of another. Each anchor is in its body's frame, m; "world"
-    /// is the world.
+    /// Starts an equality that makes a point of one body coincide with a point of another. `bodies` has the names of the two bodies, where
+    /// "world" selects the world. `anchors` has the position of the point in the frame of each body, m.
     pub fn connect(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2]) -> Self {
         Self::new(name, EqualityKind::Connect { bodies: [0; 2], anchors }, bodies[0], Some(bodies[1]))
     }
 
-    /// Starts an equality like [`EqualityBuilder::connect`] that also fixes the relative orientation. `relpose` is the second body's
-    /// orientation in the first one's frame (w, x, y, z).
+    /// Starts an equality like [`EqualityBuilder::connect`] that also fixes the relative orientation of the bodies. `relpose` is the
+    /// orientation of the second body in the frame of the first body, a quaternion (w, x, y, z).
     pub fn weld(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2], relpose: [f64; 4]) -> Self {
         let kind = EqualityKind::Weld { bodies: [0; 2], anchors, relpose, torquescale: 1.0 };
         Self::new(name, kind, bodies[0], Some(bodies[1]))
@@ -54,7 +54,8 @@ impl EqualityBuilder {
         self
     }
 
-    /// Makes the equality a spring with a damper instead of a hard constraint, N/m and N s/m (or N m/rad and N m s/rad).
+    /// Makes the equality a spring with a damper instead of a hard constraint. `stiffness` is in N/m (or N m/rad), `damping` in N s/m (or N
+    /// m s/rad).
     pub fn soft(mut self, stiffness: f64, damping: f64) -> Self {
         (self.equality.stiffness, self.equality.damping) = (stiffness, damping);
         self

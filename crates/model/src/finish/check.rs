@@ -114,7 +114,8 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     Ok(hulls)
 }
 
-/// Checks only the values that may differ between environments. All others are unchanged since the model was checked.
+/// Checks only the values that may differ between environments. It is for a model whose other values were checked earlier and are
+/// unchanged.
 pub(super) fn parameters(model: &Description) -> Checked {
     Element("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;

@@ -12,10 +12,12 @@ use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use crate::{Description, JointKind, MassProperties, ModelError};
 
-/// Ratio of a pivot to the inertia of the whole subtree below which the pivot counts as zero.
+/// Ratio of the pivot of a degree of freedom to the inertia of the whole subtree, below which the pivot counts as zero. The pivot is
+/// explained at the top of this file.
 const NOTHING: f64 = 1e-13;
 
-/// Ratio of the kinetic energies of two degrees of freedom in the same motion, below which the smaller energy counts as rounding error.
+/// Ratio of the kinetic energies of two degrees of freedom in the same motion of a mechanism, below which the smaller energy counts as
+/// rounding error.
 const ROUNDING: f64 = 1e-9;
 
 /// Degree of freedom: index of its joint, motion (angular, and linear at the origin of its tree), and index of the parent degree of
@@ -65,8 +67,9 @@ pub(super) fn check(model: &Description) -> Result<(), ModelError> {
 
 /// Indices of the joints that can move together with the degree of freedom `dof` so that nothing with inertia moves.
 ///
-/// These joints have nonzero entries in the null vector of the mass matrix whose entry for `dof` is 1. In `matrix`, the degrees of freedom
-/// after `dof` are already eliminated; `whole` is the diagonal of the mass matrix before the elimination.
+/// The function computes the null vector of the mass matrix with the entry 1 for `dof`, and returns the joints of its other nonzero
+/// entries. In `matrix`, the degrees of freedom after `dof` are already eliminated. `whole` is the diagonal of the mass matrix before the
+/// elimination.
 fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof], dof: usize) -> Vec<usize> {
     let mut null = vec![0.0; dofs.len()];
     null[dof] = 1.0;

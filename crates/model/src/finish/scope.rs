@@ -10,7 +10,8 @@ type User = (String, String);
 /// Function that finds the elements of a model that need a feature that stepper does not simulate.
 type Users = fn(&Description, &[GeomPair]) -> Vec<User>;
 
-/// Features that stepper does not simulate: kind of the omission, and function that finds the affected elements of a model.
+/// Features that stepper does not simulate. Each has a name for [`Omission::kind`], and a function that finds the affected elements of a
+/// model.
 const MISSING: [(&str, Users); 1] = [("collision", pairs_without_kernel)];
 
 /// Omissions for all elements of a model that need a feature that stepper does not simulate.
@@ -20,12 +21,13 @@ pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     rows.map(|(kind, (name, reason))| Omission { kind: (*kind).into(), name, reason, changes_motion: true }).collect()
 }
 
-/// Whether this module added the omission, and not the reader of a source file.
+/// Whether this module added the omission to a model. Other omissions come from the reader of a source file.
 pub(super) fn is_own(omission: &Omission) -> bool {
     MISSING.iter().any(|(kind, _)| *kind == omission.kind)
 }
 
-/// Geoms that pass through another geom, because stepper has no collision function for the two shapes. The reasons name the other shapes.
+/// Geoms that pass through other geoms, because stepper has no collision function for the two shapes. The reason of each geom names these
+/// other geoms.
 ///
 /// The result has one geom of each such pair: the height field if the pair has one, otherwise the second geom.
 fn pairs_without_kernel(model: &Description, pairs: &[GeomPair]) -> Vec<User> {

@@ -118,12 +118,14 @@ impl Model {
         Ok(())
     }
 
-    /// Geoms that rays from a site can hit: all geoms of other bodies whose shape the model contains.
+    /// Indices of the geoms that rays from a site can hit: all geoms of other bodies whose shape the model contains. `site` is the index of
+    /// the site.
     pub fn geoms_seen_from(&self, site: usize) -> Vec<usize> {
         self.geoms_met_by_rays(self.sites.get(site).map(|site| site.body))
     }
 
-    /// Geoms that rays can hit, except those of the body `except`. Meshes for visualization may be missing in the model, and are left out.
+    /// Indices of the geoms that rays can hit. Geoms of the body `except` are left out, and so are geoms whose mesh the model does not
+    /// contain, such as meshes for visualization.
     pub fn geoms_met_by_rays(&self, except: Option<usize>) -> Vec<usize> {
         let met = |g: &Geom| Some(g.body) != except && (self.hull_of(&g.shape).is_some() || has_form(self, &g.shape));
         (0..self.geoms.len()).filter(|&g| met(&self.geoms[g])).collect()

@@ -343,23 +343,23 @@ class Model:
     nsensordata: Final[int]
     """Number of readings of all sensors."""
     body_names: Final[list[str]]
-    """Names of the bodies in order; empty for those without a name."""
+    """Names of the bodies in order. The name of an unnamed body is empty."""
     joint_names: Final[list[str]]
-    """Names of the joints in order; empty for those without a name."""
+    """Names of the joints in order. The name of an unnamed joint is empty."""
     geom_names: Final[list[str]]
-    """Names of the geoms in order; empty for those without a name."""
+    """Names of the geoms in order. The name of an unnamed geom is empty."""
     pair_names: Final[list[str]]
-    """Names of the explicit pairs of geoms in order; empty for those without a name."""
+    """Names of the explicit pairs of geoms in order. The name of an unnamed pair is empty."""
     actuator_names: Final[list[str]]
-    """Names of the actuators in order; empty for those without a name."""
+    """Names of the actuators in order. The name of an unnamed actuator is empty."""
     sensor_names: Final[list[str]]
-    """Names of the sensors in order; empty for those without a name."""
+    """Names of the sensors in order. The name of an unnamed sensor is empty."""
     site_names: Final[list[str]]
-    """Names of the sites in order; empty for those without a name."""
+    """Names of the sites in order. The name of an unnamed site is empty."""
     keyframe_names: Final[list[str]]
-    """Names of the keyframes in order; empty for those without a name."""
+    """Names of the keyframes in order. The name of an unnamed keyframe is empty."""
     tendon_names: Final[list[str]]
-    """Names of the fixed tendons in order; empty for those without a name."""
+    """Names of the fixed tendons in order. The name of an unnamed tendon is empty."""
     sensors: Final[list[dict[str, Any]]]
     """Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and interval.
     The last four are properties from the source file, and 0 if it does not specify them."""

@@ -80,7 +80,7 @@ pub struct ModelBuilder {
 }
 
 impl Model {
-    /// Starts a model that has only the world, with gravity 9.81 m/s^2 along -z and a time step of 2 ms.
+    /// Creates a builder of a model that has only the world body, with gravity 9.81 m/s^2 along -z and a time step of 2 ms.
     pub fn builder(name: &str) -> ModelBuilder {
         ModelBuilder {
             model: Description {

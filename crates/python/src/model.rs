@@ -533,49 +533,49 @@ impl Model {
         self.core.nsensordata()
     }
 
-    /// Names of the bodies in order; empty for those without a name.
+    /// Names of the bodies in order. The name of an unnamed body is empty.
     #[getter]
     fn body_names(&self) -> Vec<&str> {
         Kind::Body.names(&self.core)
     }
 
-    /// Names of the joints in order; empty for those without a name.
+    /// Names of the joints in order. The name of an unnamed joint is empty.
     #[getter]
     fn joint_names(&self) -> Vec<&str> {
         Kind::Joint.names(&self.core)
     }
 
-    /// Names of the geoms in order; empty for those without a name.
+    /// Names of the geoms in order. The name of an unnamed geom is empty.
     #[getter]
     fn geom_names(&self) -> Vec<&str> {
         Kind::Geom.names(&self.core)
     }
 
-    /// Names of the explicit pairs of geoms in order; empty for those without a name.
+    /// Names of the explicit pairs of geoms in order. The name of an unnamed pair is empty.
     #[getter]
     fn pair_names(&self) -> Vec<&str> {
         Kind::Pair.names(&self.core)
     }
 
-    /// Names of the actuators in order; empty for those without a name.
+    /// Names of the actuators in order. The name of an unnamed actuator is empty.
     #[getter]
     fn actuator_names(&self) -> Vec<&str> {
         Kind::Actuator.names(&self.core)
     }
 
-    /// Names of the sensors in order; empty for those without a name.
+    /// Names of the sensors in order. The name of an unnamed sensor is empty.
     #[getter]
     fn sensor_names(&self) -> Vec<&str> {
         Kind::Sensor.names(&self.core)
     }
 
-    /// Names of the sites in order; empty for those without a name.
+    /// Names of the sites in order. The name of an unnamed site is empty.
     #[getter]
     fn site_names(&self) -> Vec<&str> {
         Kind::Site.names(&self.core)
     }
 
-    /// Names of the fixed tendons in order; empty for those without a name.
+    /// Names of the fixed tendons in order. The name of an unnamed tendon is empty.
     #[getter]
     fn tendon_names(&self) -> Vec<&str> {
         Kind::Tendon.names(&self.core)
@@ -600,7 +600,7 @@ impl Model {
         self.core.sensors.iter().zip(self.core.sensor_addresses()).map(one).collect()
     }
 
-    /// Names of the keyframes in order; empty for those without a name.
+    /// Names of the keyframes in order. The name of an unnamed keyframe is empty.
     #[getter]
     fn keyframe_names(&self) -> Vec<&str> {
         Kind::Keyframe.names(&self.core)

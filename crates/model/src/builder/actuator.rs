@@ -38,18 +38,19 @@ impl ActuatorBuilder {
         Self { actuator, name: target.into(), target: Target::Joint }
     }
 
-    /// Motor: the control is the force (N or N m) on the joint with the name `joint`.
+    /// Creates a builder of a motor: the control is the force (N or N m) on the joint with the name `joint`.
     pub fn motor(name: &str, joint: &str) -> Self {
         Self::new(name, joint, [1.0, 0.0, 0.0], [0.0; 3])
     }
 
-    /// Position servo: the control is the target position of the joint. `kp` is its stiffness (N/m, N m/rad), and `kv` its damping (N s/m,
-    /// N m s/rad).
+    /// Creates a builder of a position servo: the control is the target position of the joint. `kp` is the stiffness of the servo (N/m, N
+    /// m/rad), and `kv` its damping (N s/m, N m s/rad).
     pub fn position(name: &str, joint: &str, kp: f64, kv: f64) -> Self {
         Self::new(name, joint, [kp, 0.0, 0.0], [0.0, -kp, -kv])
     }
 
-    /// Velocity servo: the control is the target velocity of the joint. `kv` is its damping (N s/m, N m s/rad).
+    /// Creates a builder of a velocity servo: the control is the target velocity of the joint. `kv` is the damping of the servo (N s/m, N m
+    /// s/rad).
     pub fn velocity(name: &str, joint: &str, kv: f64) -> Self {
         Self::new(name, joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv])
     }

@@ -14,7 +14,7 @@ pub struct BodyBuilder {
 }
 
 impl BodyBuilder {
-    /// Starts a body at its parent's origin. Without joints it is fixed to its parent.
+    /// Creates a builder of a body at the origin of its parent's frame. A body without joints is fixed to its parent.
     pub fn new(name: &str) -> Self {
         let body = Body {
             name: name.into(),
@@ -31,7 +31,7 @@ impl BodyBuilder {
         Self { body, inertial: false, joints: vec![], geoms: vec![] }
     }
 
-    /// Starts a body with a free joint of the same name. It must be a child of the world.
+    /// Creates a builder of a body with a free joint of the same name. The body must be a child of the world.
     pub fn free(name: &str) -> Self {
         Self::new(name).joint(JointBuilder::free(name))
     }

@@ -17,20 +17,21 @@ impl EqualityBuilder {
         Self { equality, names: [Some(first.into()), second.map(Into::into)] }
     }
 
-    /// Starts an equality that makes a point of one body coincide with a point of another. `bodies` has the names of the two bodies, where
-    /// "world" selects the world. `anchors` has the position of the point in the frame of each body, m.
+    /// Creates a builder of an equality that makes a point of one body coincide with a point of another. `bodies` has the names of the two
+    /// bodies, where "world" selects the world. `anchors` has the position of the point in the frame of each body, m.
     pub fn connect(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2]) -> Self {
         Self::new(name, EqualityKind::Connect { bodies: [0; 2], anchors }, bodies[0], Some(bodies[1]))
     }
 
-    /// Starts an equality like [`EqualityBuilder::connect`] that also fixes the relative orientation of the bodies. `relpose` is the
-    /// orientation of the second body in the frame of the first body, a quaternion (w, x, y, z).
+    /// Creates a builder of an equality like [`EqualityBuilder::connect`] that also fixes the relative orientation of the bodies. `relpose`
+    /// is the orientation of the second body in the frame of the first body, a quaternion (w, x, y, z).
     pub fn weld(name: &str, bodies: [&str; 2], anchors: [[f64; 3]; 2], relpose: [f64; 4]) -> Self {
         let kind = EqualityKind::Weld { bodies: [0; 2], anchors, relpose, torquescale: 1.0 };
         Self::new(name, kind, bodies[0], Some(bodies[1]))
     }
 
-    /// Starts an equality that couples a hinge or slide to a second one, `other`, by a polynomial; see [`EqualityKind::Joint`].
+    /// Creates a builder of an equality that couples the hinge or slide `joint` to a second one, `other`, by a polynomial; see
+    /// [`EqualityKind::Joint`]. Joints are given by name.
     ///
     /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the joint is fixed at the distance `polycoef[0]` from
     /// its position in `qpos0`.
@@ -38,8 +39,8 @@ impl EqualityBuilder {
         Self::new(name, EqualityKind::Joint { joint: 0, other: None, polycoef }, joint, other)
     }
 
-    /// Starts an equality that couples the length of a fixed tendon to that of a second tendon, `other`, by a polynomial; see
-    /// [`EqualityKind::Tendon`].
+    /// Creates a builder of an equality that couples the length of the fixed tendon `tendon` to the length of a second one, `other`, by a
+    /// polynomial; see [`EqualityKind::Tendon`].
     ///
     /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the length is constant.
     pub fn tendon(name: &str, tendon: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {

@@ -42,48 +42,50 @@ impl GeomBuilder {
         Self { geom, mass: None, density: DENSITY }
     }
 
-    /// Starts a plane: half space below the xy plane of the geom's frame.
+    /// Creates a builder of a plane, which is the half space below the xy plane of the geom's frame.
     pub fn plane(name: &str) -> Self {
         Self::new(name, Shape::Plane)
     }
 
-    /// Starts a sphere with the given radius, m.
+    /// Creates a builder of a sphere with the given radius, m.
     pub fn sphere(name: &str, radius: f64) -> Self {
         Self::new(name, Shape::Sphere { radius })
     }
 
-    /// Starts a capsule along z: radius, and half the length of its segment, m.
+    /// Creates a builder of a capsule along z with the given radius, m. `half_length` is half the length of its segment, m.
     pub fn capsule(name: &str, radius: f64, half_length: f64) -> Self {
         Self::new(name, Shape::Capsule { radius, half_length })
     }
 
-    /// Starts a solid cylinder along z: radius, and half its length, m.
+    /// Creates a builder of a solid cylinder along z with the given radius, m. `half_length` is half the length of the cylinder, m.
     pub fn cylinder(name: &str, radius: f64, half_length: f64) -> Self {
         Self::new(name, Shape::Cylinder { radius, half_length })
     }
 
-    /// Starts an ellipsoid with the given semi-axes, m.
+    /// Creates a builder of an ellipsoid with the given semi-axes, m.
     pub fn ellipsoid(name: &str, radii: impl Into<[f64; 3]>) -> Self {
         Self::new(name, Shape::Ellipsoid { radii: radii.into() })
     }
 
-    /// Starts a box with the given half sizes, m.
+    /// Creates a builder of a box with the given half sizes, m.
     pub fn cuboid(name: &str, half: impl Into<[f64; 3]>) -> Self {
         Self::new(name, Shape::Box { half: half.into() })
     }
 
-    /// Starts a geom with the convex hull of the mesh with the name `asset`, see [`ModelBuilder::mesh`](crate::ModelBuilder::mesh).
+    /// Creates a builder of a geom whose shape is the convex hull of the mesh with the name `asset`, see
+    /// [`ModelBuilder::mesh`](crate::ModelBuilder::mesh).
     pub fn mesh(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::Mesh { asset: asset.into(), concave: false })
     }
 
-    /// Starts a geom with the surface of the mesh with the name `asset`, including its hollows. It has no mass.
+    /// Creates a builder of a geom whose shape is the surface of the mesh with the name `asset`, including its hollows. The geom has no
+    /// mass.
     pub fn concave_mesh(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::Mesh { asset: asset.into(), concave: true }).mass(0.0)
     }
 
-    /// Starts the height field with the name `asset`, see [`ModelBuilder::height_field`](crate::ModelBuilder::height_field). It has no
-    /// mass.
+    /// Creates a builder of a geom whose shape is the height field with the name `asset`, see
+    /// [`ModelBuilder::height_field`](crate::ModelBuilder::height_field). The geom has no mass.
     pub fn height_field(name: &str, asset: &str) -> Self {
         Self::new(name, Shape::HeightField { asset: asset.into() }).mass(0.0)
     }

@@ -33,22 +33,22 @@ impl JointBuilder {
         Self { joint, rest: None }
     }
 
-    /// Starts a free joint with six degrees of freedom. It must be the only joint of a child of the world.
+    /// Creates a builder of a free joint, with six degrees of freedom. It must be the only joint of a body that is a child of the world.
     pub fn free(name: &str) -> Self {
         Self::new(name, JointKind::Free, [0.0, 0.0, 1.0])
     }
 
-    /// Starts a ball joint with three rotations.
+    /// Creates a builder of a ball joint, with three rotations.
     pub fn ball(name: &str) -> Self {
         Self::new(name, JointKind::Ball, [0.0, 0.0, 1.0])
     }
 
-    /// Starts a slide along `axis` in the body's frame. The axis may have any length above 0.
+    /// Creates a builder of a slide joint along `axis` in the body's frame. The axis may have any length above 0.
     pub fn slide(name: &str, axis: impl Into<[f64; 3]>) -> Self {
         Self::new(name, JointKind::Slide, unit(axis.into()))
     }
 
-    /// Starts a hinge about `axis` in the body's frame. The axis may have any length above 0.
+    /// Creates a builder of a hinge joint about `axis` in the body's frame. The axis may have any length above 0.
     pub fn hinge(name: &str, axis: impl Into<[f64; 3]>) -> Self {
         Self::new(name, JointKind::Hinge, unit(axis.into()))
     }

@@ -12,7 +12,8 @@ pub struct TendonBuilder {
 }
 
 impl TendonBuilder {
-    /// Starts a tendon from pairs of joint name and coefficient. It has no limit, spring, damping, inertia or friction.
+    /// Creates a builder of a tendon from pairs of joint name and coefficient. The tendon has no limit, spring, damping, inertia or
+    /// friction.
     pub fn new(name: &str, joints: &[(&str, f64)]) -> Self {
         let joints = joints.iter().map(|&(j, c)| (j.into(), c)).collect();
         Self { tendon: Tendon { name: name.into(), ..Tendon::default() }, joints, rest: None }

@@ -47,7 +47,7 @@ def cpu_levels() -> list[str]:
     """CPU levels (instruction sets of the compiled kernels) that this machine supports, slowest first, such as "avx2"."""
 
 def fields() -> list[tuple[str, str, str, str, bool]]:
-    """Fields of `Model.replace`: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` accepts it."""
+    """Fields of `Model.replace`, as tuples (name, shape as text, quantity, unit, whether `Stepper.randomize` accepts the field)."""
 
 def selected(envs: ArrayLike | None, num_envs: int) -> list[int]:
     """Indices of the environments that the argument `envs` of a method selects, in the order of the argument; see `Stepper.reset`.
@@ -237,7 +237,8 @@ class Actuator:
     actrange: Final[_Array]
     """Lowest and highest activation: (2,). A missing bound is infinite."""
     gear: Final[_Array]
-    """Gear: (6,). Entry 0 scales length, velocity and force. For a site, the entries are force and torque directions."""
+    """Gear: (6,). For a joint or tendon, entry 0 scales length, velocity and force. For a site, the entries are force and torque per unit
+    of actuator force."""
     gaintype: Final[str]
     """Type of the gain: "fixed", "affine", "dcmotor" or "pid"."""
     gainprm: Final[_Array]
@@ -881,22 +882,23 @@ class Stepper:
     axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or `set_state`.
     MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities."""
     qacc: Final[_Array]
-    """Acceleration (v+ - v) / h of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2.
+    """Acceleration of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2. It is the change of
+    velocity divided by the time step.
 
     Before the first step after a reset or `set_state`, it is the acceleration of a step from the current state. This also holds for
     `qfrc_constraint` and `body_contact_force`."""
     qfrc_bias: Final[_Array]
     """Coriolis, centrifugal and gravitational forces at the current state, (num_envs, nv), N or N m, as after `mj_forward`."""
     qacc_smooth: Final[_Array]
-    """Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. With
-    `actuators=`, it uses the outputs of the drives in the last step."""
+    """Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. If the
+    stepper has an actuator model, the forces of its drives are those of the last step."""
     actuator_force: Final[_Array]
     """Actuator forces before the gear at the current state and controls, (num_envs, nu), N or N m, as after `mj_forward`."""
     qfrc_actuator: Final[_Array]
     """Joint forces of the actuators, clipped to `actuatorfrcrange`, (num_envs, nv), N or N m."""
     qfrc_constraint: Final[_Array]
     """Joint forces of all constraints in the last step, (num_envs, nv), N or N m: impulses of contacts, limits, dry friction, equalities
-    and tendons, divided by h."""
+    and tendons, divided by the time step."""
     body_contact_force: Final[_Array]
     """Force (3, N) and torque (3, N m) of all contacts of the last step on each body in world axes, (num_envs, nbody, 6). The torque is
     about the body's current centre of mass."""
@@ -935,11 +937,12 @@ class Stepper:
     sensordata_ideal: Final[_Array]
     """Readings of ideal sensors, (num_envs, nsensordata).
 
-    Positions and velocities are those after the last step. Accelerations are (v+ - v) / h of that step, including impulses of contacts
-    and limits, and forces are impulses divided by h. Before the first step after a reset or `set_state`, accelerations and forces are
-    those of a step from the current state."""
+    Positions and velocities are those after the last step. Accelerations are the change of velocity in that step divided by the time step,
+    including impulses of contacts and limits. Forces are impulses divided by the time step. Before the first step after a reset or
+    `set_state`, accelerations and forces are those of a step from the current state."""
     sensor_faults: Final[_Array]
-    """Numbers of clipped readings and of lost samples of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32."""
+    """Counts of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. The last axis is the number of clipped
+    readings and the number of lost samples."""
     actuator_saturation: Final[_Array]
     """Number of steps in the last call of `step` in which each actuator force was clipped, (num_envs, nu) uint32. Bounds are the
     `forcerange` of the actuator, the `actuatorfrcrange` of the joint, and the limits and torque-speed curve of the drive."""
@@ -1162,7 +1165,7 @@ class Stepper:
             **settings: Arguments of `stepper.Recorder`.
         """
     def observe(self, out: _Array | None = None) -> _Array:
-        """Copy of `sensordata`, (num_envs, nsensordata), in the array `out` if given."""
+        """Writable copy of `sensordata`, (num_envs, nsensordata). If an array `out` is given, the result is that array."""
     def get_state(self, env: int | None = None) -> State:
         """Complete state, including the current controls.
 
@@ -1384,8 +1387,8 @@ class Stepper:
             points: Origins of the rays, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative to its frame.
             directions: Directions of the rays, of any positive length, (num_envs, n, 3) or (n, 3).
             body: Name or index of the body that carries the rays, such as a lidar. Its geoms are not hit. None fixes the rays to the world.
-            axes: Axes of points and directions with `body`: "body", those of the body; "heading", those of the world rotated by the body's
-                heading; "world".
+            axes: Axes of points and directions if `body` is given. "body" selects the axes of the body, "heading" the world axes rotated by
+                the heading of the body, and "world" the world axes.
             geoms: Names or indices of the geoms that rays can hit. None selects all geoms.
             exclude: Name or index of a body whose geoms are not hit. None excludes the geoms of `body`.
 

@@ -76,7 +76,7 @@ fn simulation(model: &Arc<Model>, num_envs: usize, threads: usize) -> Simulation
     sim
 }
 
-/// Configuration and velocity after one step.
+/// Configuration and velocity after one step from the state of `sim` and the control `ctrl`, both edited by `change`.
 fn outcome(sim: &Simulation, ctrl: f64, change: impl Fn(&mut Vec<f64>, &mut Vec<f64>, &mut f64)) -> Vec<f64> {
     let mut sim = sim.clone();
     let (mut q, mut v, mut ctrl) = (sim.qpos(0), sim.qvel(0), ctrl);

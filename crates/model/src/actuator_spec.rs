@@ -61,7 +61,7 @@ pub struct Motor {
     pub voltage: bool,
 }
 
-/// Longest delay that the check allows, in steps.
+/// Longest allowed delay of an actuator, in steps.
 const LONGEST: f64 = 100_000.0;
 
 fn any(x: &[f64]) -> bool {

@@ -99,7 +99,7 @@ pub struct Body {
     pub iquat: [f64; 4],
     /// Principal moments of inertia, kg m^2.
     pub inertia: [f64; 3],
-    /// Whether the user sets the body's pose. Such a body is a child of the world without joints.
+    /// Whether the user sets the body's pose. Such a body has no joints and is a child of the world.
     pub mocap: bool,
     /// Fraction of the body's weight that gravity compensation carries.
     pub gravcomp: f64,
@@ -215,7 +215,7 @@ pub struct Geom {
     pub softness: Softness,
     /// Weight of the geom's softness in the mixture of two geoms.
     pub solmix: f64,
-    /// Compliance of the surface. A contact has the springs of its two geoms in series.
+    /// Spring and damper of the surface, which make it compliant. A contact has the springs of its two geoms in series.
     #[serde(default)]
     pub spring: ContactSpring,
 }
@@ -245,7 +245,7 @@ pub struct Pair {
     /// Ratios of the friction along the second tangent to the friction along the first: for sliding, then for rolling friction. Only
     /// MuJoCo's contact law uses these ratios.
     pub anisotropy: [f64; 2],
-    /// Compliance of the contact.
+    /// Spring and damper of the contact, which make it compliant.
     #[serde(default)]
     pub spring: ContactSpring,
 }
@@ -261,8 +261,8 @@ pub enum Transmission {
     Site {
         /// Index of the site.
         site: usize,
-        /// Index of the reference site. The wrench is in its frame, and its body receives the reaction. With `None`, the wrench is in the
-        /// frame of `site`, and the actuator's length is 0.
+        /// Index of the reference site. The wrench is in the frame of the reference site, and the body of the reference site receives the
+        /// reaction. With `None`, the wrench is in the frame of `site`, and the actuator's length is 0.
         reference: Option<usize>,
         /// Force and torque (N, N m) per unit of actuator force.
         wrench: [f64; 6],
@@ -348,9 +348,9 @@ pub struct Omission {
 /// Settings of a source file that stepper's default options replace, with the names that the file uses.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Requested {
-    /// Integrator: "Euler", "RK4", "implicit", "implicitfast" or "discrete".
+    /// Name of the integrator: "Euler", "RK4", "implicit", "implicitfast" or "discrete".
     pub integrator: String,
-    /// Solver: "PGS", "CG" or "Newton".
+    /// Name of the solver: "PGS", "CG" or "Newton".
     pub solver: String,
     /// Largest number of iterations of the solver.
     pub iterations: u32,
@@ -457,12 +457,13 @@ impl Geom {
 }
 
 impl Description {
-    /// Mesh to which the shape refers; `None` for other shapes, or if it does not exist.
+    /// Mesh to which the shape refers. It is `None` for shapes that are no mesh, and if the description has no mesh of that name.
     pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
         Some(&self.meshes[self.mesh_index(shape)?])
     }
 
-    /// Height field to which the shape refers; `None` for other shapes, or if it does not exist.
+    /// Height field to which the shape refers. It is `None` for shapes that are no height field, and if the description has no height field
+    /// of that name.
     pub fn height_field_of(&self, shape: &Shape) -> Option<&HeightField> {
         match shape {
             Shape::HeightField { asset } => self.height_fields.iter().find(|h| h.name == *asset),

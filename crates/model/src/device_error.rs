@@ -74,7 +74,7 @@ pub enum DeviceError {
         /// Number of values in the sensor's reading.
         dim: usize,
     },
-    /// Scale or misalignment of a unit vector or quaternion, whose norm must remain 1.
+    /// Error model with a scale or misalignment for a sensor that reads a unit vector or quaternion, whose norm must remain 1.
     #[error("scale and misalignment of a unit vector or quaternion mean nothing; give it bias, drift and noise, in rad")]
     ScaledDirection,
     /// Motor whose control is its voltage, but without a torque-speed curve.
@@ -131,7 +131,7 @@ pub enum DeviceError {
         /// Value with which the simulation was created.
         must: String,
     },
-    /// Delay that is longer than the simulation's delay line.
+    /// Delay that is longer than the delay line, the buffer with which the simulation was created.
     #[error(
         "delay is up to {longest} steps of {timestep} s, and its line has room for {room}; give Simulation::set_actuator_models the longest delay \
          there will be, if only to one environment"
@@ -139,7 +139,7 @@ pub enum DeviceError {
     LineTooShort {
         /// Longest delay that was given, in steps.
         longest: usize,
-        /// Length of the delay line in steps.
+        /// Length in steps of the delay line, the buffer with which the simulation was created.
         room: usize,
         /// Time step, s.
         timestep: f64,

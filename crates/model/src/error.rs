@@ -31,7 +31,7 @@ pub enum ModelError {
         kind: &'static str,
         /// Name that was given.
         name: String,
-        /// Existing names, or the first of many.
+        /// Names of the existing elements of this kind. If there are many, only the first names are in the list.
         known: Vec<String>,
     },
     /// File or bytes that are not a model of a supported version.
@@ -51,7 +51,7 @@ impl ModelError {
         Self::Invalid { what: what.into(), place: place.into(), remedy: remedy.into() }
     }
 
-    /// Error with the text `whole` in front of the element, such as `environment 3: body "torso"`.
+    /// Error with the text `whole` in front of the label of the element, for example `environment 3: body "torso"`.
     pub fn of(self, whole: &str) -> Self {
         match self {
             Self::Invalid { what, place, remedy } => Self::Invalid { what, place: format!("{whole}: {place}"), remedy },

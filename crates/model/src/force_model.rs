@@ -84,7 +84,7 @@ impl BiasType {
 }
 
 impl ForceModel {
-    /// Simplest force model that uses all nonzero parameters.
+    /// Simplest force model that uses all nonzero parameters in `gain` and `bias`.
     pub fn of_parameters(gain: &[f64; 3], bias: &[f64; 3]) -> Self {
         let zero = |x: &[f64]| x.iter().all(|&x| x == 0.0);
         let gain = if zero(&gain[1..]) { GainType::Fixed } else { GainType::Affine };

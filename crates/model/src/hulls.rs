@@ -59,7 +59,8 @@ impl Hulls {
 }
 
 impl Description {
-    /// Index of the mesh to which the shape refers; `None` for other shapes, or if it does not exist.
+    /// Index of the mesh to which the shape refers. It is `None` for shapes that are no mesh, and if the description has no mesh of that
+    /// name.
     pub(super) fn mesh_index(&self, shape: &Shape) -> Option<usize> {
         match shape {
             Shape::Mesh { asset, .. } => self.meshes.iter().position(|m| m.name == *asset),

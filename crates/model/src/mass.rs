@@ -35,8 +35,8 @@ impl MassProperties {
         }
     }
 
-    /// Mass properties of a solid of uniform density with the mass `mass`, kg, in its geom's frame. `None` if [`MassProperties::volume`] is
-    /// `None`.
+    /// Mass properties of a solid of uniform density with the mass `mass`, kg, in the geom's frame. The result is `None` for shapes for
+    /// which [`MassProperties::volume`] is `None`.
     pub fn solid(shape: &Shape, mass: f64) -> Option<Self> {
         let moments = match *shape {
             Shape::Sphere { radius: r } => [0.4 * r * r; 3],
@@ -91,9 +91,11 @@ impl MassProperties {
     }
 }
 
-/// Principal moments of a capsule per unit of mass: a cylinder and two hemispheres of the same density.
+/// Principal moments of a capsule per unit of mass, m^2: a cylinder with the radius `r` and half the length `h`, m, and two hemispheres of
+/// the same density.
 ///
-/// The centre of mass of a hemisphere is 3/8 r from its flat face, and its transverse moment about that centre is (2/5 - 9/64) r^2.
+/// The centre of mass of a hemisphere is 3/8 r from its flat face, and its transverse moment per unit of mass about that centre is (2/5 -
+/// 9/64) r^2.
 fn capsule(r: f64, h: f64) -> [f64; 3] {
     let (cylinder, ball) = (2.0 * h, 4.0 / 3.0 * r);
     let (cylinder, ball) = (cylinder / (cylinder + ball), ball / (cylinder + ball));

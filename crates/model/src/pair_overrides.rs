@@ -51,12 +51,12 @@ impl<'a> PairOverrides<'a> {
         Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
     }
 
-    /// Checks that no explicit pair replaces a geom value that changes. `given` has the new values by field.
+    /// Checks that no explicit pair replaces a geom value that changes. `given` has pairs of field name and new values.
     ///
     /// Values whose pair field is also in `given` are not checked.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] with the first geom whose number has no effect, its pair and the remedy.
+    /// [`ModelError::Invalid`] with the first geom whose new value has no effect, the pair and the remedy.
     pub(super) fn check(&self, given: &[(&str, &[f64])]) -> Result<(), ModelError> {
         let values_of = |name: &str| given.iter().find(|(given, _)| *given == name).map(|(_, values)| *values);
         for Overridden { geom, pair, present } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {

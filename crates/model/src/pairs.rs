@@ -26,8 +26,8 @@ use crate::{Description, Geom, Pair, Shape, Softness};
 /// Pair of geoms that can collide, with the parameters of its contacts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GeomPair {
-    /// Indices of the geoms. The simpler shape comes first (plane, height field, sphere, capsule, ellipsoid, cylinder, box, mesh), then the
-    /// lower index.
+    /// Indices of the geoms. The simpler shape comes first (plane, height field, sphere, capsule, ellipsoid, cylinder, box, mesh). For
+    /// equal shapes, the lower index comes first.
     pub geoms: [usize; 2],
     /// Dimension of a contact: 1, 3, 4 or 6.
     pub condim: u8,
@@ -45,7 +45,7 @@ pub struct GeomPair {
     pub solref_friction: [f64; 2],
     /// Anisotropy of friction, see [`Pair::anisotropy`](crate::Pair::anisotropy).
     pub anisotropy: [f64; 2],
-    /// Compliance of the contacts.
+    /// Spring and damper of the contacts, which make them compliant.
     pub spring: ContactSpring,
 }
 

@@ -67,7 +67,7 @@ pub enum ProximityReading {
     FromTo,
 }
 
-/// Quantity that a rangefinder reads for each ray, in this order.
+/// Quantity that a rangefinder reads for each ray. A reading has its quantities in the order of these variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum RayField {
     /// Distance to the nearest surface, m; -1 without a hit.
@@ -102,7 +102,7 @@ pub enum ContactSide {
     Site(usize),
 }
 
-/// Quantity that a contact sensor reads for each contact, in this order.
+/// Quantity that a contact sensor reads for each contact. A reading has its quantities in the order of these variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum ContactField {
     /// Number of contacts that match both sides of the sensor. It is 0 where the sensor has no contact to report.
@@ -152,7 +152,7 @@ pub enum SensorKind {
     JointActuatorForce(usize),
     /// Distance of a hinge or slide beyond the nearer end of its range, m or rad; 0 within the range.
     JointLimitPos(usize),
-    /// Time derivative of the distance of a hinge or slide beyond its range; 0 within the range.
+    /// Time derivative of the distance of a hinge or slide beyond its range, m/s or rad/s; 0 within the range.
     JointLimitVel(usize),
     /// Force of the limit of a hinge or slide, N or N m.
     JointLimitForce(usize),
@@ -160,17 +160,17 @@ pub enum SensorKind {
     BallQuat(usize),
     /// Angular velocity of a ball joint in the body's frame, rad/s.
     BallAngVel(usize),
-    /// Length of a tendon.
+    /// Length of a tendon, m or rad.
     TendonPos(usize),
-    /// Time derivative of the length of a tendon.
+    /// Time derivative of the length of a tendon, m/s or rad/s.
     TendonVel(usize),
-    /// Sum of the actuator forces on a tendon.
+    /// Sum of the actuator forces on a tendon, N or N m.
     TendonActuatorForce(usize),
-    /// Distance of a tendon beyond the nearer end of its range; 0 within the range.
+    /// Distance of the length of a tendon beyond the nearer end of its range, m or rad; 0 within the range.
     TendonLimitPos(usize),
-    /// Time derivative of the distance of a tendon beyond its range; 0 within the range.
+    /// Time derivative of the distance of a tendon's length beyond its range, m/s or rad/s; 0 within the range.
     TendonLimitVel(usize),
-    /// Force of the limit of a tendon.
+    /// Force of the limit of a tendon, N or N m.
     TendonLimitForce(usize),
     /// Length of an actuator, including the gear.
     ActuatorPos(usize),
@@ -182,9 +182,10 @@ pub enum SensorKind {
     Frame {
         /// Measured quantity.
         what: FrameReading,
-        /// Object with the frame.
+        /// Object whose frame is measured.
         object: Object,
-        /// Reference frame: the reading is relative to it and in its axes. `None` is the world. Accelerations have no reference.
+        /// Object whose frame is the reference: the reading is relative to this frame and in its axes. `None` selects the world frame.
+        /// Accelerations have no reference.
         reference: Option<Object>,
     },
     /// Magnetic flux density in a site's frame, T.
@@ -197,7 +198,7 @@ pub enum SensorKind {
     Accelerometer(usize),
     /// Force of the parent body on the site's body, in the site's frame, N.
     Force(usize),
-    /// Torque of the parent body on the site's body about the site, in its frame, N m.
+    /// Torque of the parent body on the site's body about the site, in the site's frame, N m.
     Torque(usize),
     /// Touch sensor: sum of the normal forces of contacts on the site's body whose line of action intersects the site's volume, N.
     Touch(usize),
@@ -207,21 +208,21 @@ pub enum SensorKind {
         site: usize,
         /// Unit directions in the site's frame.
         rays: Vec<[f64; 3]>,
-        /// Reported quantities of each ray, in ascending order.
+        /// Reported quantities of each ray, in the order of the variants of [`RayField`].
         fields: Vec<RayField>,
         /// Indices of the geoms that rays can hit.
         geoms: Vec<usize>,
     },
     /// Whether the object's origin is inside the site's volume, as 1 or 0.
     InsideSite {
-        /// Object whose origin is tested.
+        /// Object whose origin is inside or outside the volume.
         object: Object,
         /// Index of the site with the volume.
         site: usize,
     },
     /// Distance, normal or closest points of two sets of geoms.
     Proximity {
-        /// Reported quantity of the closest points.
+        /// Quantity of the closest points that the sensor reads.
         what: ProximityReading,
         /// Indices of the geoms in the first of the two sets.
         from: Vec<usize>,
@@ -236,7 +237,7 @@ pub enum SensorKind {
         first: ContactSide,
         /// Second side, which selects the other geom.
         second: ContactSide,
-        /// Reported quantities of each contact, in ascending order.
+        /// Reported quantities of each contact, in the order of the variants of [`ContactField`].
         fields: Vec<ContactField>,
         /// Rule that selects the reported contacts, if more than `slots` contacts match.
         reduction: ContactReduction,

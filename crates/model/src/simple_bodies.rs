@@ -10,8 +10,8 @@ const AXIS_EPSILON: f64 = 1e-14;
 
 /// Whether each body is simple, by the rule of MuJoCo's compiler (`body_simple`).
 ///
-/// A simple body has no child body, and its parent is the world or fixed to it. Its inertial frame is its body frame. Its joints are at the
-/// origin, along the axes of the frame, and a rotation comes last.
+/// A simple body has no child body, and its parent is the world or a body fixed to the world. Its inertial frame is its body frame. Its
+/// joints are at the origin, along the axes of the frame, and a rotation comes last.
 pub fn simple_bodies(model: &Model) -> Vec<bool> {
     let mut simple: Vec<bool> =
         (0..model.bodies.len()).map(|b| b > 0 && has_principal_frame(model, b) && is_child_of_world(model, b)).collect();
@@ -42,7 +42,7 @@ fn has_principal_frame(model: &Model, body: usize) -> bool {
     is_zero(body.ipos) && is_zero([x, y, z]) && (w.abs() - 1.0).abs() < FRAME_EPSILON
 }
 
-/// Whether the parent of a body is the world, or a child of the world without joints.
+/// Whether the parent of a body is the world, or a body without joints that is a child of the world.
 fn is_child_of_world(model: &Model, body: usize) -> bool {
     let parent = model.bodies[body].parent;
     parent == 0 || model.bodies[parent].parent == 0 && model.joints.iter().all(|joint| joint.body != parent)

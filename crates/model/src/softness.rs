@@ -7,10 +7,11 @@ use crate::added_fields;
 /// Shape of the friction cones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cone {
-    /// Pyramid with edges n + mu_k t_k and n - mu_k t_k, each with a separate force.
+    /// Pyramid with the edges n + mu_k t_k and n - mu_k t_k, each with a separate force. n is the normal, t_k are the tangents, and mu_k
+    /// their friction coefficients.
     #[default]
     Pyramidal,
-    /// Elliptic cone `sum (f_k / mu_k)^2 <= f_n^2`.
+    /// Elliptic cone `sum (f_k / mu_k)^2 <= f_n^2`, with the normal force f_n, the friction forces f_k and the friction coefficients mu_k.
     Elliptic,
 }
 

@@ -79,8 +79,10 @@ impl fmt::Display for Parameter {
 impl FromStr for Parameter {
     type Err = ModelError;
 
+    /// Parameter for the model field with the name `name`.
+    ///
     /// # Errors
-    /// [`ModelError::Invalid`] when there is no field of that name, or when it is the same in all environments.
+    /// [`ModelError::Invalid`] if no field has this name, or if the field has the same values in all environments.
     fn from_str(name: &str) -> Result<Self, ModelError> {
         find(name)?;
         Self::ALL.into_iter().find(|parameter| parameter.name() == name).ok_or_else(|| {

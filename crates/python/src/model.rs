@@ -39,7 +39,7 @@ fn describe(field: &Field) -> String {
     first.chain(letters).collect::<String>() + &end + "."
 }
 
-/// Fields of `Model.replace`: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` accepts it.
+/// Fields of `Model.replace`, as tuples (name, shape as text, quantity, unit, whether `Stepper.randomize` accepts the field).
 #[pyfunction]
 pub(crate) fn fields() -> Vec<(&'static str, String, &'static str, &'static str, bool)> {
     let row = |field: &Field| (field.name, field.axes(), field.what, field.unit, field.name.parse::<Parameter>().is_ok());

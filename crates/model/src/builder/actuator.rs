@@ -63,8 +63,8 @@ impl ActuatorBuilder {
 
     /// Makes the actuator act on a site instead of a joint. The joint name that was given before is then the name of the site.
     ///
-    /// `wrench` is force and torque per unit of actuator force, in the frame of the site. If `reference` names a reference site, the wrench
-    /// is in its frame, and its body receives the reaction.
+    /// `wrench` is force and torque per unit of actuator force, in the frame of the site. If `reference` names a second site, the wrench is
+    /// in the frame of that site, and the body of that site receives the reaction.
     pub fn on_site(mut self, wrench: [f64; 6], reference: Option<&str>) -> Self {
         self.target = Target::Site { reference: reference.map(Into::into), wrench };
         self

@@ -54,7 +54,7 @@ impl BodyBuilder {
         self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
-    /// Adds a joint. If a body has several, they apply in the order of these calls.
+    /// Adds a joint. If a body has several joints, they apply in the order in which they were added.
     pub fn joint(mut self, joint: JointBuilder) -> Self {
         self.joints.push(joint);
         self
@@ -79,13 +79,13 @@ impl BodyBuilder {
         self
     }
 
-    /// Makes the body a mocap body, whose pose the user sets. It must be a child of the world without joints.
+    /// Makes the body a mocap body, whose pose the user sets. The body must be a child of the world and have no joints.
     pub fn mocap(mut self) -> Self {
         self.body.mocap = true;
         self
     }
 
-    /// Compensates the fraction `share` of the body's weight (`gravcomp`); 1 is all of it.
+    /// Compensates the fraction `share` of the body's weight (`gravcomp`). A share of 1 compensates the whole weight.
     pub fn gravcomp(mut self, share: f64) -> Self {
         self.body.gravcomp = share;
         self

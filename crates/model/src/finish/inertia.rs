@@ -20,8 +20,8 @@ const NOTHING: f64 = 1e-13;
 /// rounding error.
 const ROUNDING: f64 = 1e-9;
 
-/// Degree of freedom: index of its joint, motion (angular, and linear at the origin of its tree), and index of the parent degree of
-/// freedom.
+/// Degree of freedom: index of its joint, spatial velocity per unit of joint velocity, and index of the parent degree of freedom. The
+/// spatial velocity is the angular velocity, then the linear velocity at the origin of the kinematic tree.
 struct Dof {
     joint: usize,
     motion: Vector6<f64>,

@@ -13,7 +13,8 @@ use crate::array::shape_text;
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
-/// NumPy array of one applied input for all environments: f64 numbers, or booleans for `eq_active`.
+/// NumPy array of one applied input (applied forces, mocap poses or active equalities) for all environments. It has f64 numbers, or
+/// booleans for `eq_active`.
 enum Applied<'py> {
     Numbers(Bound<'py, PyArrayDyn<f64>>),
     Truths(Bound<'py, PyArrayDyn<bool>>),
@@ -98,7 +99,8 @@ impl Stepper {
         Ok(())
     }
 
-    /// Array of an applied input, or None if it was not used yet. The result is an error if the user has changed its type or shape.
+    /// Array of an applied input, such as `xfrc_applied`; None if the array was not created yet. If the user has changed its type or shape,
+    /// the result is an error.
     fn made<'py>(&self, py: Python<'py>, input: AppliedInput) -> PyResult<Option<Applied<'py>>> {
         let Some(array) = &self.applied[input as usize] else { return Ok(None) };
         // NumPy allows users to change the dtype and shape of an existing array.
@@ -110,7 +112,7 @@ impl Stepper {
         })
     }
 
-    /// Array of an applied input. The first call creates it with the reset values.
+    /// Writable NumPy array of an applied input, such as `xfrc_applied`. The first call creates it with the values of a reset.
     pub(super) fn applied_array<'py>(&mut self, py: Python<'py>, input: AppliedInput) -> PyResult<Bound<'py, PyUntypedArray>> {
         if self.applied[input as usize].is_none() {
             let all = input.at_reset(self.simulation.model()).repeat(self.n());

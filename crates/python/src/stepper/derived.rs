@@ -128,7 +128,8 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::BodyForce)
     }
 
-    /// Acceleration (v+ - v) / h of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2.
+    /// Acceleration of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2. It is the change of
+    /// velocity divided by the time step.
     ///
     /// Before the first step after a reset or `set_state`, it is the acceleration of a step from the current state. This also holds for
     /// `qfrc_constraint` and `body_contact_force`.
@@ -143,8 +144,8 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::BiasForce)
     }
 
-    /// Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. With
-    /// `actuators=`, it uses the outputs of the drives in the last step.
+    /// Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. If the
+    /// stepper has an actuator model, the forces of its drives are those of the last step.
     #[getter]
     fn qacc_smooth<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::SmoothAcceleration)
@@ -163,7 +164,7 @@ impl Stepper {
     }
 
     /// Joint forces of all constraints in the last step, (num_envs, nv), N or N m: impulses of contacts, limits, dry friction, equalities
-    /// and tendons, divided by h.
+    /// and tendons, divided by the time step.
     #[getter]
     fn qfrc_constraint<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::JointConstraintForce)

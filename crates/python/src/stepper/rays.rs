@@ -23,8 +23,8 @@ impl Stepper {
     ///     points: Origins of the rays, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative to its frame.
     ///     directions: Directions of the rays, of any positive length, (num_envs, n, 3) or (n, 3).
     ///     body: Name or index of the body that carries the rays, such as a lidar. Its geoms are not hit. None fixes the rays to the world.
-    ///     axes: Axes of points and directions with `body`: "body", those of the body; "heading", those of the world rotated by the body's
-    ///         heading; "world".
+    ///     axes: Axes of points and directions if `body` is given. "body" selects the axes of the body, "heading" the world axes rotated by
+    ///         the heading of the body, and "world" the world axes.
     ///     geoms: Names or indices of the geoms that rays can hit. None selects all geoms.
     ///     exclude: Name or index of a body whose geoms are not hit. None excludes the geoms of `body`.
     ///

@@ -36,15 +36,16 @@ impl Stepper {
 
     /// Readings of ideal sensors, (num_envs, nsensordata).
     ///
-    /// Positions and velocities are those after the last step. Accelerations are (v+ - v) / h of that step, including impulses of contacts
-    /// and limits, and forces are impulses divided by h. Before the first step after a reset or `set_state`, accelerations and forces are
-    /// those of a step from the current state.
+    /// Positions and velocities are those after the last step. Accelerations are the change of velocity in that step divided by the time
+    /// step, including impulses of contacts and limits. Forces are impulses divided by the time step. Before the first step after a reset
+    /// or `set_state`, accelerations and forces are those of a step from the current state.
     #[getter]
     fn sensordata_ideal<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         read_only(slf.readings(py, true)?, "sensordata_ideal")
     }
 
-    /// Numbers of clipped readings and of lost samples of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32.
+    /// Counts of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. The last axis is the number of clipped
+    /// readings and the number of lost samples.
     #[getter]
     fn sensor_faults<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.sensor_faults(env)).flatten().collect();
@@ -58,7 +59,7 @@ impl Stepper {
         slf.sensors.as_ref().map(|s| s.clone_ref(py))
     }
 
-    /// Copy of `sensordata`, (num_envs, nsensordata), in the array `out` if given.
+    /// Writable copy of `sensordata`, (num_envs, nsensordata). If an array `out` is given, the result is that array.
     #[pyo3(signature = (out=None))]
     fn observe<'py>(mut slf: Writing<'_>, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let Some(out) = out else { return slf.readings(py, false) };

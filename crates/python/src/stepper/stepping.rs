@@ -107,7 +107,8 @@ fn step_some_recorded(
     stepped.map(|_| ())
 }
 
-/// Exception of an interrupted call of `step`. The function also notifies the recorder of the steps made before the interruption.
+/// Creates the exception that an interrupted call of `step` with `nstep` steps raises. It also notifies the recorder of the steps that were
+/// made before the interruption.
 #[cold]
 fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted: Interrupted, nstep: usize) -> PyErr {
     let (py, made) = (slf.py(), interrupted.steps);

@@ -371,7 +371,7 @@ class Model:
     (whether the model has constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). It is None for
     models made in code."""
     excluded_overlaps: Final[list[tuple[str, str, float]]]
-    """Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled. The format is that of
+    """Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled, in the format of
     `overlaps()`."""
     wide_hulls: Final[list[tuple[int, float]]]
     """Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
@@ -638,10 +638,10 @@ class Model:
                 A scalar sets all selected entries.
             **fields: Values of whole fields, in the shape of the model's attribute.
 
-        Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. So a
-        new value for a geom of a pair needs the field of the pair in the same call, with new values or those of the model. This holds for
+        Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore the fields of its geoms.
+        So a new value for a geom of a pair needs the field of the pair in the same call, with new or unchanged values. This holds for
         geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness and
-        geom_damping. The field for geom_condim is pair_dim, that for geom_solmix is pair_solref.
+        geom_damping. The field of the pair for geom_condim is pair_dim, and for geom_solmix it is pair_solref.
 
         Raises:
             ValueError: A shape is wrong.
@@ -675,9 +675,9 @@ class Model:
 
         Returns:
             Dictionary of arrays with a row for each pair of geoms that can collide: "geoms" (npair, 2), "stiffness" (npair, 2) in N/m, and
-            "damping" (npair, 2) in N s/m. Stiffness and damping are those of a contact whose geoms do not accelerate. Column 0 has the
-            values at first touch, and column 1 those at the depth of the largest impedance. In large scenes, some pairs are found only
-            during the simulation; these are not listed.
+            "damping" (npair, 2) in N s/m. Both describe a contact whose geoms do not accelerate. Column 0 has the values at first touch,
+            and column 1 has the values at the depth of the largest impedance. In large scenes, some pairs are found only during the
+            simulation; these are not listed.
         """
     def body(self, key: str | int) -> Body:
         """Body by name or index (negative from the end).
@@ -750,7 +750,7 @@ class Model:
         Args:
             q: Configurations, (..., nq).
             dv: Displacements on the tangent space, in the coordinates of qvel, (..., nv). Rotations of ball and free joints are rotation
-                vectors in the body's frame. The leading axes equal those of `q`, or one of the arguments has none.
+                vectors in the body's frame. The leading axes equal the leading axes of `q`, or one of the arguments has no leading axes.
 
         Returns:
             Configurations, (..., nq) float64.
@@ -765,7 +765,8 @@ class Model:
 
         Args:
             q1: Initial configurations, (..., nq).
-            q2: Final configurations, (..., nq). The leading axes equal those of `q1`, or one of the arguments has none.
+            q2: Final configurations, (..., nq). The leading axes equal the leading axes of `q1`, or one of the arguments has no leading
+                axes.
 
         Returns:
             Displacements, (..., nv) float64.
@@ -774,7 +775,8 @@ class Model:
             ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
         """
     def geoms_seen_from(self, site: int) -> list[int]:
-        """Indices of the geoms that rays from a site can hit: all geoms with a shape in the model, except those of the site's body."""
+        """Indices of the geoms that rays from a site (by index) can hit: geoms with a shape in the model, except those of the site's
+        body."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
@@ -845,7 +847,7 @@ class Stepper:
     act: Final[_Array]
     """Activations of actuators, (num_envs, na). `set_state(act=...)` sets them."""
     ctrl: Final[_Array]
-    """Current controls, (num_envs, nu): those of the last step. After a reset they are those of the keyframe, or zero."""
+    """Current controls, (num_envs, nu): the controls of the last step. After a reset they are the controls of the keyframe, or zero."""
     xpos: Final[_Array]
     """Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. Unlike after MuJoCo's `mj_step`,
     they belong to the state after the step, as after `mj_forward`. Derived quantities are computed at the first read for all
@@ -986,18 +988,18 @@ class Stepper:
         seed: int | ArrayLike | None = None,
         keyframe: str | int | None = None,
     ) -> None:
-        """Starts a new episode in all environments, or in those of `envs`. The previous episode has no influence on it.
+        """Starts a new episode in all environments, or in the environments `envs`. The previous episode has no influence on the new one.
 
-        Applied forces become zero, and mocap bodies return to the poses of the model. Controls become zero, or those of the keyframe, until
-        the next `step` with controls. Parameters of `randomize` are kept.
+        Applied forces become zero, and mocap bodies return to the poses of the model. Controls become zero, or the controls of the
+        keyframe, until the next `step` with controls. Parameters of `randomize` are kept.
 
         Args:
             envs: Environments: a boolean mask (num_envs,), or unique integer indices (k,). None selects all environments. With a mask,
-                arrays have rows for all environments, and only those of the selected ones are used. With indices, arrays have a row for
-                each index, in order.
+                arrays have a row for each environment of the batch, and rows of unselected environments are ignored. With indices, arrays
+                have a row for each index, in order.
             qpos: Initial positions, (num_envs, nq) or (nq,). None uses the reference configuration. Quaternions are normalised.
             qvel: Initial velocities, (num_envs, nv) or (nv,). None uses zero velocities.
-            seed: New seed of the sensor errors, or seeds (num_envs,). None keeps the old ones.
+            seed: New seed of the sensor errors, or seeds (num_envs,). None keeps the old seeds.
             keyframe: Name or index of a keyframe with the initial qpos, qvel, act, ctrl and time.
 
         Raises:
@@ -1007,24 +1009,24 @@ class Stepper:
             KeyError: The model has no such keyframe.
         """
     def step(self, ctrl: ArrayLike | None = None, nstep: int = 1, envs: ArrayLike | None = None) -> None:
-        """Makes `nstep` steps in every environment, or in those of `envs`.
+        """Makes `nstep` steps in every environment, or in the environments `envs`.
 
         Args:
             ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
-                current ones (`Stepper.ctrl`), as in MuJoCo.
+                current controls (`Stepper.ctrl`), as in MuJoCo.
             nstep: Number of steps.
             envs: Environments, as in `reset`. The other environments keep their state, controls, sensor readings and flags. A SIMD group
                 without a selected environment takes no time. But if sensors or actuators have delays, or if the stepper is recorded, all
-                environments step, and then the states of the others are restored.
+                environments step, and then the states of the unselected environments are restored.
 
         Raises:
-            ValueError: A shape is wrong; the message has both. A NaN control is no error: its environment keeps its state and has
-                NON_FINITE in `status`.
+            ValueError: A shape is wrong; the message has the given and the required shape. A NaN control is no error: its environment keeps
+                its state and has NON_FINITE in `status`.
             TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
             KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
-                made the same number of steps, the attribute `steps` of the exception. The result is that of a call with `nstep` equal to
-                this number, with one difference: moving mocap bodies have not reached their targets, and a recording with them can be
-                replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
+                made the same number of steps, which is the exception's attribute `steps`. The results equal the results of a call with this
+                number as `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving mocap bodies can
+                be replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
         """
     def rollout(
         self,
@@ -1035,7 +1037,7 @@ class Stepper:
         fields: Sequence[str] | None = None,
         out: dict[str, _Array] | None = None,
     ) -> dict[str, _Array]:
-        """Makes `nstep` steps with each of T controls in one call. The results equal those of T calls of `step`, bit for bit.
+        """Makes `nstep` steps with each of T controls in one call. The results equal the results of T calls of `step`, bit for bit.
 
         Each thread steps its environments through all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses are constant.
 
@@ -1053,13 +1055,14 @@ class Stepper:
         Returns:
             Arrays by quantity. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
             (T, num_envs) float64, the largest residual of these steps, m/s. After the call, the attribute `status` has the flags of all
-            steps of the call; `residual` and `iterations` are those of the last step.
+            steps of the call; `residual` and `iterations` belong to the last step.
 
         Raises:
             ValueError: A shape is wrong, a quantity is unknown, or an array of `out` is read-only or given twice.
             TypeError: An array of `out` has the wrong dtype.
-            KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has a
-                row for each control so far; the row of the interrupted control is the state after its last step. Later rows are unchanged.
+            KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has
+                results for each control so far; for the interrupted control they are the state after its last step. Later rows of `out` are
+                unchanged.
         """
     def memory(self) -> dict[str, int]:
         """Memory of the stepper in bytes, without NumPy arrays that it has returned.
@@ -1116,10 +1119,10 @@ class Stepper:
         `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are never
         randomized cost neither time nor memory.
 
-        Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. So a new
-        geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction too, with new values or those of the model:
-        in this call, or in an earlier one, whichever environments that call selected. The same holds for geom_restitution and
-        pair_restitution.
+        Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
+        geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction in this call or an earlier one, with new
+        values or the values of the model. An earlier call counts for all environments, also for environments that it did not select. The
+        same holds for geom_restitution and pair_restitution.
 
             sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
             sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
@@ -1128,8 +1131,8 @@ class Stepper:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
                 values. Each array has the axis of environments, and then the axes of the selected entries. A selector with a single name,
                 index or column has no axis for it. An array (num_envs,) sets all selected entries of an environment to one value, and a
-                scalar sets those of all environments. None restores the values of the model. The first argument may also be `envs`, without
-                values.
+                scalar sets the selected entries of all environments. None restores the values of the model. The first argument may also be
+                `envs`, without values.
             envs: Environments to change, as in `reset`.
             **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
                 the model; a call without fields restores all of them.
@@ -1145,10 +1148,10 @@ class Stepper:
                 * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo: the force is gain . (1, length, velocity) times the
                   input plus bias . (1, length, velocity), with the first three entries. Entries that the type of an actuator does not use
                   are 0.
-                * actuators, a `stepper.ActuatorModel`: its drives replace those of the matching actuators completely. Other actuators keep
-                  theirs, and None restores the drives of the constructor. A stage (servo, motor, lag, limits, friction) must exist in
-                  `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest one there. Delay lines,
-                  lags and integrals are state: they are kept until `reset`.
+                * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
+                  keep their drives, and None restores the drives that were given to the constructor. A stage (servo, motor, lag, limits,
+                  friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
+                  one there. Delay lines, lags and integrals are state: they are kept until `reset`.
 
         Raises:
             TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
@@ -1169,7 +1172,7 @@ class Stepper:
     def get_state(self, env: int | None = None) -> State:
         """Complete state, including the current controls.
 
-        Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of it.
+        Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of the state.
 
         Args:
             env: Index of an environment. None saves all environments.
@@ -1205,8 +1208,8 @@ class Stepper:
 
         The file includes the initial impulses of the solver. In Rust, `stepper_solve::Problem::load(path)` reads it.
 
-        The problem is that of a step from the current state, which does not change. For a step that was not solved (NOT_CONVERGED), first
-        restore the state before it: `before = sim.get_state()` before the step, then `sim.set_state(before)`.
+        The problem belongs to a step from the current state. The state does not change. For a step that was not solved (NOT_CONVERGED),
+        first restore the state before it: `before = sim.get_state()` before the step, then `sim.set_state(before)`.
 
         Args:
             path: File to write. An existing file is overwritten.
@@ -1324,7 +1327,7 @@ class Stepper:
     def inverse_dynamics(self, qacc: ArrayLike) -> _Array:
         """Joint forces that cause given accelerations at the current states: mass matrix times `qacc`, plus bias, minus passive forces.
 
-        This is MuJoCo's `mj_inverse` without constraints. Passive forces are those of springs, dampers, gravity compensation and the
+        This is MuJoCo's `mj_inverse` without constraints. Passive forces are the forces of springs, dampers, gravity compensation and the
         fluid. Actuator forces, applied forces and constraint forces are not subtracted. `qfrc_constraint` has the constraint forces of the
         last step.
 

@@ -293,8 +293,9 @@ impl ActiveSet {
 
     /// Distance to the nearest kink in one column of the derivative, to first order, as a multiple of the perturbation.
     ///
-    /// This active set is that of the unperturbed copy. `first` has the changes of the switch values from it to the first perturbed copy,
-    /// and `last` is the active set of the last one. The slope of a switch value is the sum of its two changes with the factors `weights`.
+    /// `self` is the active set of the unperturbed copy. `first` has the changes of the switch values at the first perturbed copy, and
+    /// `last` is the active set of the last perturbed copy. The slope of a switch value is a sum of its changes at both copies, with the
+    /// factors `weights`.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {
         let first = first.iter().copied().chain(std::iter::repeat(0.0));
         let widths = self.numbers(self).zip(self.numbers(last)).zip(first).map(|((now, there), first)| {

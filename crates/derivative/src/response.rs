@@ -108,7 +108,7 @@ impl<R: Real> HardResponse<R> {
     /// Computes the response of the solved step's impulses in the lanes `lanes` (bits). Returns the lanes with a response.
     ///
     /// The other lanes have no response: their residual is too large, or the constraint rows do not determine their impulses. Or a contact
-    /// bounces, a position correction is at its bound, or the prediction differs from that of the solved step.
+    /// bounces, a position correction is at its bound, or a second prediction differs from the prediction of the solved step.
     pub(crate) fn settle(&mut self, step: &mut GroupStep<R>, lanes: u32) -> u32 {
         let settings = *step.settings();
         let mut ignore = |_| {};

@@ -194,7 +194,7 @@ impl ModelBuilder {
         push(&mut self.sites, site)
     }
 
-    /// Adds a sensor of any kind. The indices in `kind` are those of the finished model. Returns the sensor's index.
+    /// Adds a sensor of any kind. The indices in `kind` must be indices of elements in the finished model. Returns the sensor's index.
     pub fn sensor(&mut self, name: &str, kind: SensorKind) -> usize {
         push(&mut self.sensors, (name.into(), Reading::Kind(kind)))
     }
@@ -205,7 +205,7 @@ impl ModelBuilder {
         push(&mut self.pairs, ([geom_a.into(), geom_b.into()], friction))
     }
 
-    /// Disables collisions between the geoms of body `body_a` and those of body `body_b`.
+    /// Disables collisions between the geoms of body `body_a` and the geoms of body `body_b`.
     pub fn exclude(&mut self, body_a: &str, body_b: &str) -> &mut Self {
         self.excludes.push([body_a.into(), body_b.into()]);
         self

@@ -34,7 +34,7 @@ pub struct Description {
     pub bodies: Vec<Body>,
     /// Joints in the order of their bodies.
     pub joints: Vec<Joint>,
-    /// Collision and mass shapes, in the order of their bodies.
+    /// Geoms (shapes for collisions and mass), in the order of their bodies.
     pub geoms: Vec<Geom>,
     /// Meshes that geoms refer to.
     pub meshes: Vec<Mesh>,
@@ -71,7 +71,7 @@ pub struct Description {
     pub requested: Option<Requested>,
 }
 
-/// Overlap of two geoms at the reference pose.
+/// Overlap of two geoms in the reference pose of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Overlap {
     /// Indices of the geoms in the model.
@@ -190,7 +190,7 @@ pub struct Geom {
     pub quat: [f64; 4],
     /// Bit mask. Two geoms may collide if the contype of one shares a bit with the conaffinity of the other.
     pub contype: u32,
-    /// Bit mask that is compared with `contype` of the other geom.
+    /// Bit mask: the geom may collide with geoms whose `contype` shares a bit with it.
     pub conaffinity: u32,
     /// Dimension of contacts: 1 frictionless, 3 sliding friction, 4 also torsional, 6 also rolling. A contact has the larger dimension of
     /// its two geoms.

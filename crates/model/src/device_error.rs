@@ -22,7 +22,8 @@ pub struct ActuatorError {
     pub error: DeviceError,
 }
 
-/// Reason why the error model of a sensor or the dynamics of an actuator is invalid. The `name` of a variant is that of the invalid field.
+/// Reason why the error model of a sensor or the dynamics of an actuator is invalid. The `name` in a variant is the name of the invalid
+/// field.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum DeviceError {

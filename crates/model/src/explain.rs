@@ -307,7 +307,7 @@ fn of<'a>(count: usize, has: &'a dyn Fn(usize) -> bool, label: &'a dyn Fn(usize)
     (0..count).filter(move |&i| has(i)).map(label)
 }
 
-/// Text with the first names of a list, and the number of the others.
+/// Text with the first names of a list, and the number of further names.
 fn short(names: impl Iterator<Item = impl Display>) -> String {
     const SHOWN: usize = 12;
     let names: Vec<String> = names.map(|n| n.to_string()).collect();

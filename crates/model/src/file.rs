@@ -29,7 +29,7 @@ const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models. It increases when the payload of a saved model changes.
 pub const FORMAT_VERSION: u32 = 15;
-/// Oldest file version with `Added` fields. A file of this version has no force models: each actuator gets that of
+/// Oldest file version with `Added` fields. A file of this version has no force models, so that each actuator gets the force model of
 /// [`ForceModel::of_parameters`].
 const WITHOUT_FORCE_MODELS: u32 = 14;
 /// Oldest file version with noslip iterations. A file of this version has no [`Added`] fields.
@@ -43,7 +43,7 @@ const MEMORY: &str = "saved model";
 /// Fields of the description that were added after version 13 of the format. A saved model contains them after the description.
 #[derive(Default, PartialEq, Serialize, Deserialize)]
 struct Added {
-    /// Speed limits of all joints; empty if no joint has one.
+    /// Speed limits of all joints, m/s or rad/s. The list is empty if no joint has a speed limit.
     velocity_limits: Vec<Option<f64>>,
     excluded_overlaps: Vec<Overlap>,
 }

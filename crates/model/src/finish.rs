@@ -9,7 +9,8 @@ mod sensors;
 use crate::hulls::Source;
 use crate::{Description, EqualityKind, JointKind, Model, ModelError, label};
 
-/// Largest deviation from 1 of the norm of a quaternion or axis that counts as rounding in the source file. Such vectors are normalised.
+/// Largest deviation of the norm of a quaternion or axis from 1 that counts as rounding in the source file. Vectors with such a deviation
+/// are normalised.
 const SLOPPY: f64 = 1e-3;
 
 /// Largest deviation of a norm from 1 at which a vector counts as normalised, a few rounding errors. Such vectors do not change, so that

@@ -88,8 +88,8 @@ impl Model {
         model
     }
 
-    /// Convex hull of the mesh to which the shape refers. A mesh has a hull if it is the collision shape of a geom that can touch other
-    /// geoms; otherwise the result is `None`.
+    /// Convex hull of the mesh to which the shape refers. The model only stores hulls that are the collision shape of a geom that can touch
+    /// other geoms; otherwise the result is `None`.
     pub fn hull_of(&self, shape: &Shape) -> Option<&Arc<Hull>> {
         self.hulls.0.get(self.mesh_index(shape)?)?.as_ref()
     }

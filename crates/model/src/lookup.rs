@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::{Description, ModelError};
 
-/// Joint that was found by name: its index, and its ranges in q and v.
+/// Joint that was found by name: its index, and its ranges in qpos and qvel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct JointPlace {
@@ -16,7 +16,7 @@ pub struct JointPlace {
     pub qvel: Range<usize>,
 }
 
-/// Sensor that was found by name: its index, and its range in the readings.
+/// Sensor that was found by name: its index, and the range of its values in the readings of all sensors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SensorPlace {

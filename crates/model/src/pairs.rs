@@ -49,7 +49,7 @@ pub struct GeomPair {
     pub spring: ContactSpring,
 }
 
-/// Result of the collision filters for two geoms: they collide, or the filter that removes the pair.
+/// Result of the collision filters for two geoms: either they collide, or one of the filters removes the pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Verdict {
     Collides,

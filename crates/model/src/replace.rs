@@ -15,7 +15,7 @@ pub struct Field {
     pub name: &'static str,
     /// Text with the quantity, such as "mass".
     pub what: &'static str,
-    /// Unit of the values; empty if they have no unit, or several.
+    /// Unit of the values. The text is empty if the values have no unit, or if their units differ.
     pub unit: &'static str,
     /// Number of values per element; `None` for a scalar field.
     width: Option<usize>,
@@ -399,8 +399,9 @@ impl Model {
 
     /// Copy of the model with new values in several fields at once. Only the resulting model must be valid, not each change alone.
     ///
-    /// Contacts of an explicit pair have the pair's values instead of those of its geoms. If a field such as `geom_friction` changes for a
-    /// geom of a pair, the same call must have the pair's field, `pair_friction`, with new values or those of the model.
+    /// Contacts of an explicit pair use the values of the pair and ignore the values of its geoms. If `geom_friction` changes for a geom of
+    /// a pair, the call must also contain `pair_friction`, with new or unchanged values. The same holds for other fields of geoms and
+    /// pairs.
     ///
     /// # Errors
     /// Those of [`Model::replace`].

@@ -60,10 +60,11 @@ pub enum FrameReading {
 pub enum ProximityReading {
     /// Signed distance, m.
     Distance,
-    /// Unit vector from the closest point of the first geom to that of the second. It is reversed if they overlap, and zero beyond the
-    /// cutoff.
+    /// Unit vector from the closest point of the first geom to the closest point of the second geom. It is reversed if the geoms overlap,
+    /// and zero beyond the cutoff.
     Normal,
-    /// Closest points: on a geom of the first set, then on a geom of the second, m; zero beyond the cutoff.
+    /// Positions of the two closest points, m: first the point on a geom of the first set, then the point on a geom of the second set. They
+    /// are zero beyond the cutoff.
     FromTo,
 }
 
@@ -286,7 +287,7 @@ pub struct Sensor {
     pub cutoff: f64,
     /// Delay according to the source file, s.
     pub delay: f64,
-    /// Sampling period according to the source file, s; 0 for a sample in every step.
+    /// Sampling period according to the source file, s; 0 means a sample in every step.
     pub interval: f64,
 }
 

@@ -40,8 +40,8 @@ pub enum Shape {
     Mesh {
         /// Name of the [`Mesh`](crate::Mesh) in [`Description::meshes`](crate::Description::meshes).
         asset: String,
-        /// Whether the shape is the surface of the triangles, including hollows, instead of the hull. Planes collide with the hull in both
-        /// cases.
+        /// Whether the shape is the surface of the mesh's triangles, including hollows, instead of the convex hull. Planes collide with the
+        /// hull in both cases.
         concave: bool,
     },
     /// Height field: a surface of triangles over a grid in the xy plane.

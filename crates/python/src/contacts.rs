@@ -6,7 +6,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyByteArray, PyDict, PyTuple};
 use stepper_core::Simulation;
 
-/// Contact as a row of the structured array. The memory layout is that of the array's dtype.
+/// Contact as a row of the structured array of contacts, with the memory layout of its dtype.
 #[repr(C)]
 #[derive(Clone, Copy)]
 struct Row {

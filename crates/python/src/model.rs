@@ -202,10 +202,10 @@ impl Model {
     ///         A scalar sets all selected entries.
     ///     **fields: Values of whole fields, in the shape of the model's attribute.
     ///
-    /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. So a
-    /// new value for a geom of a pair needs the field of the pair in the same call, with new values or those of the model. This holds for
+    /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore the fields of its geoms.
+    /// So a new value for a geom of a pair needs the field of the pair in the same call, with new or unchanged values. This holds for
     /// geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness and
-    /// geom_damping. The field for geom_condim is pair_dim, that for geom_solmix is pair_solref.
+    /// geom_damping. The field of the pair for geom_condim is pair_dim, and for geom_solmix it is pair_solref.
     ///
     /// Raises:
     ///     ValueError: A shape is wrong.
@@ -276,9 +276,9 @@ impl Model {
     ///
     /// Returns:
     ///     Dictionary of arrays with a row for each pair of geoms that can collide: "geoms" (npair, 2), "stiffness" (npair, 2) in N/m, and
-    ///     "damping" (npair, 2) in N s/m. Stiffness and damping are those of a contact whose geoms do not accelerate. Column 0 has the
-    ///     values at first touch, and column 1 those at the depth of the largest impedance. In large scenes, some pairs are found only
-    ///     during the simulation; these are not listed.
+    ///     "damping" (npair, 2) in N s/m. Both describe a contact whose geoms do not accelerate. Column 0 has the values at first touch,
+    ///     and column 1 has the values at the depth of the largest impedance. In large scenes, some pairs are found only during the
+    ///     simulation; these are not listed.
     fn equivalent_springs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let springs = equivalent_springs(&self.core);
         let rows = |of: &dyn Fn(&EquivalentSpring) -> [f64; 2]| {
@@ -378,7 +378,7 @@ impl Model {
     /// Args:
     ///     q: Configurations, (..., nq).
     ///     dv: Displacements on the tangent space, in the coordinates of qvel, (..., nv). Rotations of ball and free joints are rotation
-    ///         vectors in the body's frame. The leading axes equal those of `q`, or one of the arguments has none.
+    ///         vectors in the body's frame. The leading axes equal the leading axes of `q`, or one of the arguments has no leading axes.
     ///
     /// Returns:
     ///     Configurations, (..., nq) float64.
@@ -395,7 +395,8 @@ impl Model {
     ///
     /// Args:
     ///     q1: Initial configurations, (..., nq).
-    ///     q2: Final configurations, (..., nq). The leading axes equal those of `q1`, or one of the arguments has none.
+    ///     q2: Final configurations, (..., nq). The leading axes equal the leading axes of `q1`, or one of the arguments has no leading
+    ///         axes.
     ///
     /// Returns:
     ///     Displacements, (..., nv) float64.
@@ -406,7 +407,7 @@ impl Model {
         configurations::differentiate(&self.core, q1, q2)
     }
 
-    /// Indices of the geoms that rays from a site can hit: all geoms with a shape in the model, except those of the site's body.
+    /// Indices of the geoms that rays from a site (by index) can hit: geoms with a shape in the model, except those of the site's body.
     fn geoms_seen_from(&self, site: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
         let (site, count) = (whole(site, "site", 0)? as usize, self.core.sites.len());
         if site >= count {
@@ -451,8 +452,7 @@ impl Model {
         self.core.deviations(false).into_iter().map(in_python).collect()
     }
 
-    /// Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled. The format is that of
-    /// `overlaps()`.
+    /// Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled, in the format of `overlaps()`.
     #[getter]
     fn excluded_overlaps(&self) -> Vec<(String, String, f64)> {
         self.core.excluded_overlaps.iter().map(|overlap| self.named(overlap)).collect()

@@ -6,7 +6,7 @@ use crate::builder::WORLD;
 use crate::orientation::Orientation;
 use crate::{ContactSpring, Description, Geom, MassProperties, Shape, Softness};
 
-/// Density of a geom whose mass and density are not set, kg/m^3: that of water.
+/// Density of a geom whose mass and density are not set, kg/m^3: the density of water.
 const DENSITY: f64 = 1000.0;
 
 /// Builder of a geom. By default it is a solid with a density of 1000 kg/m^3.
@@ -108,7 +108,7 @@ impl GeomBuilder {
         self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
-    /// Sets the mass, kg; 0 for a shape without mass.
+    /// Sets the mass, kg. The value 0 makes a shape without mass.
     pub fn mass(mut self, mass: f64) -> Self {
         self.mass = Some(mass);
         self
@@ -132,7 +132,7 @@ impl GeomBuilder {
         self
     }
 
-    /// Sets the priority. In a contact, friction and condim are those of the geom with the higher priority.
+    /// Sets the priority. A contact has the friction and condim of its geom with the higher priority.
     pub fn priority(mut self, priority: i32) -> Self {
         self.geom.priority = priority;
         self

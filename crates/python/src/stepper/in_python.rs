@@ -90,7 +90,7 @@ impl Stepper {
 
     /// Joint forces that cause given accelerations at the current states: mass matrix times `qacc`, plus bias, minus passive forces.
     ///
-    /// This is MuJoCo's `mj_inverse` without constraints. Passive forces are those of springs, dampers, gravity compensation and the
+    /// This is MuJoCo's `mj_inverse` without constraints. Passive forces are the forces of springs, dampers, gravity compensation and the
     /// fluid. Actuator forces, applied forces and constraint forces are not subtracted. `qfrc_constraint` has the constraint forces of the
     /// last step.
     ///

@@ -118,8 +118,8 @@ impl Stepper {
     ///
     /// The file includes the initial impulses of the solver. In Rust, `stepper_solve::Problem::load(path)` reads it.
     ///
-    /// The problem is that of a step from the current state, which does not change. For a step that was not solved (NOT_CONVERGED), first
-    /// restore the state before it: `before = sim.get_state()` before the step, then `sim.set_state(before)`.
+    /// The problem belongs to a step from the current state. The state does not change. For a step that was not solved (NOT_CONVERGED),
+    /// first restore the state before it: `before = sim.get_state()` before the step, then `sim.set_state(before)`.
     ///
     /// Args:
     ///     path: File to write. An existing file is overwritten.

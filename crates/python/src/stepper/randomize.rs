@@ -90,10 +90,10 @@ impl Stepper {
     /// `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are never
     /// randomized cost neither time nor memory.
     ///
-    /// Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. So a new
-    /// geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction too, with new values or those of the model:
-    /// in this call, or in an earlier one, whichever environments that call selected. The same holds for geom_restitution and
-    /// pair_restitution.
+    /// Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
+    /// geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction in this call or an earlier one, with new
+    /// values or the values of the model. An earlier call counts for all environments, also for environments that it did not select. The
+    /// same holds for geom_restitution and pair_restitution.
     ///
     ///     sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
     ///     sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
@@ -102,8 +102,8 @@ impl Stepper {
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
     ///         values. Each array has the axis of environments, and then the axes of the selected entries. A selector with a single name,
     ///         index or column has no axis for it. An array (num_envs,) sets all selected entries of an environment to one value, and a
-    ///         scalar sets those of all environments. None restores the values of the model. The first argument may also be `envs`, without
-    ///         values.
+    ///         scalar sets the selected entries of all environments. None restores the values of the model. The first argument may also be
+    ///         `envs`, without values.
     ///     envs: Environments to change, as in `reset`.
     ///     **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
     ///         the model; a call without fields restores all of them.
@@ -119,10 +119,10 @@ impl Stepper {
     ///         * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo: the force is gain . (1, length, velocity) times the
     ///           input plus bias . (1, length, velocity), with the first three entries. Entries that the type of an actuator does not use
     ///           are 0.
-    ///         * actuators, a `stepper.ActuatorModel`: its drives replace those of the matching actuators completely. Other actuators keep
-    ///           theirs, and None restores the drives of the constructor. A stage (servo, motor, lag, limits, friction) must exist in
-    ///           `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest one there. Delay lines,
-    ///           lags and integrals are state: they are kept until `reset`.
+    ///         * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
+    ///           keep their drives, and None restores the drives that were given to the constructor. A stage (servo, motor, lag, limits,
+    ///           friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
+    ///           one there. Delay lines, lags and integrals are state: they are kept until `reset`.
     ///
     /// Raises:
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.

@@ -141,7 +141,7 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Makes `nstep` steps with each of T controls in one call. The results equal those of T calls of `step`, bit for bit.
+    /// Makes `nstep` steps with each of T controls in one call. The results equal the results of T calls of `step`, bit for bit.
     ///
     /// Each thread steps its environments through all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses are constant.
     ///
@@ -159,13 +159,14 @@ impl Stepper {
     /// Returns:
     ///     Arrays by quantity. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
     ///     (T, num_envs) float64, the largest residual of these steps, m/s. After the call, the attribute `status` has the flags of all
-    ///     steps of the call; `residual` and `iterations` are those of the last step.
+    ///     steps of the call; `residual` and `iterations` belong to the last step.
     ///
     /// Raises:
     ///     ValueError: A shape is wrong, a quantity is unknown, or an array of `out` is read-only or given twice.
     ///     TypeError: An array of `out` has the wrong dtype.
-    ///     KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has a
-    ///         row for each control so far; the row of the interrupted control is the state after its last step. Later rows are unchanged.
+    ///     KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has
+    ///         results for each control so far; for the interrupted control they are the state after its last step. Later rows of `out` are
+    ///         unchanged.
     #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn rollout<'py>(

@@ -54,18 +54,18 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Starts a new episode in all environments, or in those of `envs`. The previous episode has no influence on it.
+    /// Starts a new episode in all environments, or in the environments `envs`. The previous episode has no influence on the new one.
     ///
-    /// Applied forces become zero, and mocap bodies return to the poses of the model. Controls become zero, or those of the keyframe, until
-    /// the next `step` with controls. Parameters of `randomize` are kept.
+    /// Applied forces become zero, and mocap bodies return to the poses of the model. Controls become zero, or the controls of the
+    /// keyframe, until the next `step` with controls. Parameters of `randomize` are kept.
     ///
     /// Args:
     ///     envs: Environments: a boolean mask (num_envs,), or unique integer indices (k,). None selects all environments. With a mask,
-    ///         arrays have rows for all environments, and only those of the selected ones are used. With indices, arrays have a row for
-    ///         each index, in order.
+    ///         arrays have a row for each environment of the batch, and rows of unselected environments are ignored. With indices, arrays
+    ///         have a row for each index, in order.
     ///     qpos: Initial positions, (num_envs, nq) or (nq,). None uses the reference configuration. Quaternions are normalised.
     ///     qvel: Initial velocities, (num_envs, nv) or (nv,). None uses zero velocities.
-    ///     seed: New seed of the sensor errors, or seeds (num_envs,). None keeps the old ones.
+    ///     seed: New seed of the sensor errors, or seeds (num_envs,). None keeps the old seeds.
     ///     keyframe: Name or index of a keyframe with the initial qpos, qvel, act, ctrl and time.
     ///
     /// Raises:
@@ -170,7 +170,7 @@ impl Stepper {
 
     /// Complete state, including the current controls.
     ///
-    /// Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of it.
+    /// Applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize` are not part of the state.
     ///
     /// Args:
     ///     env: Index of an environment. None saves all environments.
@@ -202,7 +202,7 @@ impl Stepper {
         slf.gather(py, Field::Act)
     }
 
-    /// Current controls, (num_envs, nu): those of the last step. After a reset they are those of the keyframe, or zero.
+    /// Current controls, (num_envs, nu): the controls of the last step. After a reset they are the controls of the keyframe, or zero.
     #[getter]
     fn ctrl<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held = array(py, &slf.shape(&[slf.simulation.model().nu()]), slf.simulation.ctrl().to_vec(), slf.simulation.precision())?;

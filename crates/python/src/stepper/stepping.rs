@@ -127,24 +127,24 @@ fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted:
 
 #[pymethods]
 impl Stepper {
-    /// Makes `nstep` steps in every environment, or in those of `envs`.
+    /// Makes `nstep` steps in every environment, or in the environments `envs`.
     ///
     /// Args:
     ///     ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
-    ///         current ones (`Stepper.ctrl`), as in MuJoCo.
+    ///         current controls (`Stepper.ctrl`), as in MuJoCo.
     ///     nstep: Number of steps.
     ///     envs: Environments, as in `reset`. The other environments keep their state, controls, sensor readings and flags. A SIMD group
     ///         without a selected environment takes no time. But if sensors or actuators have delays, or if the stepper is recorded, all
-    ///         environments step, and then the states of the others are restored.
+    ///         environments step, and then the states of the unselected environments are restored.
     ///
     /// Raises:
-    ///     ValueError: A shape is wrong; the message has both. A NaN control is no error: its environment keeps its state and has
-    ///         NON_FINITE in `status`.
+    ///     ValueError: A shape is wrong; the message has the given and the required shape. A NaN control is no error: its environment keeps
+    ///         its state and has NON_FINITE in `status`.
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
     ///     KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
-    ///         made the same number of steps, the attribute `steps` of the exception. The result is that of a call with `nstep` equal to
-    ///         this number, with one difference: moving mocap bodies have not reached their targets, and a recording with them can be
-    ///         replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
+    ///         made the same number of steps, which is the exception's attribute `steps`. The results equal the results of a call with this
+    ///         number as `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving mocap bodies can
+    ///         be replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
     #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
     fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, envs: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let mut this = borrow(slf)?;

@@ -45,7 +45,8 @@ fn height_field(field: &HeightField, index: usize) -> Checked {
     at.size("base", &[field.base], " m")
 }
 
-/// Checks the mesh or height field of a geom that can touch other geoms, and adds its convex hull to `hulls`. `index` is that of the geom.
+/// Checks the mesh or height field of the geom with the index `index`, which can touch other geoms. Adds the convex hull of a mesh to
+/// `hulls`.
 fn form(model: &Description, index: usize, hulls: &mut Hulls, source: Source<'_>) -> Checked {
     let geom = &model.geoms[index];
     let at = Element::new("geom", &geom.name, index);

@@ -775,8 +775,7 @@ class Model:
             ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
         """
     def geoms_seen_from(self, site: int) -> list[int]:
-        """Indices of the geoms that rays from a site (by index) can hit: geoms with a shape in the model, except those of the site's
-        body."""
+        """Indices of the geoms that rays from the site with index `site` can hit: geoms of other bodies with a shape in the model."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
@@ -877,12 +876,12 @@ class Stepper:
     columns are the inertia xx, yy, zz, xy, xz, yz (kg m^2), mass times position of the centre of mass (3, kg m), and mass (kg). The row
     of the world is zero. A tree is a child of the world with its descendants."""
     cvel: Final[_Array]
-    """Velocities of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 6), as MuJoCo's `cvel`. The
-    columns are angular velocity (3, rad/s), and linear velocity (3, m/s) of the body-fixed point at that centre of mass."""
+    """Velocities of the bodies about the centre of mass of their kinematic tree in world axes, (num_envs, nbody, 6), as MuJoCo's `cvel`.
+    The columns are angular velocity (3, rad/s), and linear velocity (3, m/s) of the body-fixed point at that centre of mass."""
     cfrc_ext: Final[_Array]
-    """Torques (3, N m) and forces (3, N) of the contacts of the last step on the bodies, about the centre of mass of their tree in world
-    axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or `set_state`.
-    MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities."""
+    """Torques (3, N m) and forces (3, N) of the contacts of the last step on the bodies, about the centre of mass of their kinematic tree
+    in world axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or
+    `set_state`. MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities."""
     qacc: Final[_Array]
     """Acceleration of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2. It is the change of
     velocity divided by the time step.
@@ -1306,7 +1305,7 @@ class Stepper:
             multiple of the perturbation, (environments,).
         """
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> _Array:
-        """Values of a quantity for all its elements, or for some by name or index.
+        """Values of a quantity for all its elements, or for some elements given by name or index.
 
             sim.read("xpos", "torso")  # (num_envs, 3)
             sim.read("qvel", ["left_knee", "right_knee"])  # (num_envs, 2)

@@ -21,8 +21,8 @@ const PUSHES: f64 = 1e-9;
 /// Margin to slipping below which a contact counts as slipping, N per N of normal force, see [`ContactFriction::slack`]. Evidence:
 /// solutions reach the bound of friction to 1e-12.
 const SLIPS: f64 = 1e-6;
-/// Distance from the end of its range below which a joint counts as at its limit, rad or m. Evidence: the position solve of a step ends
-/// within 1e-7.
+/// Distance of a joint position from the end of its range, below which the joint counts as being at its limit, rad or m. Evidence: the
+/// position solve of a step ends within 1e-7.
 const AT_LIMIT: f64 = 1e-6;
 /// Joint speed below which dry friction counts as holding the joint, m/s or rad/s.
 const HELD: f64 = 1e-9;

@@ -12,8 +12,7 @@ use stepper_solve::newton::{Response, Switch, SwitchDistance};
 /// At such a residual the contact modes (open, sticking, slipping) are certain, and the error of the response is of the same order.
 const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of the prediction error per rad or m of motion within the step, in the test whether a step has a response. The weight is at most
-/// 1.
+/// Weight of the prediction error per rad or m of motion within the step, in the test whether a step has a response; at most 1.
 ///
 /// The prediction error is the difference between the velocity that the solved step predicted and the velocity of a second prediction at
 /// the same state. Errors of slow motion count less, because inertial forces are quadratic in velocities.

@@ -1,7 +1,7 @@
 //! Serialization of fields of a description that did not exist in version 12 of the format of saved models.
 //!
 //! In text formats, these fields are serialized as usual. In the binary format, which has no field names, `crate::file` writes them after
-//! the description. The bytes and the digest of a description without these fields are therefore the same as before.
+//! the description. So a description in which these fields have their default values has the same bytes and digest as in version 12.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

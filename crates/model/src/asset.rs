@@ -33,7 +33,7 @@ pub struct HeightField {
 }
 
 impl Mesh {
-    /// Computes the convex hull of the vertices. A finished model stores the hulls that it needs, see
+    /// Computes the convex hull of the vertices. A finished model stores the hulls that its geoms collide with, see
     /// [`Model::hull_of`](crate::Model::hull_of).
     ///
     /// # Errors

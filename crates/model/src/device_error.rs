@@ -132,7 +132,8 @@ pub enum DeviceError {
         /// Value with which the simulation was created.
         must: String,
     },
-    /// Delay that is longer than the delay line, the buffer with which the simulation was created.
+    /// Delay that is longer than the simulation's delay line, the buffer of past values. Its length is fixed when the simulation is
+    /// created.
     #[error(
         "delay is up to {longest} steps of {timestep} s, and its line has room for {room}; give Simulation::set_actuator_models the longest delay \
          there will be, if only to one environment"
@@ -140,7 +141,7 @@ pub enum DeviceError {
     LineTooShort {
         /// Longest delay that was given, in steps.
         longest: usize,
-        /// Length in steps of the delay line, the buffer with which the simulation was created.
+        /// Length of the simulation's delay line, the buffer of past values, in steps.
         room: usize,
         /// Time step, s.
         timestep: f64,

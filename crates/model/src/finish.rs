@@ -101,8 +101,8 @@ impl Description {
     }
 }
 
-/// Normalises a vector whose norm is 1 within rounding. Any other vector is an error, which contains the element `place` and the name
-/// `what` of the vector.
+/// Normalises a vector whose norm is 1 within rounding. Any other vector is an error. The error contains `place`, the label of the element,
+/// and `what`, the name of the vector.
 fn unit(x: &mut [f64], place: &str, what: &str) -> Result<(), ModelError> {
     let length = x.iter().map(|v| v * v).sum::<f64>().sqrt();
     let off = (length - 1.0).abs();

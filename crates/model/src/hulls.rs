@@ -38,7 +38,7 @@ impl Source<'_> {
 }
 
 impl Hulls {
-    /// Gets the hull of the mesh with index `index` from the source, unless it is stored already.
+    /// Stores the convex hull of the mesh with the index `index`, unless it is stored already. The hull comes from `source`.
     ///
     /// # Errors
     /// [`HullError`] if the mesh has no hull, or if the hull in a model file is not the hull of the mesh.

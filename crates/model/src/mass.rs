@@ -91,8 +91,8 @@ impl MassProperties {
     }
 }
 
-/// Principal moments of a capsule per unit of mass, m^2: a cylinder with the radius `r` and half the length `h`, m, and two hemispheres of
-/// the same density.
+/// Principal moments of a capsule per unit of mass, m^2. It is a cylinder and two hemispheres of the same density. `r` is the radius and
+/// `h` half the length of the cylinder, m.
 ///
 /// The centre of mass of a hemisphere is 3/8 r from its flat face, and its transverse moment per unit of mass about that centre is (2/5 -
 /// 9/64) r^2.

@@ -327,8 +327,8 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
 }
 
 impl Description {
-    /// Pairs of geoms that can collide, in ascending order of their geoms. An explicit pair overrides the filters; if two explicit pairs
-    /// have the same geoms, the first one applies. Geoms that cannot move relative to each other are never in the list.
+    /// Pairs of geoms that can collide, in ascending order of the geom indices. An explicit pair overrides the filters; if two explicit
+    /// pairs have the same geoms, the first one applies. Geoms that cannot move relative to each other are never in the list.
     pub fn collision_pairs(&self) -> Vec<GeomPair> {
         let filter = Filter::new(self);
         let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g)).collect();

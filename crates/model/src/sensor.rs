@@ -68,7 +68,7 @@ pub enum ProximityReading {
     FromTo,
 }
 
-/// Quantity that a rangefinder reads for each ray. A reading has its quantities in the order of these variants.
+/// Quantity that a rangefinder reads for each ray. The reading contains these quantities in the order of the variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum RayField {
     /// Distance to the nearest surface, m; -1 without a hit.
@@ -103,7 +103,7 @@ pub enum ContactSide {
     Site(usize),
 }
 
-/// Quantity that a contact sensor reads for each contact. A reading has its quantities in the order of these variants.
+/// Quantity that a contact sensor reads for each contact. The reading contains these quantities in the order of the variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum ContactField {
     /// Number of contacts that match both sides of the sensor. It is 0 where the sensor has no contact to report.

@@ -407,7 +407,7 @@ impl Model {
         configurations::differentiate(&self.core, q1, q2)
     }
 
-    /// Indices of the geoms that rays from a site (by index) can hit: geoms with a shape in the model, except those of the site's body.
+    /// Indices of the geoms that rays from the site with index `site` can hit: geoms of other bodies with a shape in the model.
     fn geoms_seen_from(&self, site: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
         let (site, count) = (whole(site, "site", 0)? as usize, self.core.sites.len());
         if site >= count {

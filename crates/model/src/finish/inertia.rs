@@ -142,7 +142,7 @@ fn spatial(angular: Vector3<f64>, linear: Vector3<f64>) -> Vector6<f64> {
     Vector6::new(angular.x, angular.y, angular.z, linear.x, linear.y, linear.z)
 }
 
-/// Spatial inertia of each body together with its descendants, about the origin of its tree.
+/// Spatial inertia of each body together with its descendants, about the origin of its kinematic tree.
 fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Matrix6<f64>> {
     let mut inertias = vec![Matrix6::zeros(); model.bodies.len()];
     for (b, body) in model.bodies.iter().enumerate().skip(1).rev() {
@@ -180,7 +180,8 @@ fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> 
     matrix
 }
 
-/// Eliminates degrees of freedom from the leaves, and returns the first one without inertia. Overwrites the lower triangle of `matrix`.
+/// Index of the first degree of freedom without inertia, when degrees of freedom are eliminated from the leaves; `None` if all have
+/// inertia. `matrix` is the mass matrix, whose lower triangle is overwritten.
 fn first_without_inertia(matrix: &mut DMatrix<f64>, dofs: &[Dof]) -> Option<usize> {
     let whole = matrix.diagonal();
     for i in (0..dofs.len()).rev() {

@@ -113,16 +113,16 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::BodyInertia)
     }
 
-    /// Velocities of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 6), as MuJoCo's `cvel`. The
-    /// columns are angular velocity (3, rad/s), and linear velocity (3, m/s) of the body-fixed point at that centre of mass.
+    /// Velocities of the bodies about the centre of mass of their kinematic tree in world axes, (num_envs, nbody, 6), as MuJoCo's `cvel`.
+    /// The columns are angular velocity (3, rad/s), and linear velocity (3, m/s) of the body-fixed point at that centre of mass.
     #[getter]
     fn cvel<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyMotion)
     }
 
-    /// Torques (3, N m) and forces (3, N) of the contacts of the last step on the bodies, about the centre of mass of their tree in world
-    /// axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or `set_state`.
-    /// MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities.
+    /// Torques (3, N m) and forces (3, N) of the contacts of the last step on the bodies, about the centre of mass of their kinematic tree
+    /// in world axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or
+    /// `set_state`. MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities.
     #[getter]
     fn cfrc_ext<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyForce)

@@ -66,7 +66,7 @@ impl Stepper {
         slf.py().import("stepper.derivatives")?.call_method("linearize", (slf,), Some(&settings))
     }
 
-    /// Values of a quantity for all its elements, or for some by name or index.
+    /// Values of a quantity for all its elements, or for some elements given by name or index.
     ///
     ///     sim.read("xpos", "torso")  # (num_envs, 3)
     ///     sim.read("qvel", ["left_knee", "right_knee"])  # (num_envs, 2)

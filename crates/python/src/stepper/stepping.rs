@@ -81,8 +81,8 @@ impl Stepper {
 
 /// Makes recorded steps of the selected environments.
 ///
-/// The call steps all environments, and then restores the states of the unselected ones. The recording contains both calls, so that a
-/// replay repeats them.
+/// The call steps all environments, and then restores the states of the unselected ones. The recording contains the steps and the
+/// restoration, so that a replay repeats both.
 #[cold]
 fn step_some_recorded(
     slf: &Bound<'_, Stepper>,

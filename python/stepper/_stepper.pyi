@@ -237,13 +237,13 @@ class Actuator:
     actrange: Final[_Array]
     """Lowest and highest activation: (2,). A missing bound is infinite."""
     gear: Final[_Array]
-    """Gear: (6,). For a joint or tendon, entry 0 scales length, velocity and force. For a site, the entries are force and torque per unit
-    of actuator force."""
+    """Gear: (6,). For a joint or tendon, entry 0 scales length, velocity and force. For a site, the entries are force and torque per
+    unit of actuator force."""
     gaintype: Final[str]
     """Type of the gain: "fixed", "affine", "dcmotor" or "pid"."""
     gainprm: Final[_Array]
-    """Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of velocity.
-    Unused entries are 0."""
+    """Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of
+    velocity. Unused entries are 0."""
     biastype: Final[str]
     """Type of the bias: "none", "affine" or "dcmotor"."""
     biasprm: Final[_Array]
@@ -362,8 +362,8 @@ class Model:
     tendon_names: Final[list[str]]
     """Names of the fixed tendons in order. The name of an unnamed tendon is empty."""
     sensors: Final[list[dict[str, Any]]]
-    """Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and interval.
-    The last four are properties from the source file, and 0 if it does not specify them."""
+    """Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and
+    interval. The last four are properties from the source file, and 0 if it does not specify them."""
     omitted: Final[list[tuple[str, str, str]]]
     """Elements of the source file that this model omits, as tuples (kind of element, name, reason)."""
     requested: Final[dict[str, Any] | None]
@@ -371,13 +371,13 @@ class Model:
     (whether the model has constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). It is None for
     models made in code."""
     excluded_overlaps: Final[list[tuple[str, str, float]]]
-    """Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled, in the format of
+    """Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. They have the format of
     `overlaps()`."""
     wide_hulls: Final[list[tuple[int, float]]]
     """Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
 
-    The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the mesh
-    encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface."""
+    The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the
+    mesh encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface."""
     deviations: Final[list[str]]
     """Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
     Each is a line of text."""
@@ -938,9 +938,9 @@ class Stepper:
     sensordata_ideal: Final[_Array]
     """Readings of ideal sensors, (num_envs, nsensordata).
 
-    Positions and velocities are those after the last step. Accelerations are the change of velocity in that step divided by the time step,
-    including impulses of contacts and limits. Forces are impulses divided by the time step. Before the first step after a reset or
-    `set_state`, accelerations and forces are those of a step from the current state."""
+    Positions and velocities are those after the last step. Accelerations are the change of velocity in that step divided by the time
+    step, including impulses of contacts and limits. Forces are impulses divided by the time step. Before the first step after a reset
+    or `set_state`, accelerations and forces are those of a step from the current state."""
     sensor_faults: Final[_Array]
     """Counts of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. The last axis is the number of clipped
     readings and the number of lost samples."""

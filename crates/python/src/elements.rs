@@ -204,7 +204,7 @@ elements! {
         /// Lowest and highest activation: (2,). A missing bound is infinite.
         actrange,
         /// Gear: (6,). For a joint or tendon, entry 0 scales length, velocity and force. For a site, the entries are force and torque per
-        ///     unit of actuator force.
+        /// unit of actuator force.
         gear,
         /// Type of the gain: "fixed", "affine", "dcmotor" or "pid".
         gaintype,

@@ -452,7 +452,8 @@ impl Model {
         self.core.deviations(false).into_iter().map(in_python).collect()
     }
 
-    /// Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled, in the format of `overlaps()`.
+    /// Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. They have the format of
+    /// `overlaps()`.
     #[getter]
     fn excluded_overlaps(&self) -> Vec<(String, String, f64)> {
         self.core.excluded_overlaps.iter().map(|overlap| self.named(overlap)).collect()

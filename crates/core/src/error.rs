@@ -240,7 +240,7 @@ pub enum StateMisfit {
     /// Saved state that this version cannot read. The field is the reason from the decoder.
     #[error("not readable by this version, though undamaged: {0}")]
     Unreadable(String),
-    /// Saved state with surplus bytes at its end. The field is their number.
+    /// Saved state with surplus bytes at its end. The field is the number of these bytes.
     #[error("not readable by this version, though undamaged: {0} bytes too many")]
     TooManyBytes(usize),
     /// Saved state with a number of environments that does not fit the simulation.

@@ -82,7 +82,8 @@ pub enum Stabilization {
     /// Correction through the velocity (Baumgarte 1972). In a time step h, the normal row gets the bias beta (overlap - slop) / h, with an
     /// upper bound; beta is [`Options::baumgarte`].
     Baumgarte,
-    /// Correction of positions only (split stabilisation): a second solve of the same rows finds a velocity that changes only positions.
+    /// Correction of positions only (split stabilisation). The step solves the same constraint rows a second time, for a velocity that it
+    /// uses only to change positions.
     Split,
     /// No correction of position errors.
     None,
@@ -166,8 +167,8 @@ const USUAL_GRAVITY: f64 = 10.0;
 
 /// Default tolerance of the solver, m/s.
 ///
-/// A velocity error in every step of length h is a force error in proportion to 1 / h. Short steps are therefore solved to a smaller
-/// tolerance, but not below the default of 64 bits.
+/// A velocity error e in every step of h seconds is a force error proportional to e / h. With MuJoCo's contact law, short steps therefore
+/// have a smaller tolerance, but at least the default tolerance of 64-bit numbers.
 fn default_tolerance(contact: ContactLaw, precision: Precision, timestep: f64, gravity: f64) -> f64 {
     let usual = precision.tolerance();
     if contact == ContactLaw::Hard {

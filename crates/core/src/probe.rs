@@ -104,7 +104,7 @@ reported! {
         NearPairs = "near pairs",
         /// Number of contacts.
         Contacts = "contacts",
-        /// Number of slots into which the contacts of all lanes are packed, shared by the lanes.
+        /// Number of contact slots in use. A slot holds up to one contact of every lane, so that the lanes process these contacts together.
         ContactSlots = "contact slots",
         /// Number of rows of limits, dry friction, equalities and tendons, shared by all lanes.
         ScalarRows = "scalar rows",

@@ -18,8 +18,8 @@ pub(crate) const MIN_ROUGH_MOTION_OF_STRUCTURES: f64 = 1e-3;
 /// velocity changes the next step.
 pub(crate) const MAX_ROUGH_MOTION: f64 = 0.3;
 
-/// Largest number of Gauss-Seidel iterations of an impulse prediction that iterates to a tolerance. It applies at the default tolerance of
-/// the step.
+/// Largest number of Gauss-Seidel iterations of an impulse prediction that is not rough. The number holds at the solver's default
+/// tolerance.
 pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
 /// Largest error that the impulse prediction may cause in the free velocity (the velocity without constraint impulses), m/s. The value
@@ -33,7 +33,7 @@ pub(crate) const ESTIMATE_ERROR: f64 = 1e-5;
 /// impulses of the last step as prediction.
 pub(crate) const REST_MOTION: f64 = 1e-6;
 
-/// Largest tolerance of an impulse prediction that iterates to a tolerance, m/s.
+/// Upper bound of the residual at which an impulse prediction stops its iterations, m/s. Rough predictions have no such residual.
 pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 
 // Stage 5: the solve.
@@ -42,7 +42,8 @@ pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 /// r (ants at rest). With 1e-3 the speed at which a robot at rest creeps decreases in every step.
 pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-3;
 
-/// Smallest tolerance of the solver in lanes with redundant supports, whose loads are shared, m/s, in double precision.
+/// Lower bound of the residual at which the solver stops, m/s, in lanes where redundant supports share a load. It holds in double
+/// precision; the bound in single precision is larger.
 pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 
 /// Smallest limit on Newton iterations (`Options::iterations`) at which lanes are solved a second time, without curvature terms, if the
@@ -81,8 +82,8 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// beginning. If another contact slows the body down, it does not reach the surface before the middle of the next step.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of solves in a step that activate only the first of several colliding pairs of the same bodies. Later solves activate all of
-/// them.
+/// Number of the first solves in a step after which only the earliest collision of a body counts. The solve is then repeated with the pairs
+/// of these collisions as active contacts. After further solves, all pairs that collide within the step become active contacts.
 pub(crate) const ORDERED_PASSES: usize = 6;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
@@ -113,8 +114,8 @@ pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 /// solution would not be better.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
-/// Velocity change by predicted impulses, times the time step, above which the change may be left out of the predicted velocity, rad. It is
-/// left out if it increases the speed of the fastest degree of freedom.
+/// Rotation in a step at the velocity change by predicted impulses, rad. The predicted velocity ignores a change that causes a larger
+/// rotation, if it also increases the speed of the fastest degree of freedom.
 pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 
 /// Residual of the first solution, as a multiple of the tolerance, above which impacts become inelastic.
@@ -158,7 +159,8 @@ pub(crate) const MAX_ROTATION: f64 = 1.0;
 /// Change of the velocity by the corrector of inertial forces, as a fraction of the velocity, above which the corrector has not converged.
 pub(crate) const MAX_RELATIVE_CHANGE: f64 = 0.25;
 
-/// Joint rotation per step above which the energy balance may be computed, rad. Evidence: chains that gain energy rotate by 0.07 and more.
+/// Joint rotation per step below which no energy balance of the step is computed, rad. Evidence: chains that gain energy rotate by 0.07 and
+/// more.
 pub(crate) const BALANCE_ROTATION: f64 = 0.05;
 
 /// Change of the velocity by the corrector of inertial forces, as a fraction of the velocity, above which the energy balance is computed.
@@ -189,8 +191,8 @@ pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 /// is too fast for the time step.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Fraction of the largest residual at which the impulses still determine the kinetic energy (`acceptance.rs`). Lanes with an ambiguous
-/// kinetic energy are solved again to this smaller residual.
+/// Residual of the repeated solve in lanes with an ambiguous kinetic energy (`acceptance.rs`). It is a fraction of the largest residual at
+/// which the impulses determine the kinetic energy.
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 
 // Stage 8: the position correction.
@@ -199,8 +201,8 @@ pub(crate) const TARGET_RATIO: f64 = 0.1;
 /// next step corrects the rest.
 pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
-/// Speed of a position correction below which its constraint row gets no damping, m/s or rad/s. Rounding alone makes equal targets differ
-/// by 1e-14.
+/// Target speed of a constraint row in the position correction below which the row gets no damping, m/s or rad/s. Rounding alone makes
+/// equal target speeds differ by 1e-14.
 ///
 /// Evidence: if contacts without a correction are damped, they change the step when other contacts move them (1e-8 m for a quadruped).
 pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
@@ -232,7 +234,8 @@ pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 /// by default.
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
-/// Unmet target velocity above which stage 8 tries to prove that the position targets are infeasible, m/s.
+/// Part of a target velocity that the impulses of the position correction do not reach, m/s. Above this value, stage 8 tries to prove that
+/// the target positions are infeasible.
 pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
 /// Compliance that damps each constraint row of the position solve, as a fraction of the inverse inertia along the row.
@@ -248,25 +251,28 @@ pub(crate) const DAMPING: f64 = 1e-3;
 /// and Newton leaves out the product of curvature and residual (Nocedal & Wright 2006, section 10.3).
 pub(crate) const CORRECTION_ARM: f64 = 0.1;
 
-/// Largest speed at which split stabilisation returns a joint to its range, as a multiple of the largest speed for a contact overlap.
+/// Largest speed at which split stabilisation moves a joint back into its range, as a multiple of the option `max_correction_speed`, which
+/// bounds the correction of overlaps.
 ///
-/// The large speed is harmless, because this correction only changes positions. With the default `max_correction_speed` of 1 m/s, half a
-/// radian takes 0.07 s.
+/// The large speed adds no energy, because split stabilisation only changes positions. With the default `max_correction_speed` of 1 m/s, a
+/// return by half a radian takes 0.07 s.
 pub(crate) const LIMIT_RETURN: f64 = 10.0;
 
 /// Position error of an equality below which the step does not correct it, m or rad. A loop at rest then needs no position solve.
 pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
-/// Smallest relative decrease of the overlap penalty (`overlap_progress.rs`) at which a position correction is accepted.
+/// Smallest relative decrease of the overlap penalty at which a position correction is accepted. The penalty is a sum over all overlaps of
+/// an island (`overlap_progress.rs`).
 ///
 /// Evidence: a wheel 0.1 m inside the base of Unitree's G1-D decreases the penalty by less than 1e-7 per step. A slide joint between two
 /// walls that both overlap its body still comes within 0.5 % of their middle at a time step of 0.1 ms.
 pub(crate) const MIN_DECREASE: f64 = 2e-7;
 
-/// Lower bound of [`MIN_DECREASE`], in machine epsilons of the lane type, because overlaps contain the rounding of positions.
+/// Lower bound of the smallest relative decrease of the overlap penalty, in machine epsilons of the lane type. It replaces [`MIN_DECREASE`]
+/// in single precision, because overlaps contain the rounding of positions.
 pub(crate) const MIN_DECREASE_ROUNDINGS: f64 = 1e3;
 
-/// Lower bound of `options.baumgarte` in the overlap penalty. It prevents a division by zero.
+/// Lower bound of the option `baumgarte` in the formula of the overlap penalty (`overlap_progress.rs`). The formula divides by this option.
 pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 
 // Constraint rows.
@@ -301,8 +307,8 @@ pub(crate) const SLIP_SPEED: f64 = 1e-6;
 /// double and for single precision.
 pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 
-/// Change of a contact's share of the load below which the change is not applied, relative to the largest normal impulse. The values are
-/// for double and for single precision.
+/// Smallest change of a contact's normal impulse for which redundant supports redistribute their load, relative to the largest normal
+/// impulse. The two values are for double and for single precision.
 pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 
 /// Largest number of contacts in a cluster of redundant supports that share their loads. The work grows with the cube of the number.

@@ -151,9 +151,9 @@ pub(crate) struct Derivation<R: Real> {
     dynamics: SmoothDynamics<R>,
     /// Flags of the intermediate results that are already computed for the present group of environments.
     cached: Cached,
-    /// Values of one quantity, one SIMD vector per entry.
+    /// Values of the quantity that is being computed: one SIMD vector per value, with one environment per lane.
     values: Vec<R>,
-    /// Values of one quantity, lane-interleaved.
+    /// Copy of `values` as scalars, lane-interleaved: value i of lane l is at `i * lanes + l`.
     interleaved: Vec<R::Scalar>,
 }
 

@@ -14,12 +14,11 @@ use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Violation of a joint limit above which the report has a line, m or rad. Evidence: model files give lengths with about four decimal
-/// digits.
+/// Smallest violation of a joint limit that the report lists, m or rad. Evidence: model files give lengths with about four decimal digits.
 const WORTH_A_LINE: f64 = 1e-4;
 
-/// Overlap above which a pair is listed and excluded, m. It equals the default of [`Options::slop`](crate::Options), the overlap that
-/// position correction leaves.
+/// Overlap above which the report lists a pair of geoms, and above which [`exclude`] disables the collision of their bodies, m. Position
+/// correction leaves this overlap by default, see [`Options::slop`](crate::Options).
 const NOT_CORRECTED: f64 = 1e-5;
 
 /// Largest number of lines of each kind in the report.
@@ -84,8 +83,8 @@ pub fn exclude(model: &Model) -> Model {
     }
 }
 
-/// Bodies for the test whether an overlap is with the ground. `fixed` marks the bodies that are fixed to the world, and `free` the bodies
-/// that a free joint moves.
+/// Marks of the bodies, to test whether an overlap is with the ground. `fixed` marks the bodies that are fixed to the world. `free` marks
+/// the bodies that a free joint moves.
 struct Ground {
     fixed: Vec<bool>,
     free: Vec<bool>,
@@ -102,7 +101,7 @@ impl Ground {
         Self { fixed: group.iter().map(|&g| !moves[g]).collect(), free }
     }
 
-    /// Whether an overlap is with the ground, so that it is not excluded.
+    /// Whether an overlap is with the ground. Then [`exclude`] does not disable the collision.
     fn is_in(&self, overlap: &Overlap, model: &Description) -> bool {
         let geoms = overlap.geoms.map(|g| &model.geoms[g]);
         let endless = geoms.iter().any(|g| matches!(g.shape, Shape::Plane | Shape::HeightField { .. }));
@@ -172,7 +171,7 @@ pub fn hull_line(hull: &WideHull, model: &Description) -> String {
 pub const HULL_REMEDY: &str = "Remedy: model.replace(\"geom_concave\", ..) lets a mesh collide as its triangles (docs/how-to/terrain.md); for \
      moving bodies, split the mesh into convex pieces.";
 
-/// Lines of the report, followed by their remedy; empty if there are no lines.
+/// Appends the line `remedy` to the lines of the report, unless there are no lines.
 fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     if !lines.is_empty() {
         lines.push(remedy.into());
@@ -180,7 +179,7 @@ fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     lines
 }
 
-/// First [`SHOWN`] lines of a list, followed by the number of other lines and the text `what`.
+/// First [`SHOWN`] of the lines. If there are more, a last line gives their number and the text `what`, for example "12 more overlaps".
 fn shortened(mut lines: Vec<String>, what: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(SHOWN);
     lines.truncate(SHOWN);

@@ -63,13 +63,13 @@ pub struct Query<'a> {
 /// Part of a call: a range of its steps. A call that is made in parts gives the same bits as the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// Index of the first step of the part, counted from the start of the call.
+    /// Index of the first step of this part of the call. Step 0 is the first step of the whole call.
     pub from: usize,
-    /// Index of the first step after the part, counted from the start of the call.
+    /// Index of the first step after this part of the call. Step 0 is the first step of the whole call.
     pub to: usize,
-    /// Simulated time from the start of the call to the start of the part, s.
+    /// Simulated time from the start of the call to the start of this part, s.
     pub elapsed: f64,
-    /// Whether the part is the last of its call.
+    /// Whether this is the last part of the call.
     pub ends: bool,
 }
 
@@ -89,8 +89,7 @@ impl Part {
         }
     }
 
-    /// Range of the steps of this part that have the control with index `control`. The steps are counted from the first step with this
-    /// control.
+    /// Range of those steps of this part that use the control with index `control`. Step 0 is the first step with this control.
     pub(super) fn steps_of(&self, control: usize, schedule: Schedule) -> Range<usize> {
         let before = control * schedule.nstep;
         self.from.saturating_sub(before)..(self.to - before).min(schedule.nstep)

@@ -109,7 +109,7 @@ fn differ(changed: &Params<f64>, shared: &Params<f64>) -> Differences {
     both.filter(|(_, (changed, shared))| changed.to_bits() != shared.to_bits()).map(|(index, (&changed, _))| (index, changed)).collect()
 }
 
-/// Per-environment parameters of the compiled model: indices, and values for every lane of every group.
+/// Per-environment parameters of the compiled model: their indices, and their values for every lane of every group of environments.
 #[derive(Clone, Debug, Default)]
 pub struct ParameterOverrides<S> {
     /// Indices of the overridden parameters in [`Params`], ascending. All groups have the same indices.

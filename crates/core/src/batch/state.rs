@@ -33,7 +33,7 @@ pub struct Group<S> {
     pub v: Vec<S>,
     /// Activations, na per lane.
     pub act: Vec<S>,
-    /// Impulses of joint limits, dry friction, equalities and tendons of the last step, one entry per scalar row.
+    /// Impulses of joint limits, dry friction, equalities and tendons in the last step, one number per constraint row.
     pub scalar_impulse: Vec<S>,
     /// Generalized impulse of all constraints in the last step, nv per lane, N s and N m s.
     pub impulse: Vec<S>,

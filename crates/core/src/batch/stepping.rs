@@ -224,8 +224,8 @@ impl<S: LaneScalar> Batch<S> {
         !(sensing.cursors.is_empty() && actuation.cursors.is_empty())
     }
 
-    /// Makes steps of all environments, and then restores the state of those outside the mask. Used with delay lines: all lanes of a group
-    /// share the position of the newest sample, so that they can only advance together.
+    /// Makes steps of all environments, and then restores the state of those outside the mask `inputs.mask`. Batches with delay lines need
+    /// this function, because a step advances the ring buffers of all environments together.
     #[cold]
     fn step_all_and_restore(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, watch: Watch<'_>) -> Result<usize, Error> {
         let before = self.save(None, inputs.ctrl);

@@ -37,8 +37,8 @@ pub trait Worker<S: Scalar>: Send {
     fn cast_rays(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, query: &RayQuery<'_, S>, rows: (&mut [S], &mut [i32]));
     /// Constraint problem of lane `lane` at the first solve in the steps of `call`, as bytes. The function overwrites the state in `group`.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
-    /// Calls `visit` with the step of one group ([`GroupStep`]), loaded with its state and inputs. The first environment of the group is
-    /// `first`. Derivatives evaluate this step.
+    /// Prepares the [`GroupStep`] of one group for a step with the inputs of `call`, and passes it to the callback `visit`. The argument
+    /// `first` is the index of the group's first environment.
     fn lend_step(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, visit: &mut dyn FnMut(&mut dyn Any));
     /// Discards the worker's copy of the last group's state, because another thread has changed that state.
     fn forget_state(&mut self);
@@ -103,16 +103,18 @@ pub struct GroupPosition<'a, 'b, S> {
     pub recording: Option<&'a mut RecordingChunk<'b, S>>,
 }
 
-/// Largest number of entries of the mass matrix for which a SIMD value takes two registers. An entry then takes 128 bytes, and a step still
-/// fits the caches of the core.
+/// Largest number of entries of the mass matrix for which a SIMD value takes two registers. Each entry then takes 128 bytes, and the memory
+/// of a step still fits the caches of the core.
 ///
 /// Evidence: two registers make dm_control's humanoid (243 entries) 4 to 6 % faster, and humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// Number of lanes of a group: the CPU level's lanes `n`, or twice as many if that is faster.
+/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number of lanes `n`, or 2 n if that is
+/// faster.
 ///
-/// With AVX-512, a step with twice the lanes takes 1.8 times as long as with one register. On CPUs with units of half the width it takes at
-/// least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it would take 2.2 to 2.5 times as long.
+/// With AVX-512, a group of 2 n lanes uses two registers per value, and a step takes 1.8 times as long. On AVX-512 CPUs with vector units
+/// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
+/// would take 2.2 to 2.5 times as long.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);

@@ -123,7 +123,7 @@ pub struct CompiledForceRange<S> {
     pub bounds: [S; 2],
     /// Actuators that act on this degree of freedom: index of the actuator, and moment arm.
     pub actuators: Vec<(usize, S)>,
-    /// Whether any of these actuators is a servo.
+    /// Whether any actuator in `actuators` is a servo, whose force depends on its length or velocity.
     pub has_servos: bool,
 }
 

@@ -161,19 +161,20 @@ impl<S: Scalar> DynamicPairs<S> {
         self.has_rolling_friction
     }
 
-    /// Upper bound of the number of contacts of dynamic pairs: each member has at most as many neighbours as fit around it.
+    /// Upper bound of the number of contacts of dynamic pairs. Only a limited number of geoms of similar size fits around each geom of the
+    /// pairs.
     pub fn contact_points(&self) -> usize {
         self.members.len() * NEIGHBOUR_POINTS
     }
 }
 
-/// Number of contact points per geom for which memory is reserved, among many similar geoms. It is half of twelve neighbours (the kissing
-/// number) times eight points.
+/// Number of contact points per geom for which memory is reserved in scenes with many similar geoms. Twelve neighbours fit around a ball
+/// (the kissing number), with eight points each. A contact belongs to two geoms, so the number is half of the product.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Number of pairs among the geoms of ordinary size above which these pairs become dynamic pairs, which the broad phase finds in every
-/// step.
+/// Number of pairs among the geoms of ordinary size above which these pairs become dynamic pairs. The broad phase then finds the dynamic
+/// pairs that can touch in every step.
 ///
-/// If the number of pairs of two moving geoms does not exceed it, those pairs are listed. Then only pairs with a static geom are dynamic.
+/// If at most this number of pairs has two moving geoms, those pairs are listed. Then only pairs with a static geom are dynamic.
 const LISTED_PAIRS: usize = 3000;
 /// Ratio of a geom's size to the median size of geoms above which the pairs of this geom are listed pairs. In the broad phase, a cell as
 /// large as this geom would contain all geoms.
@@ -274,8 +275,8 @@ fn number_of_pairs(n: usize) -> usize {
 /// Makes the listed pairs of the model: all pairs that can collide and are not dynamic pairs. Pairs with torsional or rolling friction come
 /// first; otherwise the order is that of the geoms.
 ///
-/// `among` marks the geoms whose pairs are dynamic. Pairs of two geoms in `listed_moving` are listed even if both are marked. Contacts
-/// follow the order of the pairs, so that contacts with six rows have the same slots in all lanes.
+/// `among` marks the geoms whose pairs with each other are dynamic. Pairs of two geoms in `listed_moving` are listed even if `among` marks
+/// both. Contacts are stored in the order of the pairs, so that contacts with six constraint rows have the same indices in all lanes.
 fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &[usize]) -> Vec<GeomPair> {
     let all = 0..model.geoms.len();
     let one_outside = all.clone().filter(|&a| !among[a]).flat_map(|a| all.clone().filter(move |&b| among[b] || b > a).map(move |b| [a, b]));

@@ -120,7 +120,8 @@ impl<S: Scalar> CompiledModel<S> {
         (0..links.len()).filter_map(spinner).collect()
     }
 
-    /// Whether each of the `links` links is alone on a free joint; empty if none is.
+    /// For each link, whether it is alone on a free joint, without other links in its tree. `links` is the number of links. The list is
+    /// empty if no link is alone on a free joint.
     fn floating(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
         let mut floating = vec![];
         for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {

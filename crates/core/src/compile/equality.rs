@@ -12,14 +12,15 @@ use crate::model::{Equality, EqualityKind, Model};
 /// Linear combination of scalar joint positions: a fixed tendon, or a single joint.
 #[derive(Clone, Debug)]
 pub struct Combination<S> {
-    /// Terms of the sum: address in q, degree of freedom, and coefficient.
+    /// Terms of the linear combination of joint positions. Each is the address of a position in q, the degree of freedom, and the
+    /// coefficient.
     pub terms: Vec<(usize, usize, S)>,
-    /// Value of the linear combination at the configuration `qpos0`.
+    /// Value of the linear combination of joint positions at the model's reference configuration `qpos0`.
     pub reference: S,
 }
 
 impl<S: Scalar> Combination<S> {
-    /// Value of the linear combination at the configuration `q`.
+    /// Sum of coefficient times joint position over all joints of the linear combination, at the configuration `q`.
     #[inline(always)]
     pub fn value<R: Real<Scalar = S>>(&self, q: &[R]) -> R {
         let mut x = R::zero();
@@ -29,7 +30,7 @@ impl<S: Scalar> Combination<S> {
         x
     }
 
-    /// Time derivative of the linear combination at the generalized velocity `v`.
+    /// Time derivative of the linear combination of joint positions, at the generalized velocity `v`.
     #[inline(always)]
     pub fn rate<R: Real<Scalar = S>>(&self, v: &[R]) -> R {
         let mut x = R::zero();
@@ -66,9 +67,9 @@ pub enum EqualityRows<S> {
     },
     /// Coupling `x - x_ref = polynomial(y - y_ref)` of two linear combinations of joint positions.
     Coupling {
-        /// Linear combination x.
+        /// Linear combination x of joint positions, in x - x_ref = polynomial(y - y_ref).
         first: Combination<S>,
-        /// Linear combination y; `None` if x has a constant target.
+        /// Linear combination y of joint positions, in x - x_ref = polynomial(y - y_ref). `None` if x has a constant target.
         second: Option<Combination<S>>,
         /// Coefficients of the polynomial, for the powers 0 to 4.
         polynomial: [S; 5],
@@ -155,7 +156,8 @@ pub struct CompiledTendon<S> {
     pub impulse_index: usize,
 }
 
-/// Largest number of equality rows that are made orthogonal together. The cost grows with the square of the number.
+/// Largest number of constraint rows of equalities in one block. The solver makes the rows of a block orthogonal to each other, at a cost
+/// that grows with the square of their number.
 const MOST_ROWS: usize = 48;
 
 /// Compiler of the equalities and tendons of a model.
@@ -242,10 +244,10 @@ impl Compiler<'_> {
         (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, support)
     }
 
-    /// Compiles the equalities and groups them in blocks. Hard equalities that share a degree of freedom are in one block, up to
-    /// [`MOST_ROWS`] rows.
+    /// Compiles the equalities and groups them in blocks, which a step assembles together. Hard equalities that share a degree of freedom
+    /// are in one block, with at most [`MOST_ROWS`] constraint rows.
     ///
-    /// `impulse_index` is the index of the next free impulse.
+    /// The function increases `impulse_index`, the next free index in the list of impulses of scalar constraint rows.
     pub(super) fn equalities<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
         for (index, equality) in self.model.equalities.iter().enumerate() {
@@ -317,7 +319,8 @@ fn join<S: Scalar>(blocks: Vec<EqualityBlock<S>>, last: EqualityBlock<S>, rows: 
     out
 }
 
-/// Marks the hard blocks that share no degree of freedom with another hard block as eliminated, and sorts them to the front.
+/// Marks blocks of hard equalities as eliminated if they share no degree of freedom with another such block. Sorts the eliminated blocks to
+/// the front.
 fn mark_eliminated<S: Scalar>(blocks: &mut [EqualityBlock<S>], nv: usize) {
     let mut takers = vec![0; nv];
     for block in blocks.iter().filter(|b| b.hard) {

@@ -6,20 +6,21 @@ use stepper_real::Scalar;
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
 use crate::model::{JointKind, Model, simple_bodies};
 
-/// Merged bodies and the tree of degrees of freedom. Bodies that cannot move relative to each other form one frame; `frame`, `pos` and
-/// `quat` are the frame of every body and the body's pose in it.
+/// Merged bodies and the tree of degrees of freedom. Bodies that cannot move relative to each other share one frame. For every body,
+/// `frame` is the index of this frame, and `pos` and `quat` are the body's pose in it.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,
     pub(crate) pos: Vec<Vector3<f64>>,
     pub(crate) quat: Vec<UnitQuaternion<f64>>,
-    /// For each link, index of the body to which the link's joints belong.
+    /// For each link, which may consist of several merged bodies, index of the body that has the link's joints.
     pub(crate) leaders: Vec<usize>,
     pub(crate) mocap: Vec<usize>,
     pub(crate) link_tree: Vec<usize>,
     pub(crate) ntree: usize,
     dof_link: Vec<usize>,
-    /// Start and length of the part of `chain` that belongs to each degree of freedom: the dof itself and its ancestors.
+    /// For each degree of freedom (dof), start and length of its part of the list `chain`. The part contains the dof itself and its
+    /// ancestors.
     dof_chain: Vec<(usize, usize)>,
     pub(crate) chain: Vec<u32>,
     last_dof_of_frame: Vec<Option<usize>>,

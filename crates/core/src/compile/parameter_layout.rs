@@ -59,7 +59,8 @@ struct Source<'a, S: Scalar> {
 }
 
 impl<S: Scalar> Source<'_, S> {
-    /// Mass, centre of mass and inertia of all links, followed by those of all parts of the subtrees that sensors read.
+    /// Mass, centre of mass and inertia of all links, followed by those of all subtree parts. A subtree part consists of the bodies of a
+    /// sensor's subtree that are fixed to one frame.
     fn inertials(&self) -> impl Iterator<Item = Inertial<f64>> {
         let merged = &self.structure.merged;
         let links = (1..=self.structure.links.len()).map(move |frame| combined(self.model, merged, |b| merged.frame[b] == frame));

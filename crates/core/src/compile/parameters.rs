@@ -87,7 +87,8 @@ parameter_rows! {
     }
 }
 
-/// Declares the parameter tables: their ranges, row types, and functions that read a row.
+/// Declares the parameter tables. For each table, it declares the range in the list of parameters, the type of a row, and a function that
+/// reads a row.
 macro_rules! parameter_tables {
     ($($(#[$doc:meta])* $table:ident: $row:ident($($index:ident)?) -> $kind:ty;)*) => {
         /// Range (start and end) of each table in the list of parameters.
@@ -124,7 +125,8 @@ macro_rules! parameter_tables {
 parameter_tables! {
     /// Gravitational acceleration, m/s^2.
     gravity: gravity() -> [T; 3];
-    /// Mass, centre of mass and inertia of link `i`. From the number of links on, index `i` selects a part of a subtree that sensors read.
+    /// Mass, centre of mass and inertia of link `i`. If `i` is at least the number of links, it selects a subtree part: the bodies of a
+    /// sensor's subtree that are fixed to one frame.
     inertials: inertial(i) -> Inertial<T>;
     /// Mass of the subtree with index `subtree` that sensors read, kg.
     totals: total(subtree) -> T;

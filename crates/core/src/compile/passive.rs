@@ -35,7 +35,7 @@ pub enum FluidShape<S> {
 /// Coefficients of the ellipsoid fluid model, see [`crate::dynamics::fluid`].
 #[derive(Clone, Debug)]
 pub struct CompiledEllipsoid<S> {
-    /// Factor by which all forces and torques of the model are multiplied.
+    /// Factor that multiplies all forces and torques of this fluid model on the geom.
     pub share: S,
     /// Density of the fluid, kg/m^3.
     pub density: S,

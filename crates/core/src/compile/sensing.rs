@@ -32,8 +32,8 @@ pub struct CompiledSensing<S> {
     pub needs: Needs,
     /// Subtrees whose mass or motion sensors read: a body with all its descendants.
     pub subtrees: Vec<Subtree>,
-    /// Subtrees on which force and torque sensors measure the force of the parent body. Each entry has the frame of the sensor's site, and
-    /// the index of the subtree in `subtrees`.
+    /// Subtrees at whose joint to the parent body force and torque sensors measure. Each tuple has the frame of the sensor's site, and the
+    /// index of the subtree in `subtrees`.
     pub carried: Vec<(SensorFrame<S>, usize)>,
     /// Frame and pose of each geom of the model.
     pub geoms: Vec<SensorFrame<S>>,
@@ -194,8 +194,8 @@ pub enum Read<S> {
     /// Violation of a range by a linear combination of q: distance from the violated end of the range, as a negative number. 0 within the
     /// range.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
-    /// Time derivative of the reading of [`Read::LimitPos`]. The first list has the terms of the linear combination in q, the second those
-    /// of its derivative in v.
+    /// Time derivative of the reading of [`Read::LimitPos`]. The first list has the linear combination as (address in q, coefficient). The
+    /// second list has its time derivative as (address in v, coefficient).
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
     /// Force of the limit of a joint or tendon. The index is that of the limit's impulse in the list of impulses of scalar rows.
     LimitForce(usize),
@@ -461,7 +461,7 @@ impl Compiler<'_> {
         self.frame_of(object, index)
     }
 
-    /// Sensor frame of an object. `index` is the row of its position in [`Params::place`](crate::compile::Params::place).
+    /// Sensor frame of an object. The argument `index` selects the object's position in [`Params::place`](crate::compile::Params::place).
     fn frame_of<S: Scalar>(&self, object: Object, index: usize) -> SensorFrame<S> {
         let (body, quat) = match object {
             Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),

@@ -121,17 +121,17 @@ impl<S: Scalar> SoftLaw<S> {
         ((R::one() - impedance) * weight / impedance).max(R::of(MIN_VALUE))
     }
 
-    /// Reference acceleration, and weight D = 1 / R for the regularisation R, of a row with the position error `r` and its rate `v`. D is 0
-    /// outside the lanes `active`.
+    /// Reference acceleration and weight D = 1 / R of a constraint row with the regularisation R. `r` is the position error of the row, and
+    /// `v` its time derivative. D is 0 outside the lanes `active`.
     #[inline(always)]
     pub fn row<R: Real<Scalar = S>>(&self, r: R, v: R, active: R::Mask) -> [R; 2] {
         self.row_at(self.impedance(r), r, v, active)
     }
 
-    /// Reference acceleration, and weight D = 1 / R for the regularisation R, of a row at the impedance `impedance`. Rows that share one
-    /// impedance use this function.
+    /// Reference acceleration and weight D = 1 / R of a constraint row with the regularisation R. Unlike [`SoftLaw::row`], the function
+    /// takes the impedance as an argument, for rows that share one impedance.
     ///
-    /// `r` is the position error of the row, and `v` its rate. D is 0 outside the lanes `active`.
+    /// `r` is the position error of the row, and `v` its time derivative. D is 0 outside the lanes `active`.
     #[inline(always)]
     pub fn row_at<R: Real<Scalar = S>>(&self, impedance: R, r: R, v: R, active: R::Mask) -> [R; 2] {
         let reference = -(R::splat(self.damping) * v) - R::splat(self.stiffness) * impedance * r;
@@ -174,8 +174,8 @@ impl<R: Real> EndLaw<R> {
         Self { spring: [stiffness, damping + h * stiffness], factor: R::one() + h * damping + h * h * stiffness }
     }
 
-    /// Regularisation at the impedance `impedance` for a row with the approximate inverse inertia `weight`. It is at least that of the
-    /// largest impedance.
+    /// Regularisation of a constraint row with the impedance `impedance` and the approximate inverse inertia `weight`. The regularisation
+    /// at MuJoCo's largest impedance is its lower bound.
     #[inline(always)]
     pub(crate) fn regularisation(&self, impedance: R, weight: R) -> R {
         let own = SoftLaw::<R::Scalar>::regularisation(impedance, weight) / self.factor;

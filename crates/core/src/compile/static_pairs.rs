@@ -154,7 +154,8 @@ impl StaticPairs {
         self.fixed.is_empty()
     }
 
-    /// Whether the listed pair with index `pair` is a static pair.
+    /// Whether a pair in the compiled model's list of pairs is a static pair: one of its geoms is fixed to the world. The index of the pair
+    /// is `pair`.
     pub fn is_listed(&self, pair: usize) -> bool {
         self.listed[pair]
     }

@@ -193,8 +193,9 @@ struct Projection<R> {
 /// Projection of an ellipsoid on the plane perpendicular to its velocity `v`. The area is pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), with
 /// b_k the product of the two other semi-axes. The surface normal is along b_k^2 v_k.
 ///
-/// The computation uses directions and relative areas, so that small bodies, slow bodies and single precision need no bound with a unit.
-/// Needles that fly along their axis, b / a^2 < 3e-8 with the longest semi-axis a, have no area, as in MuJoCo (4.0).
+/// The area is a product of the ellipsoid's largest projected area and a ratio. A test for zero area therefore needs no bound in m^2 or
+/// m/s, which small or slow bodies could reach. Needles that fly along their axis, b / a^2 < 3e-8 with the longest semi-axis a, have no
+/// area, as in MuJoCo (4.0).
 #[inline(always)]
 fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection<R> {
     let areas: V3<R> = splat(e.areas);
@@ -222,8 +223,8 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     }
 }
 
-/// Drag of an ellipsoid divided by its velocity `v`, once for rotation and once for translation. Returns also the projection of the
-/// ellipsoid along its velocity.
+/// Drag of an ellipsoid divided by its velocity `v`: one factor for rotation and one for translation. Returns also the ellipsoid's
+/// projection on the plane perpendicular to `v`.
 #[inline(always)]
 fn ellipsoid_drag<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: &V6<R>) -> ([R; 2], Projection<R>) {
     let projection = projection(e, linear(v));

@@ -30,8 +30,8 @@ use crate::model::JointKind;
 /// velocity. The last iteration changes the angular velocity by only 1e-8 of this error.
 const ITERATIONS: usize = 8;
 
-/// Corrects the free velocities `v_free` of single bodies to the discrete midpoint rule. `v` is the velocity before the step, and `v_eval`
-/// the velocity at which the gyroscopic force in `v_free` was evaluated.
+/// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies to the discrete midpoint rule. `v` is
+/// the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
 ///
 /// `times` are the times from the beginning of the step to its evaluation point, and from there to its end, s.
 pub fn correct<R: Real>(
@@ -67,7 +67,8 @@ pub fn correct<R: Real>(
     )
 }
 
-/// Corrects the free velocities `v_free` of single bodies so that contact impulses change their momentum exactly.
+/// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies so that contact impulses change their
+/// momentum exactly.
 ///
 /// `v_free` contains the gyroscopic force at the velocity `v` before the step, applied for the time `times[0]`, s. It also contains this
 /// force at the velocity `after` the step, applied for `times[1]`. `halves` are the times from the beginning of the step to its evaluation
@@ -149,8 +150,8 @@ struct Body<R: Real> {
 }
 
 impl<R: Real> Body<R> {
-    /// Creates the body of the spinner `spinner`, and the lanes in which the body has a gyroscopic force. `None` if it has none in any
-    /// lane, as for a ball.
+    /// Creates the single body of `spinner`, a link alone on a free or ball joint. Returns also the lanes in which the body has a
+    /// gyroscopic force. `None` if it has none in any lane, as for a ball.
     #[inline(always)]
     fn tumbling(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, spinner: &CompiledSpinner<R::Scalar>) -> Option<(Self, R::Mask)> {
         let Inertial { mass, com, inertia } = compiled.params.inertial(spinner.link);

@@ -15,13 +15,14 @@ pub struct ImplicitWeights<R> {
 }
 
 impl<R: Real> ImplicitWeights<R> {
-    /// Whether the damper `damping` has an extra share in any lane. If so, [`Self::extra_share`] must be called.
+    /// Whether the step evaluates a fraction of the damper `damping` at its end instead of its middle, in any lane. Then
+    /// [`Self::extra_share`] gives the fraction.
     #[inline(always)]
     pub(crate) fn has_extra_share(self, damping: R) -> bool {
         (self.step * damping).gt(R::zero()).any()
     }
 
-    /// Extra share s = z / (6 + z) of a damper, from 0 to 1. It is the part of the damping that the step evaluates at its end.
+    /// Fraction s = z / (6 + z) of a damper, from 0 to 1, that the step evaluates at its end instead of its middle.
     ///
     /// z is the time step times `rate`, the ratio of damping to inertia, 1/s.
     #[inline(always)]
@@ -30,7 +31,8 @@ impl<R: Real> ImplicitWeights<R> {
         z / (R::of(6.0) + z)
     }
 
-    /// Additional damping 3/2 s h k of a spring with the stiffness k, for the extra share s of its damper and the time step h.
+    /// Additional damping 3/2 s h k of a spring with the stiffness k (`stiffness`) and the time step h. Here s (`share`) is the result of
+    /// [`Self::extra_share`] for the spring's damper.
     #[inline(always)]
     pub(crate) fn spring_damping(self, share: R, stiffness: R) -> R {
         R::of(1.5) * share * self.step * stiffness

@@ -218,7 +218,8 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Converts a scaled velocity change `w` to generalized momentum: w <- L^T D^1/2 w.
+    /// Converts a scaled velocity change `w`, in coordinates in which the mass matrix is the identity, to generalized momentum: w <- L^T
+    /// D^1/2 w.
     #[inline(always)]
     pub fn momentum(&self, compiled: &LaneModel<R>, w: &mut [R]) {
         // From the root, so that descendants add to scaled entries.

@@ -171,8 +171,9 @@ impl<R: Real> GroupStep<R> {
         (self.functions().change)(self.nominal(), &self.compiled, &self.workspace, out);
     }
 
-    /// Calls `see` with the gaps of contacts and limits in the last evaluation, in the lanes `lanes` (bits). Returns those of the lanes in
-    /// which the evaluation has every contact that overlaps in the solved step.
+    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits).
+    ///
+    /// Returns a subset of these lanes. In the returned lanes, the evaluation has every contact that overlaps in the solved step.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -180,8 +181,8 @@ impl<R: Real> GroupStep<R> {
         (self.functions().gaps)(self.nominal(), &self.compiled, &self.workspace, lanes, see)
     }
 
-    /// Ends the evaluations near the solved step. Constraint rows of later steps use the gaps of contacts and limits at the present
-    /// configuration again, not those of the solved step.
+    /// Ends the evaluations near the solved step. In later steps, constraint rows use the distances of contacts and limits at the present
+    /// configuration again, instead of those in the solved step.
     pub fn finish(&mut self) {
         if let Some(nominal) = &mut self.nominal {
             nominal.overlaps.release(&mut self.workspace);

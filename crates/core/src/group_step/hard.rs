@@ -43,7 +43,7 @@ pub(super) struct HardNominal<R: Real> {
     corrected: u32,
     /// Whether positions are corrected in a separate solve (split stabilisation).
     split: bool,
-    /// Largest ratio of the position correction to its bounds in the last evaluation; 0 in lanes without a correction.
+    /// Speed of the position correction in the last evaluation, as a fraction of its upper bound; 0 in lanes without a correction.
     correction: R,
     /// Free velocity (velocity without constraint impulses), nv, with which the offsets of the constraint rows were last computed.
     v_free: Vec<R>,
@@ -55,9 +55,9 @@ pub(super) struct HardNominal<R: Real> {
 /// Kind of evaluation of a step, which determines the source of the impulses.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// Evaluation at the nominal state: the solver computes the impulses, as in the solved step.
+    /// Evaluation at the nominal state, from which the solved step started. The solver computes the impulses again.
     Nominal,
-    /// Evaluation at a displaced state: the caller's [`ImpulseRule`] sets the impulses.
+    /// Evaluation at a state near the solved one, of which one coordinate is displaced. The caller's [`ImpulseRule`] sets the impulses.
     Displaced,
 }
 

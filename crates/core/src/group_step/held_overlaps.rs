@@ -1,4 +1,5 @@
-//! Overlaps of the solved step. Evaluations at displaced states use them instead of the overlaps of the displaced configuration.
+//! Overlaps of contacts and limits in the solved step. Evaluations at displaced states use these overlaps instead of those at the displaced
+//! configuration.
 
 use stepper_real::Real;
 
@@ -6,7 +7,8 @@ use crate::compile::LaneModel;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::integrators::workspace::Workspace;
 
-/// Overlaps of the solved step, for evaluations at displaced states. The value is empty while the workspace owns the overlaps.
+/// Overlaps of contacts and limits in the solved step, for evaluations at displaced states. The value is `None` while the workspace has the
+/// overlaps.
 #[derive(Clone, Debug)]
 pub(super) struct HeldOverlaps<R: Real>(Option<Box<SolvedOverlaps<R>>>);
 
@@ -16,8 +18,8 @@ impl<R: Real> HeldOverlaps<R> {
         Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
     }
 
-    /// Gives the overlaps of the last step to the workspace. Until [`HeldOverlaps::release`], constraint rows use them instead of the
-    /// overlaps of the present configuration.
+    /// Moves the overlaps of the last step to the workspace. Until [`HeldOverlaps::release`], constraint rows use them instead of the
+    /// overlaps at the present configuration.
     pub(super) fn hold(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         if let Some(mut overlaps) = self.0.take() {
             // The step has moved its contacts to the state.
@@ -26,7 +28,8 @@ impl<R: Real> HeldOverlaps<R> {
         }
     }
 
-    /// Takes the overlaps of the solved step back from the workspace. Constraint rows then use the overlaps of the present configuration.
+    /// Moves the overlaps of the solved step from the workspace back to `self`. Constraint rows then use the overlaps at the present
+    /// configuration.
     pub(super) fn release(&mut self, s: &mut Workspace<R>) {
         self.0 = s.evaluation.solved_overlaps.take().or_else(|| self.0.take());
     }

@@ -109,22 +109,25 @@ pub trait ImpulseRule<R: Real> {
 pub struct NominalEvaluation<R: Real> {
     /// Lanes (bits) with a bouncing contact or an impact within the step.
     pub bouncing: u32,
-    /// Largest ratio of the position correction to its bounds; 0 in lanes without a correction.
+    /// Speed of the position correction as a fraction of its upper bound; 0 in lanes without a correction.
     pub correction: R,
-    /// Comparison of the predicted velocities after the step; `None` if no force of the step depends on a predicted velocity.
+    /// Comparison of the velocities after the step that the solved step and its evaluation predict. `None` if no force of the step depends
+    /// on a predicted velocity.
     pub prediction: Option<Prediction<R>>,
 }
 
-/// Comparison of the predicted velocities after the step: that of the solved step, and that of its evaluation from the same state.
+/// Comparison of two predictions of the velocity after the step: in the solved step, and in its evaluation from the same state.
 #[derive(Clone, Copy, Debug)]
 pub struct Prediction<R: Real> {
     /// Whether forces other than inertial ones depend on the predicted velocity, such as drag and some servos.
     pub drives_forces: bool,
-    /// Lanes (bits) that solve for the predicted velocity. Lanes at rest predict it with the impulses of the previous step.
+    /// Lanes (bits) that solve for the predicted velocity. The other lanes are at rest, and predict it with the impulses of the previous
+    /// step.
     pub solved: u32,
-    /// Largest difference between the two predicted velocities, m/s or rad/s; NaN if any difference is NaN.
+    /// Largest difference between the velocity predicted in the solved step and in its evaluation, m/s or rad/s. NaN if any difference is
+    /// NaN.
     pub difference: R,
-    /// Largest displacement of a coordinate within the step at the velocity before the step, m or rad.
+    /// Largest product of a generalized velocity before the step and the time step, m or rad.
     pub motion: R,
 }
 

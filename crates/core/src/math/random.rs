@@ -94,10 +94,11 @@ mod tests {
         assert_eq!(run(counter, [0xa409_3822, 0x299f_31d0]), [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]);
     }
 
-    /// Compares normal numbers with the Box-Muller point in the plane, computed directly from the two words. In f64 both agree to rounding.
+    /// Compares the normal numbers of [`normals`] with the Box-Muller formula, computed directly from the two words. In f64 both agree to
+    /// rounding.
     ///
-    /// In f32 the bound allows five roundings of 6e-8 relative to the radius, and one rounding of u. Where the radius is small, it is
-    /// sqrt(2 (1 - u)), so that this rounding changes it by 6e-8 divided by the radius.
+    /// In f32 the bound allows five roundings of 6e-8 relative to the radius sqrt(-2 ln u), and one rounding of the uniform number u. A
+    /// small radius is about sqrt(2 (1 - u)), so that the rounding of u changes it by 6e-8 divided by the radius.
     #[test]
     fn normals_are_points_in_the_plane() {
         for i in 0..100_000u32 {

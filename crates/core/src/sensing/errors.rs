@@ -68,8 +68,10 @@ struct Imperfect<S> {
     sampled: bool,
     lossy: bool,
     jittery: bool,
-    /// Address of the sensor's stored values in the memory. They are matrix, bias, drift, time since the last sample, and delay line or
-    /// previous sample.
+    /// Address of the first value that this sensor stores between steps, in the memory of all sensors.
+    ///
+    /// The stored values are, in this order: scale and misalignment matrix, bias, drift, time since the last sample, and the delay line. A
+    /// sensor without delay stores the previous sample instead of a delay line.
     memory: usize,
     /// Offset of this sensor's random numbers in the list of random numbers that a step draws for all sensors.
     draws: usize,
@@ -88,7 +90,7 @@ pub struct Errors<S> {
     ideal: Vec<usize>,
     /// Parameters of every sensor. There is one table for every group of lanes, or one table for all environments.
     tables: Vec<Vec<S>>,
-    /// Number of values per parameter in a table: 1 if all environments have the same value, otherwise the number of lanes.
+    /// Number of values of each parameter in a table of `tables`: 1 if all environments have the same value, otherwise the number of lanes.
     lanes: usize,
     /// Number of stored values per lane that persist between steps.
     pub memory: usize,
@@ -105,7 +107,7 @@ struct Numbers<'a, S> {
 }
 
 impl<S: Scalar> Numbers<'_, S> {
-    /// Parameters of the sensor with number `sensor` among the sensors that have errors.
+    /// Table that begins with the parameters of one sensor. The index `sensor` counts only sensors that have errors.
     #[inline(always)]
     fn of(&self, sensor: usize) -> Self {
         Numbers { rows: &self.rows[sensor * NUMBERS * self.lanes..], lanes: self.lanes }

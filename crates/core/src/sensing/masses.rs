@@ -28,7 +28,8 @@ pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree
     )
 }
 
-/// Inertia and spatial velocity of a subtree part, both about the reference point of its kinematic tree, and this point.
+/// Inertia and spatial velocity of a subtree part, the bodies of a subtree that are fixed to one frame. Both refer to the reference point
+/// of the kinematic tree, which is the third result.
 fn moving<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -93,7 +94,7 @@ pub fn angular_momentum<R: Real>(
     )
 }
 
-/// Force, N, and torque, N m, of the parent on a subtree, at the origin of a sensor frame and in its axes.
+/// Force, N, and torque, N m, that the parent body exerts on a subtree, at the origin of a sensor frame and in its axes.
 ///
 /// Newton's and Euler's laws for the whole subtree give the sum of all forces. The result is this sum minus the forces of contacts and of
 /// the user.

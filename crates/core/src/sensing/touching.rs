@@ -235,8 +235,10 @@ pub fn contacts<R: Real>(
     }
 }
 
-/// Tests whether a contact is between the two sides of a sensor; `None` if it is not. Otherwise the result is true if the contact's second
-/// geom is on the first side.
+/// Tests whether one geom of a contact is on the first side of a contact sensor, and the other geom on its second side. A side is a set of
+/// geoms or a volume.
+///
+/// The result is `None` if they are not. Otherwise it is true if the contact's second geom is on the first side.
 fn matches<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -261,8 +263,9 @@ fn matches<R: Real>(
     }
 }
 
-/// Contact in the orientation of the sensor, from the first side to the second. If the contact's second geom is on the first side, normal
-/// and force are reversed.
+/// Contact with its normal from the first to the second of the contact sensor's two sides. A side is a set of geoms or a volume.
+///
+/// If the contact's second geom is on the first side, the result has the opposite normal and the opposite force.
 fn seen<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

@@ -82,7 +82,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Actuator dynamics with new parameters for the environments `envs`. The simulation itself does not change.
+    /// Returns the actuator dynamics with new parameters for the environments `envs`, without changing the simulation. `None` if no
+    /// actuator has dynamics.
     fn resampled(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ResampledActuators>, Error> {
         let specs = match actuators {
             ActuatorNumbers::Kept => return Ok(None),
@@ -105,8 +106,8 @@ impl Simulation {
         }
     }
 
-    /// Actuator dynamics with per-environment parameters, one entry for every actuator. Each list of an entry has one number for all
-    /// environments, or one for each. `None` if all environments have the same actuator dynamics.
+    /// Actuator dynamics with per-environment parameters, one entry for every actuator. Each parameter is a list of one number for all
+    /// environments, or of one number for each environment. `None` if all environments have the same actuator dynamics.
     pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.drawn()
     }

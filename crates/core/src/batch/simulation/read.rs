@@ -43,7 +43,8 @@ impl Contact {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Certificate {
-    /// Residual of the constraint problem (natural map), m/s.
+    /// Residual of the constraint problem: largest error of a contact or constraint row in the last step, as a velocity, m/s. It is 0 for
+    /// the exact solution.
     pub residual: f64,
     /// Number of Gauss-Seidel iterations (sweeps).
     pub sweeps: u32,

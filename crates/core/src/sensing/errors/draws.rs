@@ -43,8 +43,8 @@ impl Keys {
         }
     }
 
-    /// Four random words per lane for one purpose of the sensor with index `sensor`. The index `block` selects one of many such blocks of
-    /// words.
+    /// Four random words per lane for one purpose of the sensor with index `sensor`. If four words are not enough, `block` 1, 2, ... gives
+    /// further words.
     #[inline(always)]
     fn words(&self, purpose: Purpose, sensor: usize, block: usize, lanes: usize) -> [Word; 4] {
         let label = (purpose as u32) << 29 | (block as u32 & 0x1FFF) << 16 | (sensor as u32 & 0xFFFF);

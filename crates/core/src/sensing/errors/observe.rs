@@ -31,7 +31,7 @@ pub struct Slots<'a, S> {
 }
 
 impl<S: Scalar> Errors<S> {
-    /// Creates the workspace for all sensors.
+    /// Creates the workspace in which the transfer functions of all sensors compute readings.
     pub fn work<R: Real<Scalar = S>>(&self) -> Work<R> {
         // Enough for all numbers of a step, and for the scale and misalignment matrix of one sensor.
         let drawn = self.sensors.iter().map(|s| (s.dim * s.dim).max(s.freedom)).fold(self.draws, usize::max);
@@ -140,9 +140,10 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Lanes in which the sensor takes a new sample in this step of `h` seconds. The function also updates the time since the last sample.
+    /// Returns the lanes in which the sensor takes a new sample in a step of `h` seconds. The function also updates the time since the last
+    /// sample in `memory`, the stored values of the sensors. The sampling period is in `table`.
     ///
-    /// If `start` is true, the sensor takes the first sample of an episode in all lanes `lanes`.
+    /// If `start` is true, an episode begins, and the sensor takes its first sample in all lanes of the mask `lanes`.
     #[inline(always)]
     fn due<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> R::Mask {
         if !self.sampled {
@@ -156,7 +157,8 @@ impl<S: Scalar> Imperfect<S> {
         if start { lanes } else { lanes.and(due) }
     }
 
-    /// Draws the random values that are constant in an episode: scale errors, misalignment and bias. It also sets the drift to zero.
+    /// Draws the random values that are constant in an episode, in the lanes `lanes`: scale errors, misalignment and bias. It also sets the
+    /// drift to zero.
     fn begin<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, keys: &Keys, lanes: R::Mask, work: &mut Work<R>, memory: &mut [S]) {
         R::vectorize(
             #[inline(always)]

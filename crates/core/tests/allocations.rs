@@ -1,4 +1,4 @@
-//! A step allocates nothing.
+//! Test that a step allocates no memory.
 
 #[path = "suite/common.rs"]
 mod common;
@@ -13,10 +13,10 @@ thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system's allocator, counting.
+/// Allocator that calls the system's allocator and counts the allocations of each thread.
 struct Counting;
 
-// SAFETY: everything is the system allocator's.
+// SAFETY: all calls are forwarded to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|c| c.set(c.get() + 1));
@@ -36,7 +36,7 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_step_allocates_nothing_the_second_time() {
-    // Sweeps without slip are those of MuJoCo's law alone, which refuses a tendon with an armature.
+    // Only MuJoCo's contact law has noslip iterations. It does not support tendons with armature, so that the armature is zero.
     let fields: [(&str, &[f64]); 3] = [("noslip_iterations", &[8.0]), ("noslip_tolerance", &[0.0]), ("tendon_armature", &[0.0; 2])];
     let model = walker().replace_all(&fields).unwrap();
     let model = std::sync::Arc::new(model);
@@ -73,7 +73,7 @@ fn a_step_allocates_nothing_the_second_time() {
                     sim.sense(&StepInputs::default(), false, &mut seen).unwrap();
                 }
             };
-            // The first time makes the worker, and the room of the second tier for the largest problem that comes.
+            // The first run creates the worker, and the Newton solver's buffers for the largest problem.
             let begin = sim.save_state();
             run(&mut sim);
             sim.restore_state(&begin).unwrap();

@@ -1,4 +1,4 @@
-//! Scenes that several tests step.
+//! Models, inputs and helper functions that several tests share.
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use std::sync::Arc;
@@ -9,8 +9,8 @@ use stepper_core::model::{
 };
 use stepper_core::{ActuatorSpec, Certificate, Field, Level, Motor, Options, Precision, Servo, Simulation, StepInputs, Transfer};
 
-/// A walker: a floating trunk with four two-joint legs with limits, a ball-jointed tail, dry friction, servos with activation, and loose
-/// objects of every colliding shape.
+/// Model of a walking robot and loose objects. The robot has a free trunk, four legs of two limited hinges, a tail on a ball joint, dry
+/// friction, and servos. The loose objects are a ball and a crate. The model also has the elements of [`tie`] and [`add_sensors`].
 pub(crate) fn walker() -> Arc<Model> {
     let mut scene = Model::builder("walker");
     scene.timestep(0.004).geom(WORLD, GeomBuilder::plane("floor").friction([0.8, 0.0, 0.0]).restitution(0.3));
@@ -29,7 +29,7 @@ pub(crate) fn walker() -> Arc<Model> {
             .joint(JointBuilder::hinge(&knee, axis).pos([0.0, 0.01, 0.0]).range(-1.2, 0.4).damping(0.2).frictionloss(0.1))
             .geom(GeomBuilder::capsule(&format!("shin{i}"), 0.03, 0.1).pos([0.0, 0.0, -0.1]).density(800.0));
         scene.body(thigh, shin);
-        // Bounded, so that lanes reach the bound at different steps.
+        // Force bounds, which lanes reach in different steps.
         scene.actuator(ActuatorBuilder::position(&format!("hip servo {i}"), &hip, 30.0, 1.0).ctrl_range(-1.0, 1.0).force_range(-8.0, 8.0));
         scene.actuator(ActuatorBuilder::motor(&format!("knee motor {i}"), &knee).gear(15.0).ctrl_range(-1.0, 1.0));
     }
@@ -40,7 +40,7 @@ pub(crate) fn walker() -> Arc<Model> {
     scene.body(WORLD, ball.geom(GeomBuilder::sphere("ball", 0.08).density(300.0).restitution(0.6).condim(6).friction([0.8, 0.02, 0.01])));
     let crate_ = BodyBuilder::new("crate").pos([0.8, 0.0, 0.4]).quat([0.8, 0.48, 0.36, 0.0]).joint(JointBuilder::free("crate"));
     scene.body(WORLD, crate_.geom(GeomBuilder::cuboid("crate", [0.1, 0.12, 0.05]).density(200.0)));
-    // Shins fold up beside the trunk.
+    // The shins fold up beside the trunk without a collision.
     (0..4).for_each(|i| {
         scene.exclude("trunk", &format!("shin{i}"));
     });
@@ -49,7 +49,7 @@ pub(crate) fn walker() -> Arc<Model> {
     Arc::new(scene.finish().expect("the walker is a valid model"))
 }
 
-/// Tendons and equalities of every kind: among the legs, and a swing whose two links close a loop.
+/// Adds tendons and equalities of all kinds. Some couple the legs; others close a loop with a swing of two links.
 fn tie(scene: &mut ModelBuilder) {
     let hips = TendonBuilder::new("hips", &[("hip0", 1.0), ("hip1", -1.0)]).range(-0.3, 0.3).frictionloss(0.01);
     scene.fixed_tendon(hips.stiffness(2.0).damping(0.1).armature(0.001));
@@ -69,11 +69,11 @@ fn tie(scene: &mut ModelBuilder) {
     scene.equality(EqualityBuilder::connect("rope", ["seat", "trunk"], [[0.0; 3]; 2]).soft(20.0, 1.0));
 }
 
-/// Sensors of every kind that reads a step.
+/// Adds sensors of all kinds that read results of a step, on the body `trunk` and its first thigh. Adds also an actuator between two sites.
 fn add_sensors(scene: &mut ModelBuilder, trunk: usize) {
     let shape = Shape::Box { half: [0.3, 0.3, 0.3] };
     let imu = scene.site(trunk, Site { name: "imu".into(), body: 0, pos: [0.1, 0.0, 0.05], quat: [0.8, 0.0, 0.6, 0.0], shape });
-    // Below the trunk there is no closed loop: what a force sensor carries.
+    // The force sensor is at the hip, because the bodies below a force sensor may not be part of a closed loop.
     let shape = Shape::Sphere { radius: 0.01 };
     let hip = scene.site(trunk + 1, Site { name: "hip".into(), body: 0, pos: [0.0; 3], quat: [1.0, 0.0, 0.0, 0.0], shape });
     let frame = |what| SensorKind::Frame { what, object: Object::Site(imu), reference: None };
@@ -108,7 +108,7 @@ fn add_sensors(scene: &mut ModelBuilder, trunk: usize) {
     }
 }
 
-/// Errors of every kind, for every sensor.
+/// Transfer functions with errors of all kinds, one for every sensor.
 pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
     let turned = |s: &Sensor| matches!(s.quantity(), Quantity::Axis | Quantity::Quaternion);
     let transfer = |s: &Sensor| Transfer {
@@ -134,8 +134,10 @@ pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
     model.sensors.iter().map(|s| Some(transfer(s))).collect()
 }
 
-/// Drive trains of every kind: on the first leg motors with a continuous servo on the hip, on the second a sampled one; a lag behind a
-/// delay on the third; the fourth is ideal.
+/// Actuator dynamics of all kinds, one entry for every actuator.
+///
+/// On the first leg, the hip has a motor with a continuous servo, and the knee a motor whose control is a voltage. The second leg has
+/// sampled servos with lag and delay, the third only lag and delay. The fourth leg has no dynamics.
 pub(crate) fn trains(model: &Model) -> Vec<Option<ActuatorSpec>> {
     let servo = |period: Vec<f64>| Servo { kp: vec![20.0], ki: vec![5.0], kd: vec![0.5], integral_limit: vec![2.0], period };
     let motor = |voltage| Motor {
@@ -166,7 +168,7 @@ pub(crate) fn trains(model: &Model) -> Vec<Option<ActuatorSpec>> {
     (0..model.nu()).map(of).collect()
 }
 
-/// A pseudo-random number in [-1, 1], the same on every machine.
+/// Pseudo-random number in [-1, 1] for the seed `seed`, the same on every machine.
 pub(crate) fn noise(seed: u64) -> f64 {
     let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03;
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -174,7 +176,7 @@ pub(crate) fn noise(seed: u64) -> f64 {
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// A start for environment `env`, different in each.
+/// Initial configuration and velocity of environment `env`, different for each environment.
 pub(crate) fn start(model: &Model, env: usize) -> (Vec<f64>, Vec<f64>) {
     let mut q = model.qpos0.clone();
     for (i, x) in q.iter_mut().enumerate() {
@@ -184,12 +186,13 @@ pub(crate) fn start(model: &Model, env: usize) -> (Vec<f64>, Vec<f64>) {
     (q, v)
 }
 
-/// Controls of environment `env` in call `call`.
+/// Controls of environment `env` in the call of `step` with index `call`.
 pub(crate) fn action(model: &Model, env: usize, call: usize) -> Vec<f64> {
     (0..model.nu()).map(|i| noise((env * 7919 + call * 104_729 + i) as u64)).collect()
 }
 
-/// Environments `envs` of the walker as one batch, stepped `calls` times `nstep`; the bits of every environment's state and certificate.
+/// Makes `calls` calls of `step`, of two steps each, with the environments `envs` as one batch. Returns for each environment the bits of
+/// state, certificate and sensor readings.
 pub(crate) fn run(
     model: &Arc<Model>,
     options: Options,
@@ -222,7 +225,7 @@ pub(crate) fn run(
     (0..envs.len()).map(|e| bits(&sim, e).into_iter().chain(read(e)).collect()).collect()
 }
 
-/// Every bit of an environment that a user can read.
+/// Bits of all values of environment `env` that a user can read: state, certificate, time, status and contacts.
 pub(crate) fn bits(sim: &Simulation, env: usize) -> Vec<u64> {
     let model = sim.model();
     let mut all = Vec::new();

@@ -1,4 +1,4 @@
-//! What goes wrong in one environment stays there and is said.
+//! Faults in one environment: they do not change other environments, and a status flag or an error reports them.
 
 use crate::common::{action, bits, start, walker};
 use stepper_core::{Field, Options, Precision, SavedState, Simulation, Status, StepInputs};
@@ -46,7 +46,7 @@ fn a_nan_action_stops_its_environment_and_no_other() {
         }
     }
     assert!((sick.time(3) - 50.0 * 0.004).abs() < 1e-12 && (sick.time(0) - 100.0 * 0.004).abs() < 1e-12);
-    // It goes on as soon as it can.
+    // With finite controls the environment makes steps again.
     let good: Vec<f64> = (0..9).flat_map(|env| action(&model, env, 100)).collect();
     sick.step(&StepInputs { ctrl: &good, ..StepInputs::default() }, 1).unwrap();
     assert!(!sick.status(3).contains(Status::NON_FINITE));
@@ -78,7 +78,7 @@ fn the_state_is_all_that_survives() {
     (0..80).for_each(|call| step(&mut sim, call));
     let saved = sim.save_state();
     (80..120).for_each(|call| step(&mut sim, call));
-    // A fresh simulation has a fresh scratch.
+    // A new simulation has new work buffers.
     let mut again = simulation(5, options);
     again.restore_state(&saved).unwrap();
     (80..120).for_each(|call| step(&mut again, call));

@@ -1,9 +1,9 @@
-//! The same bits for any batch size, place in the batch, number of threads, lane type and CPU level.
+//! Tests that results have the same bits for any batch size, position in the batch, number of threads, lane type and CPU level.
 
 use crate::common::{run, walker};
 use stepper_core::{Integrator, Level, Options, Precision, Solver, Stabilization};
 
-/// Each of two steps of 4 ms: all have fallen, and lie or walk.
+/// Number of calls of `step`, with two steps of 4 ms each. Afterwards all robots have fallen, and lie or move on the floor.
 const CALLS: usize = 100;
 
 fn settings() -> [Options; 7] {
@@ -13,15 +13,15 @@ fn settings() -> [Options; 7] {
         Options { integrator: Some(Integrator::Euler), stabilization: Stabilization::Split, ..base },
         Options { integrator: Some(Integrator::Rk4), ..base },
         Options { integrator: Some(Integrator::Implicit), ..base },
-        // Too long for the motion of many lanes, and for solvers: see `calls_of`.
+        // The time step is too long for the motion and for the solver in many lanes. `calls_of` therefore reduces the number of calls.
         Options { timestep: Some(0.08), ..base },
-        // Most lanes run out of sweeps here, each at its own time.
+        // Most lanes reach this limit on Gauss-Seidel iterations, in different steps.
         Options { iterations: 4, ..base },
         Options { solver: Solver::Newton, ..base },
     ]
 }
 
-/// Calls of a setting: a fifth of the long steps, each of which takes as long as five others.
+/// Number of calls of `step` with the given options. Long steps get a fifth of the calls, because each takes as long as five others.
 fn calls_of(options: &Options) -> usize {
     if options.timestep == Some(0.08) { CALLS / 5 } else { CALLS }
 }
@@ -39,7 +39,7 @@ fn an_environment_alone_in_lanes_and_anywhere_in_a_batch_has_the_same_bits() {
     let best = *Level::available().last().unwrap();
     let differs = |options: Options| {
         let calls = calls_of(&options);
-        // Alone: one lane, with the instructions of the best level.
+        // Each environment alone in a batch: one lane, with the instructions of the best CPU level.
         let alone: Vec<_> = (0..13).map(|env| run(&model, options, &[env], Precision::F64, 1, best, calls).remove(0)).collect();
         let batches: [&[usize]; 4] = [&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], &[12, 3, 3, 0, 7, 9, 1, 5, 2], &[4, 11], &[6]];
         for envs in batches {
@@ -50,7 +50,7 @@ fn an_environment_alone_in_lanes_and_anywhere_in_a_batch_has_the_same_bits() {
         }
         alone.iter().any(|bits| bits.len() != alone[0].len())
     };
-    // Settings share the cores.
+    // One thread for each set of options.
     let differ = std::thread::scope(|scope| {
         let threads = settings().map(|options| scope.spawn(move || differs(options)));
         threads.map(|thread| thread.join().unwrap()).contains(&true)

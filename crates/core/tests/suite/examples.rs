@@ -1,4 +1,4 @@
-//! The examples run as they are printed.
+//! Tests that run the programs of the folder `examples`.
 
 #[path = "../../examples/batch.rs"]
 mod batch;

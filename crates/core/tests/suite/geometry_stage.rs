@@ -1,4 +1,5 @@
-//! The whole of stage 3: every pair that overlaps has its contact, whoever stands beside it and in which order.
+//! Contact detection (stage 3) with many bodies: it finds every overlapping pair, regardless of the other environments in the batch and of
+//! the order of the bodies.
 
 use std::sync::Arc;
 
@@ -9,12 +10,12 @@ use stepper_core::{Field, Level, Options, Precision, Simulation, Solver, Status,
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::pairs::{Cuboid, Segment, capsule_box, segments, sphere_box};
 
-/// So many bodies that their pairs are not listed: 79 would do.
+/// Number of bodies. From 79 bodies on, their pairs are not listed, so that the broad phase must find them.
 const CROWD: usize = 90;
-/// Short enough that nothing moves.
+/// Time step in which the bodies move by a negligible distance, s.
 const INSTANT: f64 = 1e-9;
 
-/// Balls and capsules of very different sizes, one in twenty too large for the crowd, over a thick slab.
+/// Model of balls and capsules above a thick slab, in the order `order`. One in twenty is so large that its pairs are listed.
 fn heap(order: impl Iterator<Item = usize>) -> Arc<Model> {
     let mut scene = Model::builder("heap");
     scene.timestep(INSTANT).gravity([0.0; 3]).geom(WORLD, GeomBuilder::cuboid("slab", SLAB.half).pos(SLAB.centre));
@@ -40,7 +41,7 @@ fn coordinates((pos, mat): &Pose) -> [f64; 7] {
     [pos[0], pos[1], pos[2], w, x, y, z]
 }
 
-/// The quaternion of a rotation (Shepperd's method).
+/// Quaternion (w, x, y, z) of a rotation matrix, by Shepperd's method.
 fn quaternion(m: &M3<f64>) -> [f64; 4] {
     let t = [m[0] + m[4] + m[8], m[0], m[4], m[8]];
     let k = (0..4).max_by(|&a, &b| t[a].total_cmp(&t[b])).unwrap();
@@ -54,7 +55,8 @@ fn quaternion(m: &M3<f64>) -> [f64; 4] {
     q.map(|x| x / n)
 }
 
-/// Body names (0 is the world) and distances of what overlaps, from the simulation: contacts of environment `env`.
+/// Overlaps among the contacts of environment `env` of the simulation: numbers of the two bodies (0 for the world, ascending) and distance,
+/// m.
 fn found(sim: &Simulation, env: usize) -> Vec<([usize; 2], f64)> {
     let model = sim.model();
     let body = |g: usize| model.bodies[model.geoms[g].body].name.parse().map_or(0, |i: usize| i + 1);
@@ -71,7 +73,7 @@ fn sorted(mut all: Vec<([usize; 2], f64)>) -> Vec<([usize; 2], f64)> {
     all
 }
 
-/// The same from every pair in turn.
+/// Overlaps that direct tests of all pairs of bodies find, in the format of [`found`].
 fn expected(poses: &[Pose]) -> Vec<([usize; 2], f64)> {
     let core = |i: usize| {
         let [radius, half_length] = size(i);
@@ -97,7 +99,7 @@ fn expected(poses: &[Pose]) -> Vec<([usize; 2], f64)> {
 
 fn simulate(model: &Arc<Model>, scenes: &[&[[f64; 7]]], precision: Precision) -> Simulation {
     let level = *Level::available().last().unwrap();
-    // The contacts are looked at, not the motion.
+    // The test compares contacts, not the motion, so that one solver iteration suffices.
     let options = Options { timestep: Some(INSTANT), max_contacts: Some(20_000), solver: Solver::Pgs, iterations: 1, ..Options::default() };
     let mut sim = Simulation::at_level(model.clone(), options, Some(scenes.len()), precision, 1, level);
     for (env, scene) in scenes.iter().enumerate() {
@@ -125,19 +127,19 @@ proptest! {
         let together = simulate(&forward, &all, Precision::F64);
         for (env, poses) in scenes.iter().enumerate() {
             let (found, expected) = (found(&together, env), expected(poses));
-            // Quaternions there and rotations here differ by rounding.
+            // The simulation uses quaternions and the direct tests rotation matrices, so that distances differ by rounding.
             prop_assert_eq!(found.len(), expected.len());
             for (f, e) in found.iter().zip(&expected) {
                 prop_assert!(f.0 == e.0 && (f.1 - e.1).abs() < 1e-12, "{f:?} {e:?}");
             }
-            // Alone: the same bits.
+            // A simulation of this environment alone must give the same bits.
             let alone = simulate(&forward, &[all[env]], Precision::F64);
             let bits = |sim: &Simulation, env: usize| -> Vec<u64> {
                 sim.contacts(env).iter().flat_map(|c| c.pos.into_iter().chain(c.normal).chain([c.distance])).map(f64::to_bits).collect()
             };
             prop_assert_eq!(bits(&alone, 0), bits(&together, env));
         }
-        // Bodies in the opposite order: the geoms of every pair swapped.
+        // With the bodies in the opposite order, the geoms of every pair are swapped.
         let backward = heap((0..CROWD).rev());
         let mut reversed = coordinates[0].clone();
         reversed.reverse();
@@ -145,8 +147,9 @@ proptest! {
         let here = found(&together, 0);
         prop_assert_eq!(swapped.len(), here.len());
         for (s, h) in swapped.iter().zip(&here) {
-            // Capsules that are parallel up to an angle of 1e-3 touch twice, at the ends of what they share as measured along the first:
-            // the other way round these are that angle of their distance (less than 1 m) beside, on a slope of that angle.
+            // Capsules whose axes have an angle below 1e-3 rad touch at two points: the ends of their common length, measured along the
+            // first capsule. Swapped geoms move these points by the angle times the distance of the capsules (less than 1 m). This changes
+            // the distance by the shift times the angle.
             let twice = here.iter().filter(|c| c.0 == h.0).count() == 2;
             let rounding = if twice { 1e-6 } else { 1e-12 };
             prop_assert!(s.0 == h.0 && (s.1 - h.1).abs() < rounding, "{s:?} {h:?}");

@@ -1,4 +1,5 @@
-//! One group of environments goes on from what its last call left in registers: the same bits as from its state.
+//! Test of single groups of environments, whose state a worker keeps loaded between calls. Steps from the loaded state must give the same
+//! bits as steps from the saved state.
 
 use std::sync::Arc;
 
@@ -8,7 +9,7 @@ use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, Paramet
 use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{Field, Integrator, Options, Precision, Simulation, Stabilization, StepInputs};
 
-/// What a user may do between two calls of `step`.
+/// Operation on a simulation: a step, a rollout, or an operation that a user may make between two of them.
 #[derive(Clone, Copy, Debug)]
 enum Deed {
     Step { nstep: usize, applied: bool },
@@ -38,7 +39,7 @@ fn deed() -> impl Strategy<Value = Deed> {
     ]
 }
 
-/// A paddle that the user moves, under a ball.
+/// Model of a ball above a mocap body, the paddle.
 fn paddle() -> Arc<Model> {
     let mut scene = Model::builder("paddle");
     let paddle = BodyBuilder::new("paddle").pos([0.0, 0.0, 0.5]).mocap();
@@ -54,7 +55,7 @@ struct Scene {
     options: Options,
     num_envs: usize,
     precision: Precision,
-    /// Whether it has drive trains and sensors that are not ideal.
+    /// Whether the simulation has actuator dynamics and sensors with errors.
     equipped: bool,
 }
 
@@ -72,7 +73,8 @@ impl Scene {
         sim.randomize(&[(Parameter::BodyMass, masses)], &(0..self.num_envs).collect::<Vec<_>>()).unwrap();
     }
 
-    /// Does all `deeds`; before each that steps, another simulation is made, given the state, and does it too.
+    /// Applies all operations `deeds` to a simulation. Before each step or rollout, the function creates a second simulation with the saved
+    /// state of the first. After it, both must have the same state.
     fn act(&self, deeds: &[Deed]) {
         let (model, n) = (&self.model, self.num_envs);
         let mut sim = self.simulation();

@@ -1,4 +1,5 @@
-//! Slices of a wrong length, elements that do not exist, and calls of a builder in any order: errors that name what is wrong, and no panic.
+//! Invalid inputs: slices of a wrong length, elements that do not exist, and builder calls in any order. Each gives an error that names the
+//! fault, and no call panics.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -16,7 +17,7 @@ use stepper_core::{
 
 const NUM_ENVS: usize = 4;
 
-/// An arm with a motor above a floor, a free ball that an equality may hold, a body that the user poses, and a sensor.
+/// Arm with a motor above a floor, a free ball, a mocap body that an inactive equality connects to the ball, and a sensor.
 fn scene() -> Arc<Model> {
     let mut scene = Model::builder("arm");
     scene.geom(WORLD, GeomBuilder::plane("floor"));
@@ -52,14 +53,14 @@ fn a_mask_of_the_wrong_length_moves_nothing() {
     assert_eq!([0, 1, 2, 3].map(|env| sim.time(env) > 0.0), [true, false, false, false]);
 }
 
-/// A call with a slice of so many numbers.
+/// Call of a simulation that takes a slice of numbers.
 type Call = fn(&mut Simulation, &[f64]) -> Result<(), Error>;
 
 fn step(sim: &mut Simulation, inputs: StepInputs<'_>) -> Result<(), Error> {
     sim.step(&inputs, 1)
 }
 
-/// Every call with a slice of numbers, and the lengths that it takes.
+/// All calls that take a slice of numbers: name, function, and valid lengths of the slice.
 fn calls() -> Vec<(&'static str, Call, Vec<usize>)> {
     let n = NUM_ENVS;
     let (nq, nv, nu, nbody) = (8, 7, 1, 4);
@@ -138,7 +139,7 @@ fn calls() -> Vec<(&'static str, Call, Vec<usize>)> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Every slice of a wrong length is an error that names both lengths, and changes nothing.
+    /// Slices of a wrong length give an error that names both lengths, and the state does not change.
     #[test]
     fn slices_of_a_wrong_length_are_refused(lengths in prop::collection::vec(0usize..130, 8)) {
         let mut sim = simulation();
@@ -158,7 +159,8 @@ proptest! {
         }
     }
 
-    /// Calls of a builder in any order make a model or an error; lookups in it find what was added, and nothing panics.
+    /// Calls of a model builder in any order give a model or an error. Lookups by name in the model find the added elements, and no call
+    /// panics.
     #[test]
     fn builders_and_lookups_do_not_panic(calls in prop::collection::vec((0u8..12, 0usize..6, 0usize..6), 0..24)) {
         let built = catch_unwind(|| build(&calls));
@@ -183,7 +185,7 @@ proptest! {
     }
 }
 
-/// A mesh without faces is its convex hull, so that the hull is not larger than the mesh.
+/// Tests that a mesh without faces counts as its convex hull, so that it is not reported as a mesh with a larger hull.
 #[test]
 fn a_mesh_without_faces_has_no_wide_hull() {
     let corners: Vec<[f64; 3]> = (0..8).map(|k| [0, 1, 2].map(|axis| f64::from(k >> axis & 1))).collect();
@@ -193,7 +195,8 @@ fn a_mesh_without_faces_has_no_wide_hull() {
     assert!(scene.finish().unwrap().wide_hulls().is_empty());
 }
 
-/// Calls of a builder: what is added, and two numbers that say where and by which name.
+/// Builds a model from calls of a builder. Each call has the kind of element to add, and two numbers that select its parent and the names
+/// of other elements.
 fn build(calls: &[(u8, usize, usize)]) -> Result<Model, ModelError> {
     let mut scene = Model::builder("any");
     let mut expected: Vec<(&str, usize, String)> = vec![];
@@ -309,7 +312,8 @@ fn an_equality_is_switched_per_environment() {
     sim.apply(AppliedInput::EqActive, &[0.0, 1.0, 0.0, 1.0]).unwrap();
     sim.step(&StepInputs::default(), 500).unwrap();
     let height = |env: usize| sim.qpos(env)[3];
-    // Half a metre below the hand, which pulls it up at no more than 1 m/s while the others fall to the floor.
+    // The ball begins 0.5 m below the mocap body. An active equality pulls it up at no more than 1 m/s; without it the ball falls to the
+    // floor.
     assert!(height(0) < 0.11 && height(1) > 0.9, "{} {}", height(0), height(1));
     assert_eq!(sim.qpos(0), sim.qpos(2));
     assert_eq!(sim.max_equality_violation(0), 0.0);

@@ -1,5 +1,5 @@
-//! The tests of this crate in one binary: the generic code that they call is compiled once for all of them. `cargo test --test suite NAME`
-//! runs those of a module. What counts allocations has a binary of its own.
+//! Tests of this crate in one binary, so that the generic code that they call is compiled only once. `cargo test --test suite NAME` runs
+//! the tests of one module. Tests that count allocations are in a separate binary.
 
 mod common;
 mod containment;

@@ -1,4 +1,4 @@
-//! nalgebra's types of what a simulation says, with the feature `nalgebra`.
+//! Vectors, matrices and poses of a simulation in nalgebra's types, with the feature `nalgebra`.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
 use stepper_core::{Field, Model, Options, Precision, Simulation, StepInputs};
 
-/// A box on a slope of 0.1 rad.
+/// Simulation of two environments with a box on a slope of 0.1 rad.
 fn slope() -> Simulation {
     let mut scene = Model::builder("slope");
     let (sine, cosine) = 0.05_f64.sin_cos();
@@ -67,7 +67,7 @@ fn builders_take_nalgebras_types_in_nalgebras_order() {
     let quat = [turn.w, turn.i, turn.j, turn.k];
     assert_eq!((model.bodies[1].pos, model.bodies[1].quat, model.geoms[0].quat), ([0.0, 0.0, 0.05], quat, quat));
     assert_eq!((model.gravity, model.geoms[1].pos, model.joints[1].axis), ([0.0, 0.0, -1.62], [0.0, 0.0, 0.01], [0.0, 1.0, 0.0]));
-    // A pose that was read is a pose to give.
+    // The simulation returns the orientation that was given to the builder.
     let sim = Simulation::single(model).unwrap();
     assert!((sim.body_poses_of(0, &StepInputs::default()).unwrap()[1].isometry().rotation.angle_to(&turn)) < 1e-12);
 }

@@ -1,4 +1,4 @@
-//! Parameters per environment: which numbers of a compiled model they are, and the same bits from every kind of lane.
+//! Tests of per-environment parameters: the parameters that a compiled model has, and the same bits in all lane types.
 
 use std::sync::Arc;
 
@@ -7,17 +7,18 @@ use stepper_core::internals::compile::{CompiledModel, Params};
 use stepper_core::model::{Model, Parameter};
 use stepper_core::{Field, Level, Options, Precision, Simulation, StepInputs};
 
-/// The numbers of a field, each times a factor of its own from 0.9 to 1.1; those of one joint times the same one.
+/// Values of the model field `name`, each multiplied by a random factor from 0.9 to 1.1. All degrees of freedom of a joint have the same
+/// factor. `seed` selects the factors.
 fn varied(model: &Model, name: &str, seed: u64) -> Vec<f64> {
     let values = model.field(name).unwrap().1;
     let owner = |k: usize| values[..k].iter().rposition(|x| *x != values[k]).unwrap_or(0) as u64;
     let seed = |k: usize| 1000 * seed + if name.starts_with("dof_") { owner(k) } else { k as u64 };
-    // Principal moments of rods are at the edge of what masses can have, so all three are varied alike.
+    // The principal moments of a rod are at the limit of the triangle inequality, so that all three get the same factor.
     let row = |k: usize| if name == "body_inertia" { k / 3 } else { k };
     values.iter().enumerate().map(|(k, x)| x * (1.0 + 0.1 * noise(seed(row(k))))).collect()
 }
 
-/// What is left of a compiled model without its parameters. Solids are made to size when they collide.
+/// Text of a compiled model without its parameters. It leaves out the collision shapes, whose sizes are set when the geoms collide.
 fn structure(compiled: &CompiledModel<f64>) -> String {
     let mut structure = compiled.structure.clone();
     structure.geoms.iter_mut().for_each(|g| g.solid = None);

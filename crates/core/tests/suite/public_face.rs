@@ -1,4 +1,4 @@
-//! What a user of the crate relies on: defaults that follow the model, errors that can be matched, readings with their units.
+//! Public behaviour of the crate: defaults that follow the model, errors that can be matched, and readings with their units.
 
 use std::fmt::Debug;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,7 +18,7 @@ use stepper_core::{
 
 const RADIUS: f64 = 0.1;
 
-/// A ball that lies on a floor, with a time step of its own; and a body that the user moves.
+/// Model with the time step `timestep`, s: a ball that lies on a floor, and a mocap body.
 fn ball(timestep: f64) -> Arc<Model> {
     let mut scene = Model::builder("ball");
     scene.timestep(timestep).geom(WORLD, GeomBuilder::plane("floor"));
@@ -72,7 +72,7 @@ fn a_state_of_another_model_is_refused_and_named() {
 
 #[test]
 fn a_finished_model_is_edited_through_its_description_alone() {
-    // That its fields cannot be assigned to is a doctest of `Model`, which must not compile.
+    // A doctest of `Model`, which must not compile, tests that its fields cannot be assigned.
     let mut description = Arc::unwrap_or_clone(ball(0.002)).into_description();
     description.timestep = 0.004;
     let model = description.finish(true).unwrap();
@@ -115,12 +115,12 @@ fn a_status_says_its_flags() {
     assert_eq!((sim.status(0), sim.status(1)), (Status::OK, Status::DEEP));
 }
 
-/// Keyframe of a body with that many coordinates.
+/// Keyframe with `nq` configuration coordinates, all equal to 1.
 fn keyframe(name: &str, nq: usize) -> Keyframe {
     Keyframe { name: name.into(), time: 1.0, qpos: vec![1.0; nq], qvel: vec![1.0; nq.min(6)], act: vec![], ctrl: vec![] }
 }
 
-/// What a call panics with, in words.
+/// Message of the panic of a call.
 fn panic_of<T>(call: impl FnOnce() -> T) -> String {
     let payload = catch_unwind(AssertUnwindSafe(call)).err().expect("it panics");
     payload.downcast_ref::<String>().cloned().unwrap_or_default()
@@ -128,7 +128,7 @@ fn panic_of<T>(call: impl FnOnce() -> T) -> String {
 
 #[test]
 fn an_environment_that_does_not_exist_is_named() {
-    // The lanes of a group reach to eight; those beyond the third are no environments.
+    // A group has up to eight lanes. Those beyond the third lane have no environment.
     let model = ball(0.002);
     let mut sim = simulation(model.clone(), Options::default(), 3);
     let expected = "env is 3, must be below 3";
@@ -303,7 +303,7 @@ fn a_single_simulation_is_one_environment_with_default_options() {
         sim.step(&StepInputs::default(), 300).unwrap();
     }
     assert_eq!(single.save_state(), same.save_state());
-    // A model that is not shared is taken too.
+    // `Simulation::single` also accepts a model that is not in an `Arc`.
     assert_eq!(Simulation::single(Arc::unwrap_or_clone(model)).unwrap().qpos(0)[2], RADIUS);
 }
 
@@ -373,11 +373,11 @@ fn builders_return_the_indices_that_names_find() {
         assert_eq!(model.keyframe(keyframe.0).unwrap(), keyframe.1);
     }
     assert_eq!([model.site("upper").unwrap(), model.site("lower").unwrap()], sites[..]);
-    // Pairs of a builder have no names: the index is told by the geoms.
+    // Contact pairs of a builder have no names, so that the test identifies each pair by its geoms.
     for (pair, geom) in pairs.into_iter().zip(["upper bone", "lower bone"]) {
         let both = model.pairs[pair].geoms;
         assert!(both.contains(&model.geom(geom).unwrap()) && both.contains(&model.geom("floor").unwrap()));
     }
-    // Geoms of the world come first, whenever they were added; names find them.
+    // Geoms of the world come first in the model, regardless of the order in which they were added. Lookups by name return these indices.
     assert_eq!(["floor", "upper bone", "lower bone"].map(|geom| model.geom(geom).unwrap()), [0, 1, 2]);
 }

@@ -1,4 +1,4 @@
-//! What a step leaves behind in its scratch is not read by the next one.
+//! Test that no step reads values that an earlier step left in the work buffers.
 
 use crate::common::{action, start, walker};
 use stepper_core::{Field, Integrator, Options, Precision, Simulation, Stabilization, Status, StepInputs};

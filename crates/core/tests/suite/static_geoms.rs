@@ -1,4 +1,5 @@
-//! Broad phase of geoms that are fixed to the world: the tree of boxes leaves out no contact that the bounding balls find.
+//! Broad phase of geoms that are fixed to the world. The tree of bounding boxes must find the same contacts as the search that uses
+//! bounding balls.
 
 use std::sync::Arc;
 
@@ -27,15 +28,17 @@ fn geom(shape: &ConvexShape) -> GeomBuilder {
     }
 }
 
-/// Places, velocities and shapes of bodies.
+/// Position, linear velocity, angular velocity and shape of a body.
 type Body = (V3<f64>, V3<f64>, V3<f64>, ConvexShape);
 
-/// Identities and distances of the contacts of stage 3. Bodies that the user poses have no box in the tree.
+/// Identities and distances of the contacts that stage 3 detects between the geoms `ground` and the bodies. If `posed` is true, each ground
+/// geom is on a mocap body, so that the tree of bounding boxes does not contain it. `margin` is the contact margin of the ground geoms.
 fn contacts(ground: &[(V3<f64>, ConvexShape)], bodies: &[Body], posed: bool, margin: f64) -> Vec<(u64, f64)> {
     let mut scene = Model::builder("ground");
     scene.timestep(STEP).gravity([0.0; 3]);
     for (k, (pos, shape)) in ground.iter().enumerate() {
-        // Elastic contacts stay, where others of the same two bodies make them redundant. Posed geoms have a body each.
+        // Detection keeps elastic contacts even if they are redundant with others of the same two bodies. Each mocap geom has a separate
+        // body.
         let geom = geom(shape).condim(1).margin(margin).restitution(0.5);
         if posed {
             scene.body(WORLD, BodyBuilder::new(&format!("ground {k}")).pos(*pos).mocap().geom(geom));
@@ -44,7 +47,7 @@ fn contacts(ground: &[(V3<f64>, ConvexShape)], bodies: &[Body], posed: bool, mar
         }
     }
     for (k, (.., shape)) in bodies.iter().enumerate() {
-        // Bodies do not touch one another.
+        // The bodies do not collide with each other.
         let body = BodyBuilder::new(&format!("{k}")).joint(JointBuilder::free("")).geom(geom(shape).condim(1).masks(1, 0));
         scene.body(WORLD, body.inertial(1.0, [0.0; 3], [0.1; 3]));
     }

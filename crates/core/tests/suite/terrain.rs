@@ -1,4 +1,4 @@
-//! Stage 3 over height fields: what it leaves out before looking at triangles is nothing that it would have taken up.
+//! Contact detection (stage 3) with height fields. It may skip a pair before it tests triangles only if the pair has no contact.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use stepper_geometry::{ConvexShape, Grid, Manifold, Pose, Surface, Workspace, co
 const STEP: f64 = 0.01;
 const POINTS: usize = 9;
 
-/// The geom of a shape, and the radius of a ball that holds it.
+/// Geom of a shape, and radius of a ball about its origin that contains the shape, m.
 fn geom(shape: &ConvexShape) -> (GeomBuilder, f64) {
     match *shape {
         ConvexShape::Sphere { radius } => (GeomBuilder::sphere("", radius), radius),
@@ -30,13 +30,13 @@ fn geom(shape: &ConvexShape) -> (GeomBuilder, f64) {
     }
 }
 
-/// Heights over a square of 2 m: level, gently and steeply rough.
+/// Heights over a square of 2 m, m: level, slightly rough or very rough.
 fn elevation() -> impl Strategy<Value = Vec<f64>> {
     let heights = || prop::collection::vec(0.0..1.0f64, POINTS * POINTS);
     (prop_oneof![Just(0.0), Just(0.02), Just(0.3)], heights()).prop_map(|(most, z)| z.into_iter().map(|z| most * z).collect())
 }
 
-/// Any rotation: where faces are parallel, rounding decides what is over an edge.
+/// Random rotation, so that no faces are parallel. With parallel faces, rounding would decide which contacts exist.
 fn turn() -> impl Strategy<Value = M3<f64>> {
     (unit(), -3.0..3.0f64).prop_map(|(axis, angle)| axis_rotation(axis, angle.sin(), angle.cos()))
 }
@@ -46,8 +46,10 @@ fn quaternion(m: &M3<f64>) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-/// Stage 3 alone, because a step does not list contacts whose surfaces pass each other: whether the contacts are unreliable `time_before`
-/// seconds after the beginning of the step, and the contacts.
+/// Result of contact detection (stage 3) at the state of `sim`: whether the contacts are unreliable `time_before` seconds after the
+/// beginning of the step, and the contacts.
+///
+/// The function calls stage 3 directly, because a step does not list contacts whose surfaces pass each other.
 fn detected(sim: &Simulation, time_before: f64) -> (bool, Contacts<f64>) {
     let (compiled, mut contacts) = (sim.compiled(), Contacts::<f64>::new(64));
     let (mut qpos, mut qvel) = (vec![0.0; compiled.nq], vec![0.0; compiled.nv]);
@@ -61,7 +63,7 @@ fn detected(sim: &Simulation, time_before: f64) -> (bool, Contacts<f64>) {
     (unreliable, contacts)
 }
 
-/// A ball with a radius of 2 cm moves by up to 3 cm in the first half of a step.
+/// Tests a ball with a radius of 2 cm that moves by up to 3 cm in the first half of a step.
 #[test]
 fn contacts_of_a_fast_ball_are_unreliable_where_it_overlaps_hits_or_may_have_passed_a_field() {
     const RADIUS: f64 = 0.02;
@@ -105,7 +107,7 @@ proptest! {
     ) {
         let (geom, bound) = geom(&shape);
         let (origin, tilt) = field;
-        // In the frame of the field, the lowest point within reach of the heights.
+        // Height of the shape's lowest point, relative to its origin, in the frame of the height field.
         let turned = rotate(&mat, shape.support(rotate_back(&mat, [0.0, 0.0, -1.0])));
         let low = turned[2] - shape.radius();
         let near = elevation[0] + at.2 - low;
@@ -116,7 +118,7 @@ proptest! {
         let asset = HeightField { name: "rough".into(), shape: [POINTS; 2], half: [1.0; 2], elevation: elevation.clone(), base: 0.5 };
         scene.height_field(asset);
         scene.geom(WORLD, GeomBuilder::height_field("rough", "rough").pos(origin).quat(quaternion(&tilt)).margin(margin));
-        // Equal moments: turning changes no velocity.
+        // With equal principal moments of inertia, rotation does not change the angular velocity.
         let body = BodyBuilder::new("body").joint(JointBuilder::free("")).geom(geom.condim(1)).inertial(1.0, [0.0; 3], [0.1; 3]);
         scene.body(WORLD, body);
         let options = Options { timestep: Some(STEP), integrator: Some(Integrator::Euler), solver: Solver::Pgs, iterations: 1, ..Options::default() };
@@ -128,7 +130,7 @@ proptest! {
         sim.set(Field::Qvel, 0, &[v[0], v[1], v[2], local[0], local[1], local[2]]).unwrap();
         let (_, contacts) = detected(&sim, 0.0);
 
-        // The whole search, with all that any point of the shape could reach.
+        // Reference: direct test of all triangles, up to the distance that any point of the shape can move in two steps.
         let grid = Surface::Grid(Grid::new([POINTS; 2], [1.0; 2], elevation, 0.5));
         let slack = 1e-6;
         let prediction = margin + (norm(v) + norm(w) * bound) * 2.0 * STEP + slack;
@@ -140,8 +142,9 @@ proptest! {
         let least = |x: &mut dyn Iterator<Item = f64>| x.reduce(f64::min);
         let expected = least(&mut found.points.iter().zip(&room).filter(|x| *x.1 > 0.0).map(|x| x.0.distance - margin));
         let seen = least(&mut contacts.data[..contacts.count[0]].iter().map(|slot| slot.point.distance));
-        // The pair is left out as a whole or not at all. Quaternions there and rotations here differ by rounding, of which the lowest point
-        // of a rim turns by the square root: 1e-8, and more of what it is deep.
+        // Detection skips the pair completely or not at all. The simulation uses quaternions and the reference rotation matrices, which
+        // differ by rounding. The lowest point of a rim rotates by the square root of the rounding error, 1e-8 rad, so that the distances
+        // also differ.
         prop_assert_eq!(seen.is_some(), expected.is_some(), "{:?} {:?}", seen, expected);
         prop_assert!((seen.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-6, "{seen:?} {expected:?}");
     }

@@ -328,8 +328,8 @@ pub struct StepSettings {
 impl StepSettings {
     /// Ratio of the default tolerance of double precision to the tolerance in force, at least 1.
     ///
-    /// The tolerances of predictions and corrections in `tuning` apply at the default tolerance. They are divided by this factor, and their
-    /// iteration limits multiplied by it.
+    /// The module `tuning` has tolerances and iteration limits of predictions and corrections, which hold at the default tolerance. A step
+    /// divides these tolerances by the ratio, and multiplies these iteration limits by it.
     pub(crate) fn refinement(&self) -> f64 {
         (Precision::F64.tolerance() / self.tolerance).max(1.0)
     }

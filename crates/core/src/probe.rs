@@ -69,7 +69,8 @@ reported! {
         SolveImpacts = "solve again at impacts",
         /// Computation of velocities from impulses.
         IntegrateVelocity = "integrate velocity",
-        /// Guards for steps that are too long for the motion, or whose impulses leave the kinetic energy ambiguous.
+        /// Checks of the kinetic energy after steps that are too long for the motion, or whose impulses do not determine the kinetic
+        /// energy.
         GuardEnergy = "guard energy",
         /// Check for geoms that may have passed through others.
         Tunnelling = "tunnelling",
@@ -106,7 +107,7 @@ reported! {
         Contacts = "contacts",
         /// Number of contact slots in use. A slot holds up to one contact of every lane, so that the lanes process these contacts together.
         ContactSlots = "contact slots",
-        /// Number of rows of limits, dry friction, equalities and tendons, shared by all lanes.
+        /// Number of constraint rows of limits, dry friction, equalities and tendons. All lanes have the same rows.
         ScalarRows = "scalar rows",
         /// Number of Gauss-Seidel iterations (sweeps) of the solver.
         Sweeps = "sweeps",

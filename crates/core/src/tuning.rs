@@ -46,20 +46,20 @@ pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-3;
 /// precision; the bound in single precision is larger.
 pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 
-/// Smallest limit on Newton iterations (`Options::iterations`) at which lanes are solved a second time, without curvature terms, if the
-/// first solve fails.
+/// Smallest value of `Options::iterations` at which lanes whose solve fails are solved a second time, without the terms of surface
+/// curvature.
 ///
 /// With a smaller limit, lanes are unsolved because they lack iterations, and their residual is that of the complete problem. The default
 /// limit is 50.
 pub(crate) const MIN_NEWTON_STEPS_FOR_RETRY: u32 = 50;
 
-/// Time by which contact detection looks ahead when finite differences compute a derivative, s. Contacts whose gap opens in a displaced
-/// state are then still found. In this time, gravity alone closes gaps ten times as large as a displacement.
+/// Time by which contact detection looks ahead when finite differences compute a derivative, s. Contacts that open in a displaced state are
+/// then still found. In this time, gravity alone closes gaps that are ten times as large as the displacement of the finite difference.
 pub(crate) const LOOK_AHEAD: f64 = 1e-3;
 
 // Servos whose force is at a bound.
 
-/// Largest number of repeated solves in a step because the active bound of a servo (force limit or torque-speed curve) changed.
+/// Largest number of times that a step is solved again because a servo reaches or leaves a bound (force limit or torque-speed curve).
 pub(crate) const SATURATION_PASSES: usize = 4;
 
 // Contacts that approach each other within the step.
@@ -68,11 +68,12 @@ pub(crate) const SATURATION_PASSES: usize = 4;
 /// by at most one tolerance.
 pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
 
-/// Cosine of the angle between the normals of two contacts of a pair above which both contacts count as coplanar. 0.9999 is 0.8 degrees.
+/// Cosine above which two contacts of a pair of geoms count as coplanar. It is the cosine of the angle between their normals; 0.9999
+/// corresponds to 0.8 degrees.
 pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 
-/// Difference between the times at which two pairs first touch, as a fraction of the duration of the motion, below which both touches count
-/// as simultaneous.
+/// Largest difference between the times at which two pairs of geoms first touch for which both touches count as simultaneous. It is a
+/// fraction of the duration of the motion.
 pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
 /// Ratio of a gap to the tunnelling distance of its pair above which a very fast body may close the whole gap within one step. The
@@ -90,11 +91,12 @@ pub(crate) const ORDERED_PASSES: usize = 6;
 /// find the collisions that remain.
 pub(crate) const MAX_PREDICTIONS: usize = 3;
 
-/// Smallest true overlap that counts as a collision in a predicted motion, as a fraction of the linearised overlap. Predicted impulses are
-/// not converged; for fast approaches, the overlap by their error is below a tenth of the linearised one.
+/// Smallest overlap that counts as a collision in the motion with predicted impulses, as a fraction of the overlap in the linearised
+/// motion. Predicted impulses have an error, which is below a tenth of a fast approach.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
 
-/// Overlap up to which a predicted collision is doubtful, as a multiple of (residual of the prediction) x (duration of the path).
+/// Factor in the largest overlap at which a predicted collision counts as doubtful. This overlap is the factor times the residual of the
+/// prediction, m/s, times the duration of the motion, s.
 ///
 /// Evidence: of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a
 /// quadruped takes 2 % longer on boxes and 6 % on a height field, with 10 up to 15 %.
@@ -106,12 +108,12 @@ pub(crate) const PREDICTED_ERROR_RATIO: f64 = 2.0;
 /// forces at the impact.
 pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 
-/// Ratio of a velocity change to the change by smooth forces above which the velocity change counts as an impact. At smaller ratios, smooth
-/// motion causes the error of the integration rule.
+/// Ratio of a velocity change to the change by smooth forces above which the velocity change counts as an impact. Smaller velocity changes
+/// can be errors of the integration rule in smooth motion.
 pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 
-/// Largest velocity change by an impact, times the time step, for which the step is solved again, rad. After larger changes another
-/// solution would not be better.
+/// Largest rotation in a step at the velocity change by an impact for which the step is solved again, rad. After larger changes, another
+/// solution would not be more accurate.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
 /// Rotation in a step at the velocity change by predicted impulses, rad. The predicted velocity ignores a change that causes a larger
@@ -137,12 +139,13 @@ pub(crate) const MAX_REBOUND_SPEED_RATIO: f64 = 2.0;
 /// factor of the time step.
 pub(crate) const IMPACT_PASSES: usize = 3;
 
-/// Largest number of times that the evaluation point of a step is moved to the time of its first impact. Newton's method needs several,
-/// because bodies that pass each other obliquely approach on a curve.
+/// Largest number of times that a step moves its evaluation point to the time of its first impact. The evaluation point is the time within
+/// the step at which forces and contacts are evaluated. Newton's method needs several moves, because bodies that pass each other obliquely
+/// approach on a curve.
 pub(crate) const MAX_PLACEMENTS: usize = 4;
 
-/// Time between the evaluation point of a step and an impact up to which the evaluation point does not move to the impact. It is a fraction
-/// of the step.
+/// Largest time between an impact and the evaluation point for which the evaluation point stays, as a fraction of the step. The evaluation
+/// point is the time within the step at which forces and contacts are evaluated.
 pub(crate) const PLACEMENT_TOLERANCE: f64 = 1e-3;
 
 /// Time after the end of the step until which an impact still belongs to it, as a fraction of the step.
@@ -150,20 +153,23 @@ pub(crate) const END_TOLERANCE: f64 = 1e-6;
 
 // Steps in which the motion is too fast for the time step.
 
-/// Joint rotation per step above which the step checks whether the corrector of inertial forces has converged, rad.
+/// Joint rotation per step above which the step checks whether the corrector has converged, rad. The corrector computes inertial forces a
+/// second time, at the predicted velocity.
 pub(crate) const FAST_ROTATION: f64 = 0.5;
 
 /// Largest joint rotation per step to which the velocity is scaled down after a motion that was too fast for the time step, rad.
 pub(crate) const MAX_ROTATION: f64 = 1.0;
 
-/// Change of the velocity by the corrector of inertial forces, as a fraction of the velocity, above which the corrector has not converged.
+/// Relative change of the velocity above which the corrector has not converged. The corrector computes inertial forces a second time, at
+/// the predicted velocity.
 pub(crate) const MAX_RELATIVE_CHANGE: f64 = 0.25;
 
 /// Joint rotation per step below which no energy balance of the step is computed, rad. Evidence: chains that gain energy rotate by 0.07 and
 /// more.
 pub(crate) const BALANCE_ROTATION: f64 = 0.05;
 
-/// Change of the velocity by the corrector of inertial forces, as a fraction of the velocity, above which the energy balance is computed.
+/// Relative change of the velocity by the corrector above which the step computes its energy balance. The corrector computes inertial
+/// forces a second time, at the predicted velocity.
 ///
 /// Evidence: robots under random control exceed it in less than 1 % of their steps. Chains of 5 to 40 links exceed it in the steps in which
 /// they gain most energy.
@@ -177,11 +183,11 @@ pub(crate) const MAX_GROWTH_RATE: f64 = 10.0;
 /// Upper bound of the relative growth of the kinetic energy by the error of one step; see [`MAX_GROWTH_RATE`].
 pub(crate) const MAX_GROWTH: f64 = 0.1;
 
-/// Change of the velocity by constraints, as a fraction of the largest velocity, above which the step counts as an impact. The allowed
-/// growth of the kinetic energy is then doubled.
+/// Change of the velocity by constraint impulses, as a fraction of the largest velocity, above which the step counts as an impact. The
+/// limit on the growth of the kinetic energy is then twice as large.
 ///
-/// Impulses act at one configuration of the step, so that the computed energy changes with either sign. Evidence: up to 15 / s at a time
-/// step of 10 ms.
+/// Impulses act at one configuration of the step, so that the computed kinetic energy may grow or decrease. Evidence: growth rates are up
+/// to 15 / s at a time step of 10 ms.
 pub(crate) const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
 
 /// Joint rotation per step by constraint impulses above which the step counts as unresolved, rad.
@@ -230,8 +236,8 @@ pub(crate) const MAX_SPEED_RATIO: f64 = 5.0;
 /// invalid for larger rotations.
 pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 
-/// Largest velocity change that Baumgarte's correction may cause, as a multiple of the bounds of a position correction: 20 m/s or 200 rad/s
-/// by default.
+/// Largest velocity change that Baumgarte's correction may cause, as a multiple of the largest speeds of a position correction. By default
+/// the limits are 20 m/s and 200 rad/s.
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
 /// Part of a target velocity that the impulses of the position correction do not reach, m/s. Above this value, stage 8 tries to prove that
@@ -303,8 +309,8 @@ pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
 /// the contacts share the load.
 pub(crate) const SLIP_SPEED: f64 = 1e-6;
 
-/// Length of a row of unit length, after the other rows are eliminated from it, below which the row counts as dependent. The values are for
-/// double and for single precision.
+/// Length below which a row counts as linearly dependent on other rows. It is the length after these rows are eliminated from the row,
+/// whose length was 1. The two values are for double and for single precision.
 pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 
 /// Smallest change of a contact's normal impulse for which redundant supports redistribute their load, relative to the largest normal
@@ -314,7 +320,8 @@ pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 /// Largest number of contacts in a cluster of redundant supports that share their loads. The work grows with the cube of the number.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 
-/// Largest number of contacts in an environment at which Newton's method solves a newly loaded contact group.
+/// Largest number of contacts in an environment for which Newton's method solves a contact group (contacts between the same two bodies)
+/// that has just become loaded.
 ///
 /// Evidence: in a heap of ten boxes with 45 contacts it would take half of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;

@@ -53,12 +53,12 @@ pub enum DerivedQuantity {
     BodyContactForce,
     /// Centres of mass of the bodies in the world frame, m: (nbody, 3).
     BodyCom,
-    /// Inertias of the bodies about the centre of mass of their tree, in world axes: (nbody, 10); zeros for the world.
+    /// Inertias of the bodies about the centre of mass of their kinematic tree, in world axes: (nbody, 10); zeros for the world.
     ///
     /// Six numbers are xx, yy, zz, xy, xz, yz in kg m^2. Three are the mass times the position of the body's centre of mass in kg m. The
     /// last is the mass in kg.
     BodyInertia,
-    /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their tree, in world axes: (nbody, 6).
+    /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their kinematic tree, in world axes: (nbody, 6).
     BodyMotion,
     /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6). The torques are about the centre
     /// of mass of the body's tree.
@@ -136,7 +136,7 @@ impl DerivedQuantity {
 pub(crate) struct Derivation<R: Real> {
     /// Orientation of every frame, a quaternion (w, x, y, z).
     orientation: Vec<[R; 4]>,
-    /// Spatial velocity of every link at the reference point of its tree.
+    /// Spatial velocity of every link at the reference point of its kinematic tree.
     velocity: Vec<V6<R>>,
     /// Mass of every body with its descendants, kg.
     mass: Vec<R>,
@@ -366,7 +366,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Computes velocities of the bodies at the centres of mass of their trees into `values`.
+    /// Computes velocities of the bodies at the centres of mass of their kinematic trees into `values`.
     fn motions(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
         self.find_velocities(compiled, kinematics, v);
         self.values.resize(6 * compiled.bodies.len(), R::zero());
@@ -382,7 +382,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    /// Computes the inertias of the bodies about the centres of mass of their trees into `values`, as MuJoCo's `cinert`.
+    /// Computes the inertias of the bodies about the centres of mass of their kinematic trees into `values`, as MuJoCo's `cinert`.
     fn inertias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         let n = compiled.bodies.len();
         self.values.resize(10 * n, R::zero());

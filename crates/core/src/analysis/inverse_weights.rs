@@ -10,9 +10,9 @@ use crate::stages::s02_smooth::Smooth;
 
 /// Computes the inverse weights of a model, as MuJoCo's compiler does (`mj_setConst`), 1/kg or 1/(kg m^2).
 ///
-/// M is the mass matrix. For a body, the inverse weight is the mean diagonal of J M^-1 J^T, with the Jacobian J of its centre of mass. For
-/// a degree of freedom it is the diagonal of M^-1, averaged over the translations or the rotations of its joint. For a tendon it is J M^-1
-/// J^T, with the Jacobian J of its length.
+/// M is the mass matrix. For a body, the inverse weight is the mean of the diagonal entries of J M^-1 J^T, with the Jacobian J of its
+/// centre of mass. For a degree of freedom it is the diagonal entry of M^-1, averaged over the translations or the rotations of its joint.
+/// For a tendon it is J M^-1 J^T, with the Jacobian J of its length.
 pub fn inverse_weights(model: &Model) -> InverseWeights {
     let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
     let mut kinematics = Kinematics::new(&compiled);

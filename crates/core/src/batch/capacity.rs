@@ -19,7 +19,7 @@ pub(super) fn bytes_per_env<S: LaneScalar>(compiled: &CompiledModel<S>, max_cont
     group.bytes().div_ceil(S::SAVED)
 }
 
-/// Memory of an environment in addition to its state, bytes: indices, and the overhead of lists.
+/// Memory of an environment in addition to its state, bytes: indices, and the bookkeeping of lists.
 const BESIDES: usize = 64;
 
 /// Checks that there is enough memory for `num_envs` environments of `bytes_per_env` bytes each.

@@ -24,7 +24,8 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
     )
 }
 
-/// Stores the present poses of the mocap bodies in the group: the ends of their trajectories, if the call has made all its steps.
+/// Stores the poses of the mocap bodies at the end of the call in the group. If the call stopped early, these are the poses that the mocap
+/// bodies have reached.
 pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     if s.inputs.mocap_trajectories.is_empty() {
         return;

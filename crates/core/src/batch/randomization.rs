@@ -15,7 +15,7 @@ use crate::model::{Model, ModelError, Variants};
 /// Parameters of one environment that differ from the compiled model's: index in [`Params`] and value.
 pub type Differences = Vec<(u32, f64)>;
 
-/// Per-environment fields of the model that the user set, by name. Each array is (num_envs, numbers of the field).
+/// Per-environment fields of the model that the user set, by name. Each array has one row per environment, with all values of the field.
 #[derive(Clone, Debug, Default)]
 pub struct Randomization {
     fields: BTreeMap<&'static str, Vec<f64>>,
@@ -26,7 +26,7 @@ pub struct Randomization {
 pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
 
 impl Randomization {
-    /// Names and values of the per-environment fields, (num_envs, numbers of the field) each.
+    /// Names and values of the per-environment fields. Each array has one row per environment, with all values of the field.
     pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
         self.fields.iter().map(|(&name, values)| (name, &values[..]))
     }
@@ -41,7 +41,7 @@ impl Randomization {
         self.fields.values().map(|values| size_of_val(&values[..])).sum()
     }
 
-    /// Whether no per-environment field remains after the assignments `assigned` to some environments. `all` is true if these are all
+    /// Whether no field has per-environment values after the assignments `assigned`. `all` is true if the assignments are for all
     /// environments.
     pub fn leaves_no_fields(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
         let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);

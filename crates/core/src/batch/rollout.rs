@@ -150,7 +150,8 @@ impl<S: Scalar> RecordingChunk<'_, S> {
     /// Restores the status flags and residuals that [`Share::write`] stored for control number `call`. Copies the flags to `status`, and
     /// returns the residuals.
     ///
-    /// [`RecordingChunk::write`] wrote both, because a part of the call ended within that control.
+    /// A part of a rollout may end between two steps with this control. The next part calls this function to continue them. `first` is the
+    /// row in the arrays of `self` that belongs to the group's first environment.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);
@@ -161,7 +162,8 @@ impl<S: Scalar> RecordingChunk<'_, S> {
         residual
     }
 
-    /// Records the state after control number `call`, for the group whose first environment is number `first` of the chunk.
+    /// Records the state, sensor readings, status flags and residual of one group after control number `call`. `first` is the row in the
+    /// arrays of `self` that belongs to the group's first environment.
     pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Workspace<R>, readings: &[R], status: &[u32], residual: R) {
         let used = s.alive.bits().count_ones() as usize;
         self.status[call][first..first + used].copy_from_slice(&status[..used]);

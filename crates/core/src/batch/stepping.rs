@@ -84,7 +84,7 @@ pub trait BatchCalls {
 /// Duration of a part of a long call, s. The callback that can stop the call is called after each part. A user hardly notices this delay of
 /// an interrupt, and starting the next part takes far less.
 const PART: f64 = 0.05;
-/// Lower bound of the time of a step on one thread, per environment and degree of freedom, s.
+/// Lower bound of the computing time of a step on one thread, divided by the numbers of environments and of degrees of freedom, s.
 ///
 /// It determines the number of steps of a call's first part. For later parts, the measured time of the previous part determines it.
 const LEAST_COST: f64 = 5e-8;

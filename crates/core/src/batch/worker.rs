@@ -55,7 +55,7 @@ pub struct WorkerSpec<'a, S: Scalar> {
     pub max_contacts: usize,
 }
 
-/// Function that creates a worker: its arguments are the spec, the number of lanes of a group, and the CPU level.
+/// Function that creates a worker. The arguments are the inputs for its creation, the number of lanes of a group, and the CPU level.
 pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
 
 /// Functions that create workers, one for each precision.
@@ -70,7 +70,8 @@ pub struct WorkerMakers {
 
 /// Scalar type (`f64` or `f32`) together with the SIMD lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
-    /// Number of lanes of a group in saved states. It is that of the narrowest CPU level, so that every machine can load the state.
+    /// Number of lanes of a group in saved states. It is the number of lanes of the narrowest CPU level, so that all CPU levels write the
+    /// same states.
     const SAVED: usize;
     /// Number of lanes of the group of a single environment.
     fn single(level: Level) -> usize;
@@ -83,7 +84,8 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Selects from `makers` the function that creates a worker of this precision.
     #[cfg(feature = "internals")]
     fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
-    /// Functions with which the crate of derivatives evaluates a step in the lanes `R`; `None` in 32 bits, for which it has no derivatives.
+    /// Functions with which a visitor evaluates a step in the lanes `R`; `None` for 32-bit numbers, because derivatives are computed only
+    /// in 64 bits.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
     /// Unwraps an array of a recording whose precision is that of this scalar type.
     ///

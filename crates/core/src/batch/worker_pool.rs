@@ -77,7 +77,7 @@ impl<S: LaneScalar> WorkerPool<S> {
         Ok(())
     }
 
-    /// Runs `work` for every chunk, on the calling thread and on the threads of the pool, each with a worker.
+    /// Runs `work` for every chunk of groups, on the calling thread and on the threads of the pool. Each thread uses a separate worker.
     ///
     /// Every thread takes the next chunk when it is free. The calling thread starts at once; the others join when they are awake.
     pub(super) fn share_chunks<P: Send>(

@@ -1,4 +1,4 @@
-//! Constraint row with the largest residual of an unsolved step, by the elements of the model.
+//! Constraint row with the largest residual in an unsolved step, identified by an element of the model: geoms, joint, equality or tendon.
 
 use std::fmt;
 

@@ -127,7 +127,7 @@ pub struct CompiledForceRange<S> {
     pub has_servos: bool,
 }
 
-/// Inputs for compiling actuators: the model, and parts of the compiled model.
+/// Inputs for the compiler of actuators: the model, and parts of the compiled model.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,

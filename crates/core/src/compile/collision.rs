@@ -73,11 +73,12 @@ impl<S> CompiledPair<S> {
 pub struct DynamicPairs<S> {
     /// Geoms that form the dynamic pairs, ascending. Any two of them may collide.
     pub members: Vec<Member>,
-    /// Indices in `members` of the geoms that are not fixed to the world. Empty if the pairs of two moving geoms are listed pairs instead.
+    /// Indices in `members` of the geoms that are not fixed to the world. The list is empty if all pairs of two moving geoms are in the
+    /// compiled model's list of pairs.
     pub moving: Vec<u32>,
     /// Largest bounding radius of a geom in `members` plus its margin, m.
     pub widest: f64,
-    /// Index of the first dynamic pair in the compiled model. All smaller indices are those of listed pairs.
+    /// Index of the first dynamic pair in the compiled model. Smaller indices belong to the pairs in the compiled model's list of pairs.
     first: usize,
     filter: Filter,
     /// Shapes of all geoms, by index of the geom in the model.
@@ -98,7 +99,8 @@ pub struct Member {
 }
 
 impl<S: Scalar> DynamicPairs<S> {
-    /// Index in the compiled model of the pair of `members[i]` and `members[j]`. The index increases with `i`, then with `j`.
+    /// Index in the compiled model of the dynamic pair that consists of `members[i]` and `members[j]`. The index increases with `i`, then
+    /// with `j`.
     pub fn number(&self, i: usize, j: usize) -> usize {
         self.first + i * self.members.len() + j
     }
@@ -239,7 +241,8 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
 /// Number in [`ModelStructure::contact_groups`] of a pair that belongs to no contact group.
 pub const NO_CONTACT_GROUP: u32 = u32::MAX;
 
-/// Contact groups of the listed pairs. Pairs that join the same two frames have the same number; a single pair has [`NO_CONTACT_GROUP`].
+/// For each pair in `pairs`, number of its contact group. A contact group consists of all pairs that join the same two frames. The number
+/// is [`NO_CONTACT_GROUP`] if no other pair joins these frames.
 ///
 /// Pairs with torsional or rolling friction or with contact springs have no group. The list is empty if no pair has a group.
 pub(super) fn contact_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {

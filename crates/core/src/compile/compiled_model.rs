@@ -82,9 +82,11 @@ pub struct ModelStructure<S: Scalar> {
     pub geoms: Vec<CompiledGeom<S>>,
     /// Indices in `geoms` of the geoms that are not fixed to the world.
     pub moving_geoms: Vec<usize>,
-    /// Listed pairs: pairs of geoms that can collide, have a collision function and are not dynamic. Their order is fixed.
+    /// Listed pairs: pairs of geoms that can collide, that have a collision function, and that are not in `dynamic_pairs`. Their order is
+    /// fixed.
     pub pairs: Vec<CompiledPair<S>>,
-    /// Contact group of every listed pair: pairs with the same number join the same two frames. Empty if no pair has a group.
+    /// For every pair in `pairs`, number of its contact group. A contact group consists of all pairs that join the same two frames. The
+    /// list is empty if no pair belongs to a group.
     pub contact_groups: Vec<u32>,
     /// Whether any pair has contact springs.
     pub has_contact_springs: bool,
@@ -106,7 +108,8 @@ pub struct ModelStructure<S: Scalar> {
     pub ball_limits: Vec<CompiledBallLimit>,
     /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<CompiledTendon<S>>,
-    /// Number of stored impulses of scalar rows. The order is joint limits, dry friction, then the elements with an `impulse_index`.
+    /// Length of the list of impulses of scalar constraint rows. The list begins with joint limits, followed by dry friction. The elements
+    /// with an `impulse_index` come last.
     pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<CompiledActuator<S>>,

@@ -100,12 +100,12 @@ pub struct CompiledEquality<S> {
     pub support: Vec<u32>,
     /// Spring of a soft equality; `None` for a hard equality.
     pub spring: Option<Spring<S>>,
-    /// Index of the impulse of the first row in the list of impulses of scalar rows.
+    /// Index of the impulse of the first row in the list of impulses of scalar constraint rows.
     pub impulse_index: usize,
 }
 
 impl<S> CompiledEquality<S> {
-    /// Range of the impulses of the equality's rows in the list of impulses of scalar rows.
+    /// Range of the impulses of the equality's rows in the list of impulses of scalar constraint rows.
     pub(crate) fn impulses(&self) -> Range<usize> {
         let rows = match &self.rows {
             EqualityRows::Points { turn: Some(_), .. } => 6,
@@ -151,8 +151,8 @@ pub struct CompiledTendon<S> {
     /// Spring, damper and inertia of the tendon, and lowest and highest length at which the spring is slack. `None` if the tendon has no
     /// spring, damper or inertia.
     pub spring: Option<(Spring<S>, [S; 2])>,
-    /// Index of the tendon's first impulse in the list of impulses of scalar rows. The three impulses belong to limit, dry friction and
-    /// spring.
+    /// Index of the tendon's first impulse in the list of impulses of scalar constraint rows. The three impulses belong to limit, dry
+    /// friction and spring.
     pub impulse_index: usize,
 }
 

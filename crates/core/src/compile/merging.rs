@@ -115,7 +115,8 @@ impl Merged {
         }
     }
 
-    /// Last degree of freedom that moves a frame, nearest to the frame; `None` if the frame cannot move.
+    /// Last of the degrees of freedom that move a frame, which is the nearest to the frame in the kinematic tree. `None` if the frame
+    /// cannot move.
     pub(crate) fn last_dof(&self, frame: usize) -> Option<usize> {
         self.last_dof_of_frame[frame]
     }

@@ -1,4 +1,4 @@
-//! Computation of all parameters of a compiled model from a model: the rows of every parameter table ([`ParameterRows`]).
+//! Conversion of a model's parameters to the list of numbers that a compiled model stores. The list is made of tables.
 
 use stepper_real::Scalar;
 
@@ -101,7 +101,7 @@ impl<S: Scalar> Source<'_, S> {
         listed.map(contact)
     }
 
-    /// Contact parameters of every geom, if the model has dynamic pairs; otherwise nothing.
+    /// Contact parameters of every geom. The result is empty if the model has no dynamic pairs.
     fn members(&self) -> impl Iterator<Item = ContactParams<f64>> {
         let geoms = if self.structure.dynamic_pairs.is_some() { &self.model.geoms[..] } else { &[] };
         geoms.iter().map(|g| {

@@ -24,7 +24,7 @@ parameter_rows! {
         restitution: T,
     }
 
-    /// Mass, centre of mass and inertia of a link, or of a part of a subtree that sensors read.
+    /// Mass, centre of mass and inertia of a link, or of a subtree part: the bodies of a sensor's subtree that are fixed to one frame.
     Inertial {
         /// Mass, kg.
         mass: T,
@@ -46,7 +46,7 @@ parameter_rows! {
 
     /// Coefficients of an actuator's affine force.
     ActuatorParams {
-        /// Coefficients of the control or activation (`gainprm`): constant, per length, and per velocity.
+        /// Coefficients of the factor that multiplies the control or activation (`gainprm`): constant, per length, and per velocity.
         gain: [T; 3],
         /// Coefficients of the force without control (`biasprm`): constant, per length, and per velocity.
         bias: [T; 3],

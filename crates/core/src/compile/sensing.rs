@@ -39,12 +39,12 @@ pub struct CompiledSensing<S> {
     pub geoms: Vec<SensorFrame<S>>,
     /// Frame and pose of each site of the model.
     pub sites: Vec<SensorFrame<S>>,
-    /// Objects whose positions sensors read. The list ends with all geoms and all sites of the model. Object k has row k of
-    /// [`Params::place`](crate::compile::Params::place).
+    /// Objects whose positions sensors read. The list ends with all geoms and all sites of the model. The index in this list is the
+    /// argument of [`Params::place`](crate::compile::Params::place).
     pub places: Vec<Object>,
     /// Simple shape of each geom, and its index in `shapes`; `None` for a mesh or height field.
     pub forms: Vec<Option<(Form, usize)>>,
-    /// Geoms and sites whose sizes sensors read. The list ends with all geoms of the model. Shape k has row k of
+    /// Geoms and sites whose sizes sensors read. The list ends with all geoms of the model. The index in this list is the argument of
     /// [`Params::size`](crate::compile::Params::size).
     pub shapes: Vec<Object>,
 }
@@ -86,7 +86,7 @@ pub struct CompiledSensor<S> {
 pub struct SensorFrame<S> {
     /// Index of the frame in the compiled model.
     pub frame: usize,
-    /// Row of [`Params::place`](crate::compile::Params::place) with the position in the frame.
+    /// Argument with which [`Params::place`](crate::compile::Params::place) returns the position of the sensor in the frame.
     pub index: usize,
     /// Rotation matrix from the sensor's axes to the frame's, row-major.
     pub mat: [S; 9],
@@ -101,7 +101,7 @@ pub struct Solid<S> {
     pub place: SensorFrame<S>,
     /// Kind of shape.
     pub form: Form,
-    /// Row of [`Params::size`](crate::compile::Params::size) with the size of the shape.
+    /// Argument with which [`Params::size`](crate::compile::Params::size) returns the size of the shape.
     pub index: usize,
 }
 
@@ -137,7 +137,7 @@ pub struct Target<S> {
 /// Shape of a geom that rays hit.
 #[derive(Clone, Debug)]
 pub enum TargetForm {
-    /// Simple shape: its kind, and its row of [`Params::size`](crate::compile::Params::size).
+    /// Simple shape: its kind, and the argument with which [`Params::size`](crate::compile::Params::size) returns its size.
     Simple(Form, usize),
     /// Mesh or height field.
     Surface(Arc<RaySurface>),
@@ -146,7 +146,7 @@ pub enum TargetForm {
 /// Subtree: a body with all its descendants, as a list of masses in frames.
 #[derive(Clone, Debug)]
 pub struct Subtree {
-    /// Row of [`Params::total`](crate::compile::Params::total) with the mass of the subtree.
+    /// Argument with which [`Params::total`](crate::compile::Params::total) returns the mass of the subtree.
     pub index: usize,
     /// Parts of the subtree: one mass per frame.
     pub parts: Vec<Part>,
@@ -159,7 +159,7 @@ pub struct Subtree {
 pub struct Part {
     /// Index of the frame in the compiled model.
     pub frame: usize,
-    /// Row of [`Params::inertial`](crate::compile::Params::inertial) with mass, centre of mass and inertia of the part.
+    /// Argument with which [`Params::inertial`](crate::compile::Params::inertial) returns mass, centre of mass and inertia of this part.
     pub index: usize,
 }
 
@@ -197,7 +197,7 @@ pub enum Read<S> {
     /// Time derivative of the reading of [`Read::LimitPos`]. The first list has the linear combination as (address in q, coefficient). The
     /// second list has its time derivative as (address in v, coefficient).
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
-    /// Force of the limit of a joint or tendon. The index is that of the limit's impulse in the list of impulses of scalar rows.
+    /// Force of the limit of a joint or tendon. The index is that of the limit's impulse in the list of impulses of scalar constraint rows.
     LimitForce(usize),
     /// Constant zero, because the limit that the sensor reads does not exist.
     Nothing,
@@ -211,19 +211,23 @@ pub enum Read<S> {
     Gyro(SensorFrame<S>),
     /// Linear acceleration minus gravity, in the sensor's axes.
     Accelerometer(SensorFrame<S>),
-    /// Force of the parent body on a subtree, at the sensor's site. The index is that of the subtree in [`CompiledSensing::carried`].
+    /// Force that the parent body exerts on a subtree, at the sensor's site. The index selects the subtree in [`CompiledSensing::carried`].
     Force(usize),
-    /// Torque of the parent body on a subtree, about the sensor's site. The index is that of the subtree in [`CompiledSensing::carried`].
+    /// Torque that the parent body exerts on a subtree, about the sensor's site. The index selects the subtree in
+    /// [`CompiledSensing::carried`].
     Torque(usize),
     /// Touch sensor: sum of the normal forces on this body whose lines of action intersect the volume.
     Touch(usize, Solid<S>),
-    /// Rangefinder: distances along rays. The inputs are sensor frame, directions, fields of the reading, and geoms that rays can hit.
+    /// Rangefinder: distances along rays. The values are the sensor frame, the directions of the rays, the quantities in the reading, and
+    /// the geoms that rays can hit.
     Range(SensorFrame<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Target<S>>),
     /// Number 1 if the origin of the sensor frame is inside the volume, otherwise 0.
     Inside(SensorFrame<S>, Solid<S>),
-    /// Distance, normal or nearest points of two sets of geoms: kind of reading, pairs, and cutoff distance, m.
+    /// Distance, normal or nearest points of two sets of geoms. The values are the kind of reading, the pairs of geoms, and the cutoff
+    /// distance, m.
     Proximity(ProximityReading, Vec<Pair<S>>, S),
-    /// Contacts between two sides: fields of the reading, selection among the contacts, and number of contacts.
+    /// Contacts between two sides. The values are the sides, the quantities in the reading, the selection among the contacts, and the
+    /// largest number of contacts in the reading.
     Contact([Side<S>; 2], Vec<ContactField>, ContactReduction, usize),
     /// Centre of mass of the subtree with this index.
     Com(usize),
@@ -343,7 +347,8 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
-    /// For each compiled tendon: index of the tendon in the model, and index of its first impulse in the list of impulses of scalar rows.
+    /// For each compiled tendon: index of the tendon in the model, and index of its first impulse in the list of impulses of scalar
+    /// constraint rows.
     impulse_indices: Vec<(usize, usize)>,
     found: RefCell<Found>,
 }
@@ -448,8 +453,8 @@ impl Compiler<'_> {
         self.model.tendons[t].range.map(|range| Bounds::Range(scalars(range)))
     }
 
-    /// Reading of [`Read::LimitPos`] for a joint or tendon, or of [`Read::LimitVel`] if `rate` is true. `arms` lists the terms of the
-    /// linear combination as pairs of joint and coefficient.
+    /// Violation of the range of a joint or tendon ([`Read::LimitPos`]), or its time derivative ([`Read::LimitVel`]) if `rate` is true.
+    /// `arms` lists the joints of the linear combination with their coefficients.
     fn overlap<S: Scalar>(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
         let Some(bounds) = bounds else { return Read::Nothing };
         let sums = self.sums(arms, 1.0);

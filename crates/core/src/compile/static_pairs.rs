@@ -19,7 +19,8 @@ pub struct StaticGeom {
     pub geom: usize,
     /// Largest margin of the static pairs with this geom, m.
     pub margin: f64,
-    /// Index of the row of this static geom in the table [`StaticPairs::numbers`]; [`NONE`] if its static pairs are all dynamic pairs.
+    /// Index of the row of this static geom in the table [`StaticPairs::numbers`]; [`NONE`] if none of its pairs is in the compiled model's
+    /// list of pairs.
     row: u32,
     /// Index of the static geom in [`DynamicPairs::members`]; [`NONE`] if the geom has no dynamic pairs.
     member: u32,
@@ -50,7 +51,8 @@ impl TreeNode {
     }
 }
 
-/// Static pairs: pairs of a moving geom and a geom that is fixed to the world. Each is also a listed pair or a dynamic pair.
+/// Static pairs: pairs of a moving geom and a geom that is fixed to the world. Each is also in the compiled model's list of pairs, or one
+/// of its dynamic pairs.
 #[derive(Clone, Debug, Default)]
 pub struct StaticPairs {
     /// Geoms of static pairs that are fixed to the world.
@@ -61,10 +63,10 @@ pub struct StaticPairs {
     pub groups: Vec<Range<usize>>,
     /// Nodes of the tree of bounding boxes over the static geoms.
     pub nodes: Vec<TreeNode>,
-    /// For every listed pair of the compiled model, whether it is a static pair.
+    /// For every pair in the compiled model's list of pairs, whether it is a static pair.
     listed: Vec<bool>,
-    /// Table of the listed pairs that are static: index of the pair of each static geom (row) and moving geom (column), or [`NONE`]. Static
-    /// geoms without a listed pair have no row.
+    /// Table of those static pairs that are in the compiled model's list of pairs. Rows are static geoms and columns moving geoms. A value
+    /// is the index of the pair, or [`NONE`]. Static geoms without such a pair have no row.
     numbers: Vec<u32>,
     /// Index of the first dynamic pair in the compiled model, and number of geoms that form the dynamic pairs.
     dynamic: [u32; 2],
@@ -160,8 +162,8 @@ impl StaticPairs {
         self.listed[pair]
     }
 
-    /// Index in the compiled model of the pair of a static geom and a moving geom; `None` if they are neither a listed nor a dynamic pair.
-    /// If the pair is dynamic, [`DynamicPairs::pair`] tells whether the two geoms collide.
+    /// Index of the pair of a static geom and a moving geom in the compiled model; `None` if the model has no such pair. For a dynamic
+    /// pair, [`DynamicPairs::pair`] returns whether the two geoms can collide.
     #[inline(always)]
     pub fn number(&self, fixed: &StaticGeom, moving: usize) -> Option<u32> {
         if fixed.row != NONE {

@@ -134,7 +134,7 @@ pub struct CompiledBallLimit {
     pub q: usize,
     /// Index of the joint's first degree of freedom.
     pub dof: usize,
-    /// Index of the limit's impulse in the list of impulses of scalar rows.
+    /// Index of the limit's impulse in the list of impulses of scalar constraint rows.
     pub impulse_index: usize,
 }
 

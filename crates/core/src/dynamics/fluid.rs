@@ -108,7 +108,8 @@ impl<R: Real> Fluid<R> {
     }
 }
 
-/// Rotation matrix of the fluid body with index `i`, and its centre relative to the reference point of its kinematic tree, m.
+/// Rotation matrix of a body in the fluid, and its centre relative to the reference point of its kinematic tree, m. `i` is the index of the
+/// body in the list of bodies in a fluid.
 #[inline(always)]
 fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
     let body = &compiled.fluid[i];
@@ -125,7 +126,8 @@ fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<
     spatial(rotate_back(mat, angular(motion)), rotate_back(mat, velocity))
 }
 
-/// Drag of the fluid body with index `i` divided by its velocity `v`, per axis. The velocity is relative to the fluid, in body axes.
+/// Drag of a body in the fluid divided by its velocity `v`, per axis. `i` is the index of the body in the list of bodies in a fluid. The
+/// velocity is relative to the fluid, in body axes.
 #[inline(always)]
 fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     match &compiled.fluid[i].shape {

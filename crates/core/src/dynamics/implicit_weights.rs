@@ -9,8 +9,8 @@ pub struct ImplicitWeights<R> {
     pub damping: R,
     /// Factor of the stiffness, s^2; zero makes springs explicit.
     pub stiffness: R,
-    /// Time step for the extra share of damping, s; zero disables it. The extra share is damping that the step evaluates at its end (see
-    /// [`crate::actuation::forces`]).
+    /// Time step, s, in the fraction of damping that the step evaluates at its end instead of its middle (see
+    /// [`crate::actuation::forces`]). Zero disables this fraction.
     pub step: R,
 }
 

@@ -77,7 +77,8 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the added inertia of servos along their moments to M. For a moment across branches, it adds a diagonal upper bound instead.
+    /// Adds to M the added inertia a a^T of each servo with the moment a. A moment may act on several branches of a kinematic tree. The
+    /// function then adds a diagonal upper bound of this matrix instead.
     #[inline(always)]
     pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
@@ -102,7 +103,8 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the added inertia of servos along their moments to M, but only for pairs of dofs on one branch.
+    /// Adds to M the added inertia a a^T of each servo with the moment a. It leaves out entries whose two degrees of freedom are on
+    /// different branches of a kinematic tree.
     #[inline(always)]
     pub fn add_servos_within_branches(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
@@ -366,11 +368,11 @@ pub fn project_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<
 /// Workspace of the recursive Newton-Euler algorithm.
 #[derive(Clone, Debug)]
 pub struct NewtonEuler<R: Real> {
-    /// Spatial velocity of every link at the reference point of its tree.
+    /// Spatial velocity of every link at the reference point of its kinematic tree.
     pub velocity: Vec<V6<R>>,
-    /// Spatial acceleration of every link at the reference point of its tree.
+    /// Spatial acceleration of every link at the reference point of its kinematic tree.
     pub acceleration: Vec<V6<R>>,
-    /// Spatial force on every link at the reference point of its tree.
+    /// Spatial force on every link at the reference point of its kinematic tree.
     pub force: Vec<V6<R>>,
 }
 

@@ -15,11 +15,11 @@ pub struct Kinematics<R: Real> {
     pub mat: Vec<M3<R>>,
     /// Reference point of every kinematic tree, m: the position of its root.
     pub origin: Vec<V3<R>>,
-    /// Spatial velocity per unit velocity of every dof, at the reference point of its tree.
+    /// Spatial velocity per unit velocity of every dof, at the reference point of its kinematic tree.
     pub axes: Vec<V6<R>>,
     /// Velocity of every mocap body: angular, rad/s, and linear at its origin, m/s.
     pub posed: Vec<V6<R>>,
-    /// Inertia of every link about the reference point of its tree.
+    /// Inertia of every link about the reference point of its kinematic tree.
     pub inertia: Vec<Inertia<R>>,
     /// Angles of all hinges in the order of the joints, rad, their sines, and their cosines.
     turns: [Vec<R>; 3],
@@ -155,7 +155,7 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
-    /// Computes the spatial velocity of every link at the reference point of its tree.
+    /// Computes the spatial velocity of every link at the reference point of its kinematic tree.
     #[inline(always)]
     pub fn velocities(&self, compiled: &LaneModel<R>, v: &[R], out: &mut [V6<R>]) {
         for (l, link) in compiled.links.iter().enumerate() {

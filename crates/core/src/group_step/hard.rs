@@ -238,7 +238,7 @@ impl<R: Real> HardNominal<R> {
         );
     }
 
-    /// Part of the constraint rows that must be recomputed if the part `recomputed` of the state is displaced.
+    /// Returns which part of the constraint rows must be recomputed if the part `recomputed` of the state is displaced.
     ///
     /// All rows are recomputed if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities only
     /// changes the free velocity, unless target velocities depend on the velocity before the step.

@@ -1,4 +1,5 @@
-//! Rule that sets the impulses of evaluations, the constraint problems that it gets, and the results of evaluations.
+//! Types for evaluations of a step near its solution: the rule that sets the impulses, the constraint problems that the rule gets, and the
+//! results.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::{Iterate, System};
@@ -70,7 +71,7 @@ pub struct ImpulseProblem<'a, R: Real> {
     pub names: ConstraintNames<'a, R>,
 }
 
-/// Names of the constraints of a problem. A constraint has the same name in the problems of other states.
+/// Names of the constraints of a problem: numbers that identify the same constraints in the problems of other states.
 #[derive(Clone, Copy, Debug)]
 pub struct ConstraintNames<'a, R: Real> {
     pub(super) problem: &'a ConstraintProblem<R>,

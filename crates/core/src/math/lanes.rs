@@ -66,7 +66,8 @@ pub(crate) fn count(set: u32, counts: &mut [u32]) {
     }
 }
 
-/// Delay line: ring buffer of samples among the stored values of an environment. Sample k of `width` values is at `at + k * width`.
+/// Delay line: ring buffer of samples in the stored values of an environment. Each sample has `width` values, and sample k begins at index
+/// `at + k * width`.
 #[derive(Clone, Copy, Debug)]
 pub struct DelayLine {
     /// Address of the line's first value.
@@ -78,7 +79,8 @@ pub struct DelayLine {
 }
 
 impl DelayLine {
-    /// Rotates the delay line of one environment, so that its newest sample moves from index `newest` to index `place`.
+    /// Rotates the samples in the ring buffer of one environment, so that the newest sample moves from index `newest` to index `place`.
+    /// `numbers` has the stored values of the environment.
     pub(crate) fn turn<T>(&self, numbers: &mut [T], newest: u32, place: u32) {
         if self.samples > 0 {
             let by = (place as usize + self.samples - newest as usize) % self.samples;

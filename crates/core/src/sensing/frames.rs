@@ -76,7 +76,8 @@ pub(super) fn accelerations<R: Real>(
     )
 }
 
-/// Spatial acceleration of the world that represents gravity in the Newton-Euler recursion: minus the gravitational acceleration.
+/// Spatial acceleration of the world in the Newton-Euler recursion: minus the gravitational acceleration. The recursion then needs no
+/// separate gravity forces.
 #[inline(always)]
 pub(super) fn ground<R: Real>(compiled: &LaneModel<R>) -> V6<R> {
     spatial(zero(), scale(compiled.params.gravity(), -R::one()))

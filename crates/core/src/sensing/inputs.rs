@@ -38,12 +38,12 @@ pub struct SensorWorkspace<R: Real> {
     pub truth: Vec<R>,
     /// Orientation of every frame as a quaternion (w, x, y, z); empty if no sensor reads one.
     pub orientation: Vec<[R; 4]>,
-    /// Spatial velocity of every link at the reference point of its tree, world axes.
+    /// Spatial velocity of every link at the reference point of its kinematic tree, world axes.
     pub velocity: Vec<V6<R>>,
-    /// Spatial acceleration of every link at the reference point of its tree, world axes. Gravity is included as an upward acceleration of
-    /// the world.
+    /// Spatial acceleration of every link at the reference point of its kinematic tree, world axes. Gravity is included as an upward
+    /// acceleration of the world.
     pub acceleration: Vec<V6<R>>,
-    /// Force and torque of the parent on each subtree with a force or torque sensor, N and N m.
+    /// For each subtree with a force or torque sensor, force (N) and torque (N m) that the parent body exerts on it.
     pub carried: Vec<[V3<R>; 2]>,
     pub(crate) sensed_contacts: SensedContacts,
     pub(crate) order: Vec<(f64, usize)>,

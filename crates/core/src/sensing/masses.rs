@@ -1,4 +1,4 @@
-//! Mass-related sensor quantities: momentum, energy, and the force of the parent on a subtree.
+//! Sensor quantities that depend on masses: momentum, energy, and the force of a parent body on a subtree.
 
 use stepper_real::Real;
 

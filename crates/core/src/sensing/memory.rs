@@ -75,7 +75,7 @@ impl<S: Scalar> Memory<S> {
         [&self.acceleration, &self.ctrl, &self.xfrc, &self.numbers, &self.observation]
     }
 
-    /// Marks the state of a lane as set by the user, so that the results of the last step do not apply. Nothing is cleared.
+    /// Marks the state of a lane as set by the user, so that sensors do not read the results of the last step. Nothing is cleared.
     pub fn refresh(&mut self, lane: usize) {
         self.fresh |= 1 << lane;
     }
@@ -115,7 +115,7 @@ impl<S: Scalar> Memory<S> {
         self.waiting &= !(1 << lane);
     }
 
-    /// Copy of the memory of the `n` lanes from `first` on.
+    /// Copy of the sensor memory of `n` lanes, from the lane with index `first` on.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.seed.len();
         let numbers = |x: &[S]| columns(x, lanes, first, n);

@@ -137,7 +137,7 @@ impl Simulation {
         }
     }
 
-    /// Names and values of the per-environment parameters, (num_envs, numbers of the parameter) each.
+    /// Names and values of the per-environment parameters. Each array has one row per environment, with all values of the parameter.
     pub fn own_parameters(&self) -> impl Iterator<Item = (Parameter, &[f64])> {
         self.randomization.fields().map(|(name, values)| (name.parse().expect("the name of a parameter"), values))
     }

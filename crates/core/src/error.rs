@@ -77,7 +77,7 @@ pub enum Error {
         found: usize,
         /// Number of elements of the model.
         must: usize,
-        /// Kind of element.
+        /// Kind of element, such as "actuator", for each of which the list must have one entry.
         element: &'static str,
     },
     /// Index of an element of the model that does not exist.

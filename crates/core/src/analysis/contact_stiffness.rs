@@ -15,7 +15,8 @@ pub struct EquivalentSpring {
     pub damping: [f64; 2],
 }
 
-/// Computes the equivalent spring and damper of every listed pair of geoms from solref and solimp, at the model's time step.
+/// Computes the equivalent spring and damper of the contacts of every pair in the compiled model's list of pairs. The inputs are the pair's
+/// solref and solimp and the model's time step.
 pub fn equivalent_springs(model: &Model) -> Vec<EquivalentSpring> {
     let mut compiled = CompiledModel::<f64>::new(model);
     let weights = model.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(model));

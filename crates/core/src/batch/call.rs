@@ -14,7 +14,7 @@ use crate::sensing::errors::Errors;
 /// Sequence of controls of a call, and the number of steps with each control. A call of `step` has one control.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
-    /// Number of controls.
+    /// Number of controls in the sequence.
     pub controls: usize,
     /// Number of steps with each control.
     pub nstep: usize,

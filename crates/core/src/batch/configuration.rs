@@ -17,12 +17,12 @@ pub trait Configuration {
     /// Mutable step settings, for tests that change them.
     #[cfg(feature = "internals")]
     fn settings_mut(&mut self) -> &mut StepSettings;
-    /// Sets the transfer functions of the sensors, one entry for every sensor; `None` is an ideal sensor.
+    /// Sets the transfer functions of the sensors, one entry for every sensor. `None` makes a sensor ideal (without errors).
     ///
     /// # Errors
     /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
-    /// Sets the actuator dynamics, one entry for every actuator; `None` is an actuator without dynamics. Resets all environments.
+    /// Sets the actuator dynamics, one entry for every actuator. `None` gives an actuator no dynamics. Resets all environments.
     ///
     /// The model and the specs are the results of [`ActuatorSpec::fold`].
     ///

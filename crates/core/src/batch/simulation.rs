@@ -82,7 +82,7 @@ impl Simulation {
     /// Creates a simulation of one environment in 64 bits at the model's reset state, with default options, on the calling thread.
     ///
     /// # Errors
-    /// Those of [`Simulation::new`].
+    /// The errors of [`Simulation::new`].
     pub fn single(model: impl Into<Arc<Model>>) -> Result<Self, Error> {
         Self::new(model, Options::default(), None, Precision::F64, 1)
     }

@@ -8,7 +8,7 @@ use crate::compile::CompiledModel;
 use crate::constraints::worst_row::{CodedConstraint, ConstraintCode};
 use crate::model::Model;
 
-/// Constraint row with the largest residual in an unsolved step. Indices are those of the model.
+/// Constraint row with the largest residual in an unsolved step. The indices refer to the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WorstRow {
@@ -27,7 +27,7 @@ pub enum WorstRow {
         /// Index of the joint.
         joint: usize,
     },
-    /// Equality constraint. Hard equalities that share a degree of freedom are solved as combinations of their rows. The index is that of
+    /// Equality constraint. Hard equalities that share a degree of freedom are solved as combinations of their rows. The index then selects
     /// the last equality in the combination.
     Equality {
         /// Index of the equality.

@@ -18,11 +18,11 @@ pub struct CompiledActuator<S> {
     pub moment: Vec<(usize, usize, S)>,
     /// Wrench of an actuator on a site; `None` for an actuator on a joint or tendon.
     pub wrench: Option<CompiledWrench<S>>,
-    /// Lowest and highest control; `None` without bounds.
+    /// Lowest and highest control; `None` if the control has no bounds.
     pub ctrl_range: Option<[S; 2]>,
-    /// Lowest and highest force; `None` without bounds.
+    /// Lowest and highest force; `None` if the force has no bounds.
     pub force_range: Option<[S; 2]>,
-    /// Lowest and highest activation; `None` without bounds.
+    /// Lowest and highest activation; `None` if the activation has no bounds.
     pub act_range: Option<[S; 2]>,
     /// Index of the actuator's activation in the vector of activations; `None` if the actuator has no activation.
     pub act: Option<usize>,
@@ -91,7 +91,8 @@ pub struct CompiledActuatorDynamics<S> {
     pub motor: Option<MotorControl>,
     /// Whether the actuator dynamics bound the force.
     pub limited: bool,
-    /// Index of the dry friction row that contains the actuator's friction losses, and moment arm on its joint. `None` without losses.
+    /// Index of the dry friction row that contains the actuator's friction losses, and moment arm on its joint. `None` if the actuator has
+    /// no friction losses.
     pub losses: Option<(usize, S)>,
 }
 

@@ -144,7 +144,7 @@ parameter_tables! {
     actuators: actuator(i) -> ActuatorParams<T>;
     /// Position and sizes of geom `i` of the compiled model.
     geoms: geom(i) -> GeomParams<T>;
-    /// Contact parameters of the listed pair `pair`.
+    /// Contact parameters of the pair with index `pair` in the compiled model's list of pairs.
     pairs: listed_contact(pair) -> ContactParams<T>;
     /// Contact parameters of the geom with index `geom` in the model. A dynamic pair combines the parameters of its two geoms.
     members: member(geom) -> ContactParams<T>;

@@ -99,7 +99,7 @@ pub struct SensorFrame<S> {
 pub struct Solid<S> {
     /// Pose of the shape.
     pub place: SensorFrame<S>,
-    /// Kind of shape.
+    /// Kind of shape, such as sphere or box.
     pub form: Form,
     /// Argument with which [`Params::size`](crate::compile::Params::size) returns the size of the shape.
     pub index: usize,
@@ -179,25 +179,25 @@ pub enum Read<S> {
     Position(usize),
     /// Entries of the velocity v, from this address on.
     Velocity(usize),
-    /// Linear combination of entries of q: address and coefficient of each term.
+    /// Linear combination of joint positions in q: address and coefficient of each.
     Length(Vec<(usize, S)>),
-    /// Linear combination of entries of v: address and coefficient of each term.
+    /// Linear combination of joint velocities in v: address and coefficient of each.
     Rate(Vec<(usize, S)>),
-    /// Sum of the forces of these actuators.
+    /// Sum of the forces of the actuators with these indices.
     ActuatorForce(Vec<usize>),
-    /// Generalized force of all actuators on this degree of freedom.
+    /// Generalized force of all actuators on the degree of freedom with this index.
     JointForce(usize),
-    /// Length of this actuator, which acts on a site.
+    /// Length of the actuator with this index, which acts on a site.
     ActuatorLength(usize),
-    /// Time derivative of the length of this actuator, which acts on a site.
+    /// Time derivative of the length of the actuator with this index, which acts on a site.
     ActuatorRate(usize),
-    /// Violation of a range by a linear combination of q: distance from the violated end of the range, as a negative number. 0 within the
-    /// range.
+    /// Violation of the range of a linear combination of joint positions: distance from the violated end of the range, as a negative
+    /// number. 0 within the range.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
     /// Time derivative of the reading of [`Read::LimitPos`]. The first list has the linear combination as (address in q, coefficient). The
     /// second list has its time derivative as (address in v, coefficient).
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
-    /// Force of the limit of a joint or tendon. The index is that of the limit's impulse in the list of impulses of scalar constraint rows.
+    /// Force of the limit of a joint or tendon. The index selects the limit's impulse in the list of impulses of scalar constraint rows.
     LimitForce(usize),
     /// Constant zero, because the limit that the sensor reads does not exist.
     Nothing,
@@ -216,7 +216,7 @@ pub enum Read<S> {
     /// Torque that the parent body exerts on a subtree, about the sensor's site. The index selects the subtree in
     /// [`CompiledSensing::carried`].
     Torque(usize),
-    /// Touch sensor: sum of the normal forces on this body whose lines of action intersect the volume.
+    /// Touch sensor: sum of the normal forces on the body with this index whose lines of action intersect the volume.
     Touch(usize, Solid<S>),
     /// Rangefinder: distances along rays. The values are the sensor frame, the directions of the rays, the quantities in the reading, and
     /// the geoms that rays can hit.
@@ -235,9 +235,9 @@ pub enum Read<S> {
     ComVelocity(usize),
     /// Angular momentum of the subtree with this index about its centre of mass.
     AngularMomentum(usize),
-    /// Potential energy of gravity and springs; the index is that of the subtree of the world.
+    /// Potential energy of gravity and springs. The index selects the subtree of the world.
     Potential(usize),
-    /// Kinetic energy; the index is that of the subtree of the world.
+    /// Kinetic energy. The index selects the subtree of the world.
     Kinetic(usize),
     /// Simulated time.
     Clock,

@@ -64,7 +64,7 @@ pub struct CompiledSoftness<S> {
     pub impratio: S,
     /// Number and tolerance of the noslip iterations; `None` if the solver makes no noslip iterations.
     pub noslip: Option<SlipEffort<S>>,
-    /// Constraint laws of the listed pairs, in the order of the compiled model.
+    /// Constraint laws of the contacts of every pair in the compiled model's list of pairs, in the same order.
     pub pairs: Vec<SoftContactLaw<S>>,
     /// Constraint laws of the limits of hinge and slide joints, in the order of the compiled model.
     pub limits: Vec<SoftLaw<S>>,

@@ -28,7 +28,7 @@ pub struct Link<S> {
 /// Joint of a link.
 #[derive(Clone, Debug)]
 pub struct CompiledJoint<S> {
-    /// Kind of the joint.
+    /// Kind of the joint: hinge, slide, ball or free.
     pub kind: JointKind,
     /// Address of the joint's first coordinate in q.
     pub q: usize,

@@ -126,7 +126,8 @@ impl<S: Scalar> Errors<S> {
         self.sensors.iter().map(|s| DelayLine { at: s.line_at(), samples: s.line, width: s.dim })
     }
 
-    /// Creates the transfer functions from `transfers`, with one entry for every sensor of the model; `None` is an ideal sensor.
+    /// Creates the transfer functions from `transfers`, with one entry for every sensor of the model. `None` makes a sensor ideal (without
+    /// errors).
     ///
     /// # Errors
     /// The first number out of its range, with the sensor's name.

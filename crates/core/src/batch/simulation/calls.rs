@@ -90,7 +90,7 @@ impl Simulation {
     /// except that mocap bodies have moved along the longer trajectory.
     ///
     /// # Errors
-    /// Those of [`Simulation::step`].
+    /// The errors of [`Simulation::step`].
     pub fn step_watched(&mut self, inputs: &StepInputs<'_>, nstep: usize, watch: &mut dyn FnMut() -> bool) -> Result<usize, Error> {
         self.make_steps(inputs, nstep, Some(watch))
     }
@@ -111,7 +111,7 @@ impl Simulation {
     /// The bits are the same as those of separate calls of [`Simulation::step`]. The status accumulates flags over all steps.
     ///
     /// # Errors
-    /// Those of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
+    /// The errors of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
     pub fn rollout(&mut self, inputs: &StepInputs<'_>, controls: usize, nstep: usize, recording: Recording<'_>) -> Result<(), Error> {
         self.roll_out(inputs, Schedule { controls, nstep }, recording, None).map(|_| ())
     }
@@ -119,11 +119,11 @@ impl Simulation {
     /// Makes a rollout, and stops early when `watch` returns false (see [`Simulation::step_watched`]). Returns the total number of steps
     /// made.
     ///
-    /// For controls without any step, the output rows are not written. The row of an interrupted control has the state after the last step
-    /// made.
+    /// If no step was made with a control, the output rows of this control are not written. The row of an interrupted control has the state
+    /// after the last step made.
     ///
     /// # Errors
-    /// Those of [`Simulation::rollout`].
+    /// The errors of [`Simulation::rollout`].
     pub fn rollout_watched(
         &mut self,
         inputs: &StepInputs<'_>,
@@ -169,7 +169,7 @@ impl Simulation {
     /// the same at every call. The function ignores controls in `inputs`, and uses those in force.
     ///
     /// # Errors
-    /// Those of [`Simulation::step`], and [`Error::Length`] for `out`.
+    /// The errors of [`Simulation::step`], and [`Error::Length`] for `out`.
     pub fn sense(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error> {
         self.check_inputs(inputs, 1)?;
         let must = self.num_envs * self.model.nsensordata();

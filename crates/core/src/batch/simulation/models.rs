@@ -7,7 +7,7 @@ use crate::batch::simulation::{Error, Simulation};
 use crate::sensing::errors::Transfer;
 
 impl Simulation {
-    /// Sets the transfer functions of the sensors, one entry for every sensor; `None` is an ideal sensor.
+    /// Sets the transfer functions of the sensors, one entry for every sensor. `None` makes a sensor ideal (without errors).
     ///
     /// # Errors
     /// [`Error::Count`] when there is not one for every sensor, [`Error::Sensor`] for a number out of its range, with the sensor's name.
@@ -21,7 +21,7 @@ impl Simulation {
         self.engine.set_sensor_models(&self.model, transfers)
     }
 
-    /// Sets the actuator dynamics, one entry for every actuator; `None` is an actuator without dynamics. All environments are reset.
+    /// Sets the actuator dynamics, one entry for every actuator. `None` gives an actuator no dynamics. All environments are reset.
     ///
     /// # Errors
     /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when there are per-environment

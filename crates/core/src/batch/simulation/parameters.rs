@@ -38,7 +38,7 @@ impl Simulation {
     /// Sets per-environment values of fields and of actuator dynamics. The memory of the dynamics and the rest of the state do not change.
     ///
     /// # Errors
-    /// Those of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator. [`Error::Actuator`] for a
+    /// The errors of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator. [`Error::Actuator`] for a
     /// number out of its range or an unsupported setting; the error names the actuator. Nothing is changed then.
     pub fn randomize_all(
         &mut self,

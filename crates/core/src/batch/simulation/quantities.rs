@@ -60,7 +60,7 @@ impl Simulation {
     /// The arrays must be in the precision of the simulation; see [`Simulation::derive`].
     ///
     /// # Errors
-    /// Those of [`Simulation::derive`], and [`Error::ArrayPrecision`] for an array in another precision.
+    /// The errors of [`Simulation::derive`], and [`Error::ArrayPrecision`] for an array in another precision.
     pub fn derive_together(&mut self, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error> {
         for (quantity, out) in &quantities {
             self.check_derived(*quantity, out)?;

@@ -201,11 +201,11 @@ impl Simulation {
     /// Constraint problem of the next step of environment `env`, as bytes for `stepper_solve::Problem::from_bytes`. The state does not
     /// change.
     ///
-    /// Controls are those of `inputs`, or else those in force. To get the problem of a step that was not solved, first restore the state
-    /// before that step, which [`Simulation::save_state`](crate::Simulation::save_state) saved.
+    /// The function uses the controls in `inputs`. If `inputs` has none, it uses the controls in force. To get the problem of a step that
+    /// was not solved, first restore the state before that step, which [`Simulation::save_state`](crate::Simulation::save_state) saved.
     ///
     /// # Errors
-    /// Those of [`Simulation::step`](crate::Simulation::step) for the inputs, and [`Error::Environment`].
+    /// The errors of [`Simulation::step`](crate::Simulation::step) for the inputs, and [`Error::Environment`].
     pub fn problem(&self, env: usize, inputs: &StepInputs<'_>) -> Result<Vec<u8>, Error> {
         self.check_env(env)?;
         self.check_inputs(inputs, 1)?;
@@ -220,13 +220,13 @@ impl Simulation {
     /// Writes [`Simulation::problem`] to a file atomically. A test of the solver loads it with `stepper_solve::Problem::load`.
     ///
     /// # Errors
-    /// Those of [`Simulation::problem`], and [`Error::File`] when the file cannot be written.
+    /// The errors of [`Simulation::problem`], and [`Error::File`] when the file cannot be written.
     pub fn save_problem(&self, env: usize, inputs: &StepInputs<'_>, path: impl AsRef<Path>) -> Result<(), Error> {
         let (bytes, path) = (self.problem(env, inputs)?, path.as_ref());
         write_whole(path, &bytes).map_err(|e| Error::File { path: path.display().to_string(), reason: e.to_string() })
     }
 
-    /// Contacts of the last step, including those that do not touch: all whose gap the motion of the step could close.
+    /// Contacts of the last step: all contacts whose gap the motion of the step could close, even if the geoms do not touch.
     ///
     /// # Panics
     /// When there is no such environment.

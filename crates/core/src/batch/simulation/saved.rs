@@ -45,7 +45,7 @@ impl Simulation {
     /// random numbers.
     ///
     /// # Errors
-    /// As [`Simulation::restore_state`], and [`Error::Environment`] or [`Error::Order`] for `envs`.
+    /// The errors of [`Simulation::restore_state`], and [`Error::Environment`] or [`Error::Order`] for `envs`.
     pub fn restore_state_in(&mut self, state: &SavedState, envs: &[usize]) -> Result<(), Error> {
         self.check_envs(envs)?;
         if state.model() != self.digest() {

@@ -61,7 +61,7 @@ impl Simulation {
     /// Sets one environment to a keyframe of the model: state, time and controls. The environment must have been reset.
     ///
     /// # Errors
-    /// As [`Simulation::set`] and [`Simulation::set_time`], and [`Error::Length`] for the controls; nothing is changed then.
+    /// The errors of [`Simulation::set`] and [`Simulation::set_time`], and [`Error::Length`] for the controls; nothing is changed then.
     pub fn start_from(&mut self, env: usize, keyframe: &Keyframe) -> Result<(), Error> {
         self.check_keyframe(env, keyframe)?;
         self.set_time(env, keyframe.time)?;
@@ -96,7 +96,7 @@ impl Simulation {
     /// correct the state of a plant.
     ///
     /// # Errors
-    /// As [`Simulation::set`]; nothing is changed then.
+    /// The errors of [`Simulation::set`]; nothing is changed then.
     pub fn correct(&mut self, field: Field, env: usize, values: &[f64]) -> Result<(), Error> {
         let values = self.check_field(field, env, values)?;
         self.write_field(field, env, &values, false);
@@ -105,8 +105,9 @@ impl Simulation {
 
     /// Sets state fields and simulated times of the environments `envs`, which are in ascending order.
     ///
-    /// If `cold` is true, fields are set as by [`Simulation::set`], which clears the memory of earlier steps. Otherwise they are set as by
-    /// [`Simulation::correct`], which keeps it. Setting a time has no other effect in either case.
+    /// If `cold` is true, the function sets fields in the same way as [`Simulation::set`], which clears the memory of earlier steps.
+    /// Otherwise it sets them in the same way as [`Simulation::correct`], which keeps this memory. Setting a time has no other effect in
+    /// either case.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`, and the errors of [`Simulation::set`] and [`Simulation::set_time`]. Nothing

@@ -51,9 +51,9 @@ pub enum Error {
     /// List of environments that is not in ascending order.
     #[error("environment {env} comes after {before} in the list; name every environment once, in ascending order")]
     Order {
-        /// Environment that is out of order.
+        /// Index of an environment that is not above the index before it.
         env: usize,
-        /// Previous environment of the list.
+        /// Index of the environment before it in the list.
         before: usize,
     },
     /// Array of the wrong length.

@@ -15,7 +15,7 @@ use crate::sensing::orientations;
 /// Snapshot of one environment's state and inputs, from which quantities outside a step are computed.
 #[derive(Clone, Debug)]
 pub struct Snapshot<'a> {
-    /// Compiled model with the environment's parameters.
+    /// Compiled model with the parameters of the environment.
     pub(crate) compiled: Cow<'a, LaneModel<f64>>,
     /// Configuration, (nq,).
     pub(crate) q: Vec<f64>,

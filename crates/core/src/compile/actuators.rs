@@ -50,7 +50,7 @@ pub struct Spot<S> {
     pub mat: [S; 9],
 }
 
-/// Wrench of an actuator on a site. Its moment depends on the configuration.
+/// Wrench (force and torque) of an actuator on a site. The moment of such an actuator depends on the configuration.
 #[derive(Clone, Debug)]
 pub struct CompiledWrench<S> {
     /// Pose of the site on which the wrench acts.
@@ -120,7 +120,7 @@ pub struct CompiledServo<S> {
 pub struct CompiledForceRange<S> {
     /// Index of the degree of freedom.
     pub dof: usize,
-    /// Lowest and highest sum, N or N m.
+    /// Lowest and highest sum of the actuator forces, N or N m.
     pub bounds: [S; 2],
     /// Actuators that act on this degree of freedom: index of the actuator, and moment arm.
     pub actuators: Vec<(usize, S)>,

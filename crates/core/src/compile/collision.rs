@@ -336,7 +336,8 @@ pub(super) fn size(shape: &Shape) -> [f64; 3] {
     }
 }
 
-/// Inscribed radius of a shape, m: half the least width. Infinite for a plane, 0 for a surface.
+/// Inscribed radius of a shape, m: half of its least width. Infinite for a plane; 0 for a height field and for a mesh that collides as its
+/// triangles.
 fn inscribed_radius(model: &Model, shape: &Shape) -> f64 {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     match *shape {

@@ -121,7 +121,7 @@ pub struct ModelStructure<S: Scalar> {
     pub explicit_damping: bool,
     /// Whether any servo's force is bounded, directly or by the sum of forces on its joint.
     pub servos_are_bounded: bool,
-    /// Number of moment arms of all wrenches on sites, and number of wrenches.
+    /// Number of moment arms of all actuators on sites, and number of these actuators.
     pub wrench_arms: [usize; 2],
     /// Number of actuator dynamics that act within a step.
     pub num_actuator_dynamics: usize,

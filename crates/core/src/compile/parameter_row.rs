@@ -1,4 +1,4 @@
-//! Row types of tables of parameters.
+//! Types for the rows of parameter tables: sizes, and conversion to and from numbers.
 
 /// Row of a parameter table. The type defines how many numbers the row has, and their order in memory.
 pub(super) trait ParameterRow<T: Copy>: Copy {

@@ -68,7 +68,7 @@ pub struct Needs {
     pub step: bool,
 }
 
-/// Sensor of the compiled model: range of its readings, and measured quantity.
+/// Sensor of the compiled model: addresses of its readings, and measured quantity.
 #[derive(Clone, Debug)]
 pub struct CompiledSensor<S> {
     /// Index of the sensor's first reading.
@@ -347,8 +347,8 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
-    /// For each compiled tendon: index of the tendon in the model, and index of its first impulse in the list of impulses of scalar
-    /// constraint rows.
+    /// Two indices for each compiled tendon: of the tendon in the model, and of its first impulse among the impulses of scalar constraint
+    /// rows.
     impulse_indices: Vec<(usize, usize)>,
     found: RefCell<Found>,
 }

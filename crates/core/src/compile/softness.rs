@@ -42,7 +42,7 @@ pub struct SoftLaw<S> {
 /// Constraint law of the contacts of a pair of geoms.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftContactLaw<S> {
-    /// Law of the normal row.
+    /// Constraint law of the row along the contact normal.
     pub normal: SoftLaw<S>,
     /// Damping B of the friction rows, 1/s.
     pub friction_damping: S,
@@ -289,7 +289,7 @@ impl LawMaker {
 }
 
 impl<S: Scalar> CompiledSoftness<S> {
-    /// Constraint law of the contacts of a dynamic pair.
+    /// Constraint law of the contacts of a dynamic pair, which is not in the compiled model's list of pairs.
     pub(crate) fn unlisted(&self, pair: &GeomPair) -> SoftContactLaw<S> {
         let [a, b] = pair.geoms;
         self.maker.contact(pair, self.geom_weights[a] + self.geom_weights[b])

@@ -75,7 +75,7 @@ pub struct StaticPairs {
 /// Geoms and pairs of the compiled model, as input of [`StaticPairs::new`].
 pub(super) struct Collision<'a, S> {
     pub(super) geoms: &'a [CompiledGeom<S>],
-    /// Listed pairs of the compiled model.
+    /// List of pairs of the compiled model, without its dynamic pairs.
     pub(super) pairs: &'a [CompiledPair<S>],
     pub(super) dynamic_pairs: Option<&'a DynamicPairs<S>>,
 }

@@ -34,9 +34,9 @@ pub struct CompiledJoint<S> {
     pub q: usize,
     /// Address of the joint's first degree of freedom in v.
     pub v: usize,
-    /// Anchor in the link's frame, m.
+    /// Position of the joint's anchor in the link's frame, m.
     pub anchor: [S; 3],
-    /// Whether the anchor is at the link's origin.
+    /// Whether the joint's anchor is at the origin of the link.
     pub centred: bool,
     /// Unit axis of the joint in the link's frame.
     pub axis: [S; 3],
@@ -110,7 +110,7 @@ pub struct CompiledBody<S> {
     pub parent: usize,
     /// Index of the frame to which the body is fixed.
     pub frame: usize,
-    /// Origin of the body in that frame, m.
+    /// Origin of the body in the frame to which it is fixed, m.
     pub pos: [S; 3],
     /// Rotation matrix from the body's axes to the frame's, row-major.
     pub mat: [S; 9],

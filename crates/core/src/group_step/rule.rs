@@ -132,10 +132,10 @@ pub struct Prediction<R: Real> {
     pub motion: R,
 }
 
-/// Gap of a contact or limit, in the solved step and at a displaced state.
+/// Gap (distance) of a contact or limit, in the solved step and at a displaced state.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
-    /// Lane of the gap.
+    /// Index of the lane to which the gap belongs.
     pub lane: usize,
     /// Whether the gap belongs to a limit; otherwise to a contact.
     pub is_limit: bool,

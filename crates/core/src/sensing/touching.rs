@@ -104,7 +104,7 @@ impl SensedContacts {
         }
     }
 
-    /// Contacts of lane `lane`.
+    /// Contacts of lane `lane` in the last step.
     fn lane(&self, lane: usize) -> &[Contact] {
         &self.contacts[self.ends[lane]..self.ends[lane + 1]]
     }

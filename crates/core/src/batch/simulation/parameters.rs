@@ -12,7 +12,7 @@ use crate::model::{Model, ModelError, Parameter};
 /// Change to the parameters of actuator dynamics in a call of [`Simulation::randomize_all`].
 #[derive(Clone, Copy, Debug)]
 pub enum ActuatorNumbers<'a> {
-    /// No change: the present parameters stay.
+    /// No change: the present parameters of the actuator dynamics stay.
     Kept,
     /// Reset to the parameters that [`Simulation::set_actuator_models`] set.
     Original,

@@ -148,7 +148,7 @@ pub enum Error {
         joint: String,
         /// Address of the quaternion in qpos.
         address: usize,
-        /// Value of the quaternion.
+        /// Invalid quaternion (w, x, y, z).
         found: [f64; 4],
         /// Norm of the quaternion.
         norm: f64,

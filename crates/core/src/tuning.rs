@@ -112,12 +112,12 @@ pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 /// can be errors of the integration rule in smooth motion.
 pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 
-/// Largest rotation in a step at the velocity change by an impact for which the step is solved again, rad. After larger changes, another
-/// solution would not be more accurate.
+/// Largest rotation per step that the velocity change by an impact causes for which the step is solved again, rad. After larger changes,
+/// another solution would not be more accurate.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
-/// Rotation in a step at the velocity change by predicted impulses, rad. The predicted velocity ignores a change that causes a larger
-/// rotation, if it also increases the speed of the fastest degree of freedom.
+/// Largest rotation per step that the velocity change by predicted impulses may cause, rad. If a change causes a larger rotation and
+/// increases the speed of the fastest degree of freedom, the predicted velocity ignores the change.
 pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 
 /// Residual of the first solution, as a multiple of the tolerance, above which impacts become inelastic.
@@ -250,8 +250,8 @@ pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 /// times, its correction.
 pub(crate) const DAMPING: f64 = 1e-3;
 
-/// Lever arm that converts between displacements and rotations in a position correction, m. Long corrections are damped more: displacement
-/// / arm is added to [`DAMPING`].
+/// Lever arm that converts between displacements and rotations in a position correction, m. It also increases the damping of long
+/// corrections: the total damping is [`DAMPING`] plus the displacement divided by this arm.
 ///
 /// Without this addition, an arm that is stretched towards an unreachable target oscillates. The reason is that the linearisation of Gauss
 /// and Newton leaves out the product of curvature and residual (Nocedal & Wright 2006, section 10.3).

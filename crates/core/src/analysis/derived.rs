@@ -15,8 +15,8 @@ use crate::sensing::{contact_wrenches, motion_of, orientations};
 
 /// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment. The names in Python are MuJoCo's.
 ///
-/// Poses and velocities are those of the present state, as after `mj_forward`. Results of a step are those of the last step. If the state
-/// was set since then, they are the results of a trial step from it.
+/// Poses and velocities belong to the present state, as after `mj_forward`. Other quantities are results of the last step. If the state was
+/// set since then, they come from a trial step, which does not change the state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum DerivedQuantity {
@@ -124,8 +124,8 @@ impl DerivedQuantity {
         }
     }
 
-    /// Whether the quantity is a result of the last step, not only of the state. If the state was set since the last step, the quantity is
-    /// computed from a trial step.
+    /// Whether the quantity is a result of the last step, not only of the state. If the state was set since the last step, the quantity
+    /// comes from a trial step, which does not change the state.
     pub fn is_of_last_step(self) -> bool {
         matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
     }

@@ -120,8 +120,9 @@ impl<S: LaneScalar> Batch<S> {
 
     /// Restores saved environments one by one in the environments `envs`.
     ///
-    /// Delay lines are rotated to the present position of this batch. If a single saved environment goes to several environments, each
-    /// continues with different random numbers.
+    /// All environments of a batch have their newest sample at the same index of a delay line. The function therefore rotates the saved
+    /// delay lines to the index of this batch. If a single saved environment goes to several environments, each continues with different
+    /// random numbers.
     fn restore_some(&mut self, saved: &SavedGroups<S>, envs: &[usize]) {
         let lines = self.delay_lines();
         // All environments step together, so that the delay lines of all groups have the same position.

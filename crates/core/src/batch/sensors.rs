@@ -92,8 +92,8 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Computes the true readings of all sensors at the stored state of the group.
     ///
-    /// If the state was set after the last step, sensors of accelerations and forces read a trial step from this state. The trial step is
-    /// then discarded.
+    /// If the state was set after the last step, sensors of accelerations and forces read the results of a trial step. A trial step starts
+    /// from this state, and does not change it.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;
         load_state(group, s);
@@ -106,8 +106,8 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Loads the group into the workspace to compute derived quantities: state, applied inputs and controls in force.
     ///
-    /// If `last_step` is true, results of the last step are loaded too. If the state was set since then, they are those of a trial step. If
-    /// `contacts` is true, the contacts of the last step are loaded too.
+    /// If `last_step` is true, results of the last step are loaded too. If the state was set since then, the results come from a trial
+    /// step, which does not change the state. If `contacts` is true, the contacts of the last step are loaded too.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
         if last_step {
             load_state(group, s);
@@ -128,7 +128,8 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Loads those stored results of the last step that `needs` lists. Lanes whose state was set since the last step make a trial step.
+    /// Loads the stored results of the last step that `needs` lists. Lanes whose state was set since the last step make a trial step, from
+    /// which only the results are used.
     fn load_last_step(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, needs: Needs) {
         load_or_zero(&group.sensing.acceleration, &mut s.sensors.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };

@@ -101,17 +101,18 @@ pub struct CompiledActuatorDynamics<S> {
 pub struct CompiledServo<S> {
     /// Index of the actuator.
     pub actuator: usize,
-    /// Entries of the mass matrix to which the servo adds inertia: index of the entry, and factor of the added inertia. They belong to
-    /// pairs of degrees of freedom on one kinematic branch.
+    /// Entries of the mass matrix to which the servo adds inertia. Each pair has the index of an entry, and the factor of the added
+    /// inertia. The two degrees of freedom of these entries are on one kinematic branch.
     pub entries: Vec<(usize, S)>,
-    /// Entries of the mass matrix to which the servo adds inertia, for an actuator on a site. They give the index of the entry, and the
-    /// indices of the two moment arms whose product is the factor.
+    /// Entries of the mass matrix to which a servo on a site adds inertia. Each element has the index of an entry, and the indices of two
+    /// moment arms, whose product is the factor of the added inertia.
     pub products: Vec<(usize, [usize; 2])>,
-    /// Diagonal bound of the added inertia, for an actuator on a tendon that joins several kinematic branches. It replaces `entries`, and
-    /// lists indices of diagonal entries of the mass matrix with their factors. Empty if all degrees of freedom are on one branch.
+    /// Diagonal matrix that is an upper bound of the added inertia, for an actuator on a tendon that joins several kinematic branches. It
+    /// replaces `entries`. Each pair has the index of a diagonal entry of the mass matrix, and a factor. Empty if all degrees of freedom
+    /// are on one branch.
     pub bound: Vec<(usize, S)>,
-    /// Diagonal bound of the added inertia, for an actuator on a site that joins several kinematic branches. It replaces `products`, and
-    /// lists indices of diagonal entries of the mass matrix with the indices of their moment arms.
+    /// Diagonal matrix that is an upper bound of the added inertia, for an actuator on a site that joins several kinematic branches. It
+    /// replaces `products`. Each pair has the index of a diagonal entry of the mass matrix, and the index of a moment arm.
     pub spread: Vec<(usize, usize)>,
 }
 

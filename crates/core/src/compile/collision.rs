@@ -52,7 +52,7 @@ pub struct CompiledPair<S> {
     pub geoms: [usize; 2],
     /// Function of the narrow phase for this pair of shapes.
     pub kernel: Kernel,
-    /// Number of rows of each contact: 1, 3, 4 or 6.
+    /// Number of constraint rows of each contact: 1, 3, 4 or 6.
     pub condim: u8,
     /// Margin of the pair: distance at which its contacts begin to push, m.
     pub margin: S,

@@ -46,7 +46,7 @@ pub struct SoftContactLaw<S> {
     pub normal: SoftLaw<S>,
     /// Damping B of the friction rows, 1/s.
     pub friction_damping: S,
-    /// Number of rows of a contact: 1, 3, 4 or 6.
+    /// Number of constraint rows of a contact: 1, 3, 4 or 6.
     pub condim: u8,
     /// Anisotropy of friction along the two tangents, see [`Pair::anisotropy`](crate::model::Pair::anisotropy).
     pub anisotropy: [S; 2],

@@ -12,7 +12,7 @@ use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 /// Invalid index: no row, no member of the dynamic pairs, or no leaf.
 const NONE: u32 = u32::MAX;
 
-/// Geom that is fixed to the world and belongs to static pairs.
+/// Geom that is fixed to the world and can collide with a moving geom.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticGeom {
     /// Index of the static geom in the compiled model.
@@ -26,7 +26,7 @@ pub struct StaticGeom {
     member: u32,
 }
 
-/// Geom that moves and belongs to static pairs.
+/// Moving geom that can collide with a geom that is fixed to the world.
 #[derive(Clone, Copy, Debug)]
 pub struct MovingGeom {
     /// Index of the moving geom in the compiled model.
@@ -57,9 +57,9 @@ impl TreeNode {
 pub struct StaticPairs {
     /// Geoms of static pairs that are fixed to the world.
     pub fixed: Vec<StaticGeom>,
-    /// Geoms of static pairs that move, sorted by group.
+    /// Moving geoms of static pairs, sorted by their kinematic tree or mocap body.
     pub moving: Vec<MovingGeom>,
-    /// Groups of moving geoms, as ranges of `moving`. Each kinematic tree and each mocap body is a group.
+    /// Ranges of `moving`, one for the geoms of each kinematic tree and of each mocap body.
     pub groups: Vec<Range<usize>>,
     /// Nodes of the tree of bounding boxes over the static geoms.
     pub nodes: Vec<TreeNode>,
@@ -82,7 +82,7 @@ pub(super) struct Collision<'a, S> {
 
 impl StaticPairs {
     /// Finds the static pairs of `collision`. The function `place` returns the position of a static geom, m. The function `group` maps the
-    /// index of a moving frame to its kinematic tree or mocap body.
+    /// index of a moving frame to a number that identifies its kinematic tree or mocap body.
     pub(super) fn new<S: Scalar>(collision: &Collision<'_, S>, place: impl Fn(usize) -> [f64; 3], group: impl Fn(usize) -> usize) -> Self {
         let Collision { geoms, pairs, dynamic_pairs } = *collision;
         let is_convex = |g: usize| matches!(geoms[g].solid, Some(Solid::Convex(_)));

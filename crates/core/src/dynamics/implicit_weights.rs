@@ -9,8 +9,8 @@ pub struct ImplicitWeights<R> {
     pub damping: R,
     /// Factor of the stiffness, s^2; zero makes springs explicit.
     pub stiffness: R,
-    /// Time step, s, in the fraction of damping that the step evaluates at its end instead of its middle (see
-    /// [`crate::actuation::forces`]). Zero disables this fraction.
+    /// Time step, s. It determines the fraction of damping that a step evaluates at its end instead of its middle (see
+    /// [`crate::actuation::forces`]). If it is zero, the step evaluates no damping at its end.
     pub step: R,
 }
 

@@ -194,8 +194,8 @@ impl<R: Real> Nominal<R> {
         )
     }
 
-    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits). Returns those of
-    /// these lanes in which the evaluation has every contact that overlaps in the solved step.
+    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits). Returns a subset
+    /// of these lanes. In the returned lanes, the evaluation has every contact that overlaps in the solved step.
     pub(super) fn gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut dyn FnMut(Gap)) -> u32 {
         let mut pair = |is_limit: bool, nominal: R, displaced: R, lanes: u32| {
             for lane in each_of(lanes) {

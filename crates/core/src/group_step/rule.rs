@@ -128,7 +128,7 @@ pub struct Prediction<R: Real> {
     /// Largest difference between the velocity predicted in the solved step and in its evaluation, m/s or rad/s. NaN if any difference is
     /// NaN.
     pub difference: R,
-    /// Largest product of a generalized velocity before the step and the time step, m or rad.
+    /// Largest displacement of a coordinate in a step at the velocity before the step, m or rad.
     pub motion: R,
 }
 

@@ -1,8 +1,8 @@
 //! Intersections of rays with shapes, and tests whether points are inside simple shapes.
 //!
-//! The surface of a simple shape consists of pieces, whose intersections with a line are roots of linear or quadratic equations. The result
-//! is the nearest root that is on its piece and not behind the ray's origin. A ray that begins inside hits the point where it leaves. For
-//! meshes and height fields, the rays are cast lane by lane.
+//! The surface of a simple shape consists of parts of planes and quadrics, whose intersections with a line are roots of linear or quadratic
+//! equations. The result is the nearest root that is on its part and not behind the ray's origin. A ray that begins inside hits the point
+//! where it leaves. For meshes and height fields, the rays are cast lane by lane.
 
 use stepper_geometry::{Pose, RaySurface};
 use stepper_real::{Mask, Real, Scalar};
@@ -41,8 +41,8 @@ fn nothing<R: Real>() -> R {
 
 /// Intersections of a line with a quadric: the two roots t of a t^2 + 2 b t + c, ascending.
 ///
-/// The caller tests whether the roots are on the piece of the surface, and passes the result to [`Roots::nearest`] as masks. A closure for
-/// the test would be slow, because the compiler does not inline a closure that is called twice.
+/// The caller tests whether the two points are on the part of the quadric that belongs to the shape. It passes the results to
+/// [`Roots::nearest`] as masks. A closure for the test would be slow, because the compiler does not inline a closure that is called twice.
 struct Roots<R: Real> {
     real: R::Mask,
     at: [R; 2],

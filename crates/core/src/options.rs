@@ -156,7 +156,7 @@ const AUTO_SWEEPS: u32 = 50;
 /// iteration.
 const NEWTON_SWEEPS: u32 = 2;
 
-/// Acceleration that the default tolerance may leave as error, as a fraction of gravity. It bounds the error of contact forces at rest,
+/// Acceleration error that the default tolerance permits, as a fraction of gravity. It bounds the error of contact forces at rest,
 /// independent of the time step.
 ///
 /// Evidence: f32 at 0.1 ms: a cube of 98.1 N reads 97.7 to 98.6 N; with the tolerance of a long step 88.9 to 106.7 N.

@@ -193,8 +193,8 @@ pub(crate) const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
 /// Joint rotation per step by constraint impulses above which the step counts as unresolved, rad.
 pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 
-/// Residual above which the impulses of a solve are unreliable, m/s. The kinetic energy of the lane is then limited, as after motion that
-/// is too fast for the time step.
+/// Residual above which the impulses of a solve are unreliable, m/s. The step then limits the kinetic energy of the lane, in the same way
+/// as after a motion that is too fast for the time step.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
 /// Residual of the repeated solve in lanes with an ambiguous kinetic energy (`acceptance.rs`). It is a fraction of the largest residual at

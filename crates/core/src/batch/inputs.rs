@@ -160,17 +160,19 @@ impl AppliedInputs {
         }
     }
 
-    /// Completes the inputs of a call: for arrays that are empty in `given`, the inputs in force are used.
+    /// Completes the inputs of a call. An array that is empty in `given` is replaced by the input in force.
     pub(super) fn complete<'a>(&'a self, given: &StepInputs<'a>) -> StepInputs<'a> {
         self.complete_with(given, |held| held)
     }
 
-    /// Completes the inputs of a call for environment `env` alone. The arrays of `given` have one row, for this environment.
+    /// Completes the inputs of a call for environment `env` alone with the inputs in force. The arrays of `given` have one row, for this
+    /// environment.
     pub(super) fn complete_one<'a>(&'a self, env: usize, num_envs: usize, given: &StepInputs<'a>) -> StepInputs<'a> {
         self.complete_with(given, |held| &held[env * (held.len() / num_envs)..][..held.len() / num_envs])
     }
 
-    /// Completes the inputs `given` of a call. `part` selects the rows of an array in force.
+    /// Completes the inputs `given` of a call with the inputs in force. `part` selects the rows of an array with the inputs in force that
+    /// the call needs.
     fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
         let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] = &self.arrays;
         let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };

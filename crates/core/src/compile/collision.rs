@@ -178,8 +178,8 @@ const NEIGHBOUR_POINTS: usize = 48;
 ///
 /// If at most this number of pairs has two moving geoms, those pairs are listed. Then only pairs with a static geom are dynamic.
 const LISTED_PAIRS: usize = 3000;
-/// Ratio of a geom's size to the median size of geoms above which the pairs of this geom are listed pairs. In the broad phase, a cell as
-/// large as this geom would contain all geoms.
+/// Ratio of a geom's size to the median size of geoms above which the geom counts as large. Pairs of large geoms are in the compiled
+/// model's list of pairs, and not among the dynamic pairs. In the broad phase, a cell as large as this geom would contain all geoms.
 const LARGE: f64 = 8.0;
 
 /// Compiled collision geometry: geoms, listed pairs and dynamic pairs.

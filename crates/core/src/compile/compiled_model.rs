@@ -151,7 +151,7 @@ impl<S: Scalar> ModelStructure<S> {
         Some(self.dofs[64 * w + word.trailing_zeros() as usize].tree)
     }
 
-    /// Pair with index `number`, a listed or a dynamic pair.
+    /// Pair with index `number`: a pair in `pairs`, or one of the dynamic pairs.
     ///
     /// # Panics
     /// When the model has no such pair.

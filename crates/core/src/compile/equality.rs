@@ -124,7 +124,7 @@ pub struct EqualityBlock<S> {
     pub equalities: Vec<CompiledEquality<S>>,
     /// Degrees of freedom that any equality of the block moves, with their ancestors, ascending.
     pub support: Vec<u32>,
-    /// Number of rows of the block.
+    /// Number of constraint rows of the block.
     pub rows: usize,
     /// Whether all equalities of the block are hard. Their rows are then made orthogonal.
     pub hard: bool,

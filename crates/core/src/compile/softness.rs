@@ -28,8 +28,8 @@ pub struct SoftLaw<S> {
     impedance: [S; 2],
     /// Inverse of the error at which the impedance reaches its final value, 1/m or 1/rad; 0 for a constant impedance.
     inverse_width: S,
-    /// Midpoint of the impedance curve: position error divided by the error at which the impedance reaches its final value. `factors` are
-    /// the factors of the curve before and after the midpoint.
+    /// Position error at the midpoint of the impedance curve, divided by the error at which the impedance reaches its final value.
+    /// `factors` are the factors of the curve before and after the midpoint.
     midpoint: S,
     factors: [S; 2],
     power: S,

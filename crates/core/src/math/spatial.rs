@@ -10,7 +10,8 @@ pub use stepper_geometry::linear_algebra::*;
 /// Spatial motion (angular velocity, velocity at the reference point) or spatial force (moment about the reference point, force), in world
 /// axes.
 pub type V6<R> = [R; 6];
-/// Rigid-body inertia about the reference point: mass (1), first moment of mass (3), second moment xx, yy, zz, xy, xz, yz (6).
+/// Inertia of a rigid body about the reference point. Its ten numbers are the mass, the three first moments of mass, and the second moments
+/// xx, yy, zz, xy, xz, yz.
 pub type Inertia<R> = [R; 10];
 
 /// Scalar product of a spatial motion and a spatial force: power.

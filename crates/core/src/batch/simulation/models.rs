@@ -10,8 +10,8 @@ impl Simulation {
     /// Sets the transfer functions of the sensors, one entry for every sensor. `None` makes a sensor ideal (without errors).
     ///
     /// # Errors
-    /// [`Error::Count`] when there is not one for every sensor, [`Error::Sensor`] for a number out of its range, with the sensor's name.
-    /// [`Error::Memory`] when there is not enough memory for the sensors of all environments.
+    /// [`Error::Count`] when `transfers` does not have one entry for every sensor, [`Error::Sensor`] for a number out of its
+    /// range, with the sensor's name. [`Error::Memory`] when there is not enough memory for the sensors of all environments.
     pub fn set_sensor_models(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
         let (found, must) = (transfers.len(), self.model.sensors.len());
         if found != must {
@@ -24,9 +24,9 @@ impl Simulation {
     /// Sets the actuator dynamics, one entry for every actuator. `None` gives an actuator no dynamics. All environments are reset.
     ///
     /// # Errors
-    /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when there are per-environment
-    /// parameters. [`Error::Actuator`] for a number out of its range or an unsupported setting, with the actuator's name. [`Error::Memory`]
-    /// when there is not enough memory for the actuators of all environments.
+    /// [`Error::Count`] when `specs` does not have one entry for every actuator; [`Error::DrivesAfterParameters`] when there are
+    /// per-environment parameters. [`Error::Actuator`] for a number out of its range or an unsupported setting, with the
+    /// actuator's name. [`Error::Memory`] when there is not enough memory for the actuators of all environments.
     pub fn set_actuator_models(&mut self, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
         let (found, must) = (specs.len(), self.model.nu());
         if found != must {

@@ -12,7 +12,7 @@ use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 /// Invalid index: no row, no member of the dynamic pairs, or no leaf.
 const NONE: u32 = u32::MAX;
 
-/// Geom that is fixed to the world and can collide with a moving geom.
+/// Geom that is fixed to the world and may collide with a moving geom.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticGeom {
     /// Index of the static geom in the compiled model.
@@ -26,7 +26,7 @@ pub struct StaticGeom {
     member: u32,
 }
 
-/// Moving geom that can collide with a geom that is fixed to the world.
+/// Moving geom that may collide with a geom that is fixed to the world.
 #[derive(Clone, Copy, Debug)]
 pub struct MovingGeom {
     /// Index of the moving geom in the compiled model.

@@ -15,7 +15,7 @@ fn main() {
     }
 }
 
-/// Fastest CPU level of the machine that builds. Another target gets all of its levels.
+/// Fastest CPU level of the machine that builds. The text is empty if the build is for another target, which gets all of its levels.
 #[cfg(target_arch = "x86_64")]
 fn native() -> &'static str {
     if std::env::var("TARGET") != std::env::var("HOST") {
@@ -31,7 +31,7 @@ fn native() -> &'static str {
     }
 }
 
-/// Empty: other architectures have a single level.
+/// Empty text, which selects all levels: other architectures have a single level.
 #[cfg(not(target_arch = "x86_64"))]
 fn native() -> &'static str {
     ""

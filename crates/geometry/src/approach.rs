@@ -107,7 +107,8 @@ impl<R: Real> Approach<R> {
         norm(cross(n, self.rotation)) * self.radius
     }
 
-    /// Error of distances, m, see [`COORDINATE_ROUNDING`]. `most` is the largest displacement and `size` the sum of the bounding radii, m.
+    /// Rounding error of the distance between two bodies, m, see [`COORDINATE_ROUNDING`]. `most` is the largest displacement and `size` the
+    /// sum of the bounding radii, m.
     #[inline(always)]
     fn rounding(&self, size: f64, most: R) -> R {
         R::of(COORDINATE_ROUNDING) * (R::of(size) + most)

@@ -4,8 +4,8 @@
 //! difference that is farthest along the normal of the polytope's nearest face. If this point is on the face, the face is also a facet of
 //! the difference. No other facet is closer to the origin.
 //!
-//! The difference of round shapes has few or no flat facets. The search then starts from an upper bound of the depth. It ends when all
-//! faces of the polytope are farther away than that.
+//! The difference of round shapes has few or no flat facets. For such shapes the search starts from an upper bound of the depth. It ends
+//! when every face of the polytope is farther from the origin than this bound.
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;
@@ -109,8 +109,8 @@ impl Polytope {
         }
     }
 
-    /// Unit normal along which the overlap is shallower than `depth` by more than `least`, both in m. `None` if there is none, or if the
-    /// polytope has its largest size.
+    /// Unit normal along which the overlap is shallower than `depth` by more than `least`, both in m. `None` if no such normal exists, or
+    /// if the polytope has reached its largest size.
     ///
     /// A further call continues with the same polytope.
     pub(super) fn shallower(&mut self, pair: &Pair<'_>, depth: f64, least: f64) -> Option<V> {

@@ -178,18 +178,20 @@ impl Clipper {
         !out.points.is_empty()
     }
 
-    /// Projects the features of both shapes that face each other along the normal. `corners` are the farthest vertices, around which they
-    /// are.
+    /// Projects the features of both shapes that face each other along the normal. `corners` are the corners of the shapes that are
+    /// farthest along the normal; each feature contains its corner.
     fn fill(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], corners: [u32; 2]) {
         self.features[0].fill(pair.a, &views[0], corners[0]);
         self.features[1].fill(pair.b, &views[1], corners[1]);
     }
 
-    /// Adds the contact points above or below a triangle of a surface, which is the first shape, along the triangle's normal.
+    /// Adds the contact points of a triangle of a surface with a shape that is above or below it, along the triangle's normal. The triangle
+    /// is the first shape of `pair`.
     ///
-    /// Corners of the second shape count if they are above or below the triangle. In the valley between two triangles they also count if
-    /// they are behind both planes; `rises` is from `Facet::rises`. Crossings of edges count only at convex edges (`bulges`), and if the
-    /// feature of the second shape is parallel to the triangle. Otherwise a corner is deeper, or another triangle is closer.
+    /// `face` has the normal and the farthest corner of each shape. Corners of the second shape count if they are above or below the
+    /// triangle. In the valley between two triangles they also count if they are behind both planes, see `Facet::rises` for the tangents
+    /// `rises`. Crossings of edges count only at convex edges (`bulges`), and if the feature of the second shape is parallel to the
+    /// triangle. Otherwise a corner is deeper, or another triangle is closer.
     pub(super) fn over_facet(
         &mut self,
         pair: &Pair<'_>,
@@ -373,9 +375,9 @@ fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
 
 /// Indices, ascending, and number of contact points that span nearly the area of all points.
 ///
-/// They are the deepest of `count` points (smallest h[1]), the point farthest from it, and the two that add most area on either side. Of
-/// points that are equal up to rounding the first is chosen, so that the choice does not change from step to step. `size` is the size of
-/// the pair, m.
+/// They are the deepest of the `count` points (smallest `h[1]`), the point farthest from the deepest one, and the two that add most area on
+/// either side. Of points that are equal up to rounding the first is chosen, so that the choice does not change from step to step. `size`
+/// is the size of the pair, m.
 fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize; KEPT], usize) {
     let (tie, tie_area) = (EQUAL_DEPTH * size, 1e-6 * size * size);
     let mut kept = [0; KEPT];

@@ -42,7 +42,8 @@ impl Narrow {
         narrow
     }
 
-    /// Contact points of two solids whose distance is within `limits`, and [`Manifold::separating_plane`].
+    /// Finds the contact points of two solids whose distance is at most `limits.prediction`. Also returns the separating plane if both
+    /// solids are hulls, see [`Manifold::separating_plane`].
     ///
     /// A half space must be the first solid. If one solid is a surface, `limits.approach` is the motion of the convex shape in the frame of
     /// the surface.
@@ -65,8 +66,8 @@ impl Narrow {
     }
 }
 
-/// Finds the contact points of two convex shapes and writes them to `out`, in the world frame. `out` stays empty exactly if the shapes are
-/// farther apart than `limits`.
+/// Finds the contact points of two convex shapes and writes them to `out`, in the world frame. There are none if the shapes are farther
+/// apart than `limits.prediction`. With `limits.approach`, contacts that cannot push within the step may be absent.
 ///
 /// There are at most [`MAX_POINTS`](crate::MAX_POINTS), ascending by feature. Normals point from the first shape to the second.
 pub fn collide(

@@ -193,7 +193,8 @@ struct RelativePath {
 }
 
 impl RelativePath {
-    /// Path between the times `from` and `to`, s. The motion of the surface comes first. `angle` is a bound on the relative rotation, rad.
+    /// Path of a shape relative to a surface between the times `from` and `to`, s. `motions` are those of the surface and of the shape, in
+    /// this order. `angle` is an upper bound of the relative rotation, rad.
     fn new(motions: &[SolidMotion; 2], [from, to]: [f64; 2], angle: f64) -> Self {
         let parts = ((angle / MAX_PART_ANGLE).ceil().max(1.0) as usize).min(MAX_PARTS);
         let mut poses = [motions[1].pose; MAX_PARTS + 1];
@@ -235,7 +236,8 @@ impl RelativePath {
 impl Narrow {
     /// Whether a convex shape passes through a surface between the times `from` and `to`, s.
     ///
-    /// The motion of the surface comes first. `thickness` is the relative displacement below which the shape cannot pass the surface, m.
+    /// `motions` are those of the surface and of the shape, in this order. `thickness` is the relative displacement below which the shape
+    /// cannot pass the surface, m.
     fn may_pass_surface(
         &mut self,
         surface: &Surface,

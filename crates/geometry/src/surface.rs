@@ -584,14 +584,14 @@ pub fn collide_surface(
     out.to_world(pose_a);
 }
 
-/// Smallest and largest coordinates of the triangles that can have contacts with a shape, m, in the frame of the surface.
+/// Smallest and largest coordinates of the box in which triangles can have contacts with a shape, m, in the frame of the surface.
 ///
-/// The shape is the second one of `whole`. `core` is the centre of a ball or the ends of a capsule's segment. Triangles count if they are
-/// within `reach` of the shape without its rounding radius, m. If `approach` is given, they count only if their contacts can push within
-/// the step.
+/// The shape is the second one of `whole`. `core` is the centre of a ball or the ends of a capsule's segment; `None` for other shapes.
+/// Triangles count if they are within `reach` of the shape without its rounding radius, m. If `approach` is given, they count only if their
+/// contacts can push within the step.
 ///
-/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least that of
-/// a shape at rest.
+/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least as large
+/// as for a shape at rest.
 pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
     let [low, high] = whole.extent_b(core);
     let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));

@@ -40,7 +40,8 @@ enum Candidate {
     FirstFace(usize),
     /// Face of the second hull, by its index.
     SecondFace(usize),
-    /// Edge of each hull: separation along their common perpendicular, and distance of the closest points from the ends of the edges, m.
+    /// One edge of each hull, with the separation along the common perpendicular of both, and the distance of the closest points from the
+    /// ends of the edges, m.
     Edges(Facing, f64),
 }
 
@@ -169,10 +170,11 @@ fn across_edges(pair: &Pair<'_>, [a, b]: [&Hull; 2], [e, h]: [[u32; 2]; 2], towa
     (from_outline > 0.0).then_some((Facing { found, corners, ends }, from_outline))
 }
 
-/// Separation along the common perpendicular of two lines, and its places on both: 0 at the first given point of a line, 1 at the second.
-/// `None` if they are parallel.
+/// Separation of two lines along their common perpendicular, and the parameter of the closest point on each line. `None` if the lines are
+/// parallel.
 ///
-/// The normal is the direction that is closer to `towards`.
+/// A parameter is 0 at the first given point of its line, and 1 at the second. The normal is the direction of the perpendicular that is
+/// closer to `towards`.
 fn common_perpendicular([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64; 2])> {
     let (u, v, d) = (sub(q, p), sub(s, r), sub(r, p));
     let n = cross(u, v);

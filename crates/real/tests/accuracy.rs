@@ -15,7 +15,8 @@ struct Worst {
 }
 
 impl Worst {
-    /// `ulp` is the spacing of the result's type at `want`.
+    /// Compares the result `got` at the argument `at` with the expected result `want`, and stores the error if it is the largest so far.
+    /// `ulp` is the distance between neighbouring numbers of the result's type at `want`.
     fn see(&mut self, at: (f64, f64), got: f64, want: f64, ulp: f64) {
         assert_eq!(got.is_nan(), want.is_nan(), "at {at:?}: {got:e}, not {want:e}");
         let ulps = if got == want || want.is_nan() { 0.0 } else { (got - want).abs() / ulp };

@@ -1,4 +1,4 @@
-//! Every backend gives every lane the bits that a lone scalar gets.
+//! Tests that every lane of every lane type has the same bits as a scalar.
 
 use proptest::prelude::*;
 use stepper_real::{Level, Mask, Real, Two, array, at_avx512, at_level};
@@ -137,8 +137,8 @@ fn lanes<R: Real>() -> usize {
     R::LANES
 }
 
-/// Compares the lanes of every level with scalars, bit for bit. Which NaN it is may differ. `$lanes` of a level is their number, 0 where
-/// the level has none of the type.
+/// Checks that every lane at every level has the same bits as a computation with scalars; only the bits of a NaN may differ. `$lanes`
+/// returns the number of lanes at a level, or 0 if the level does not have the type.
 macro_rules! check {
     ($name:ident, $scalar:ident, $lanes:expr, $run:expr) => {
         fn $name(a: &[$scalar], b: &[$scalar]) {
@@ -186,7 +186,7 @@ macro_rules! check_two {
     };
 }
 
-/// Portable lanes, which no level of x86-64 has, once.
+/// Checks the portable lanes, which no x86-64 level uses. The check runs once instead of at every level.
 macro_rules! check_portable {
     ($name:ident, $scalar:ident, $lanes:ident, $n:literal) => {
         check!($name, $scalar, |level| if level == Level::available()[0] { $n } else { 0 }, |_, a: &[_], b: &[_], out: &mut [_]| {
@@ -227,7 +227,7 @@ macro_rules! specials {
 specials!(specials_f64, f64);
 specials!(specials_f32, f32);
 
-/// Any bits at all (NaN, subnormal, huge), or ordinary magnitudes, or special values.
+/// Random numbers: any bits (NaN, subnormal, huge), ordinary magnitudes, and special values.
 macro_rules! inputs {
     ($scalar:ident, $bits:ident, $specials:ident) => {
         prop::collection::vec(
@@ -302,7 +302,7 @@ fn gathered<R: Real>(x: &[R::Scalar], order: &[u32], out: &mut [R::Scalar]) {
     )
 }
 
-/// Picks half of the lanes of two portable groups of `$n` and of two registers of AVX-512.
+/// Checks that lanes are gathered in the given order: from two portable groups of `$n` lanes, and from two registers of AVX-512.
 macro_rules! check_gathered {
     ($x:ident, $order:ident, $portable:ident, $n:literal, $lanes:ident) => {{
         let few: Vec<u32> = $order[..$n].iter().map(|l| l % (2 * $n)).collect();

@@ -2,7 +2,7 @@
 
 use stepper_real::{Level, Real, at_level};
 
-/// Type parameter of the kernel in addition to its lanes.
+/// Number that the test function `shift` adds to every entry, as a type parameter in addition to the lane type.
 trait Offset {
     const BY: f64;
 }

@@ -2,7 +2,7 @@
 
 use stepper_real::{Level, Mask, Real, array, at_avx512, at_level};
 
-/// Words that `algebra` writes.
+/// Number of masks that `algebra` computes, each as the bits of a word.
 const WORDS: usize = 14;
 
 #[inline(always)]

@@ -17,7 +17,7 @@ by_kind! {
 }
 
 impl Capacity {
-    /// Capacity for `dimension` coordinates without constraints. The caller sets the number of each kind.
+    /// Capacity for `dimension` coordinates and no constraints. The caller then sets the number of constraints of each kind.
     pub fn of_coordinates(dimension: usize) -> Self {
         Self { dimension, ..Self::default() }
     }

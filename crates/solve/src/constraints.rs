@@ -77,7 +77,8 @@ macro_rules! each_kind {
     };
 }
 
-/// Constructs a struct that [`by_kind`] declares from a `value` for each kind. The bindings are as in [`each_kind`].
+/// Constructs a struct that [`by_kind`] has declared. The expression `value` gives the field of each kind; it may use names that are bound
+/// as in [`each_kind`].
 macro_rules! make_kinds {
     ($name:ident { $($own:tt)* } $([$binding:ident: $($place:tt)+])+ => $value:expr) => {
         $name {

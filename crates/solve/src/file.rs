@@ -77,7 +77,8 @@ pub struct LoadedProblem<R: Real> {
 }
 
 impl<R: Real> System<'_, R> {
-    /// Problem of one lane as bytes, with the impulses of `iterate` and the limits of its solve. [`Problem::from_bytes`] reads them.
+    /// Bytes of a saved problem: the rows of the lane `lane`, the impulses of `iterate` and the limits `settings` of a solve.
+    /// [`Problem::from_bytes`] reads them.
     pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
         let (dimension, redundant) = (self.problem.dimension(), self.problem.newly_loaded.bits() >> lane & 1 == 1);
         let Settings { sweeps, newton_steps, tolerance, newton_threshold } = *settings;

@@ -1,4 +1,4 @@
-//! Map of the lanes of a group that are gathered into half of the registers, and scattered back.
+//! Map between the lanes of a group and registers of half the width, into which some of the lanes are gathered.
 
 use stepper_real::{Mask, Real};
 

@@ -70,8 +70,8 @@ pub struct Newton {
 
 /// Effort of the last call of Newton's method, in all its lanes and islands together.
 ///
-/// With a limit of n steps there are at most n steps and n rounds per island. With steps of the exact friction law there are at most
-/// [`EXACT_RATIO`] n. This bounds the time for which other lanes wait.
+/// With a limit of n steps, there are at most n Newton steps and n rounds per island. With the exact friction law, there are at most
+/// [`EXACT_RATIO`] n of each. These limits bound the time for which other lanes wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands (sets of coupled constraints) that Newton's method improved.

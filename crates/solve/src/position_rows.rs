@@ -4,7 +4,8 @@
 //! normal that passes a hinge at a micrometre, and a stretched chain. A compliance R on the diagonal of G makes the solution that of damped
 //! least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986). A row of mobility G then meets the fraction
 //! `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. If targets contradict each other, the remaining error is
-//! least in the mean square. Compliance counts from the reference impulses, so that loads that already act cause no error.
+//! least in the mean square. The compliance acts on the difference from the reference impulses, so that loads that already act cause no
+//! error.
 //!
 //! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the present motion. The proof is
 //! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`. No change of the velocities within the bounds c meets the targets then
@@ -99,12 +100,12 @@ impl<R: Real> PositionRows<R> {
         each_kind!([own: &mut self] => own.exchange_offsets());
     }
 
-    /// Damps the targets of the rows by a compliance. It acts on the difference from the impulses of `iterate`, which therefore cause no
-    /// additional velocity. These impulses and their motion are stored in `reference`.
+    /// Damps the targets of all rows by a compliance, which acts on the difference from the impulses of `iterate`. These impulses therefore
+    /// cause no additional velocity. They are stored in `reference`, with the scaled velocity change that they cause.
     ///
-    /// The compliance of a scalar row is the damping ratio times its mobility. For a contact it refers to the sum of its mobility and its
-    /// floor (`floors`, 1/kg, one for each constraint). It grows with the correction, the difference of the two offsets. Rows without
-    /// correction remain hard.
+    /// The correction of a row is the difference between its position target and its velocity target. Rows without correction remain hard.
+    /// The compliance of other scalar rows is the damping ratio times the mobility. For a contact the ratio grows with the correction, and
+    /// a minimum mobility (`floors`, 1/kg, one for each constraint) is added to the mobility.
     #[inline(always)]
     pub fn damp(
         &mut self,
@@ -156,11 +157,11 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Proof that the targets are infeasible. It has the impulses z by which `iterate` exceeds the reference solution, and velocities u.
-    /// These are the velocities by which rows miss their targets at the motion of the reference.
+    /// Proof that the targets are infeasible, by the impulses z by which `iterate` exceeds the reference solution.
     ///
-    /// Writes the scaled momentum J^T z to the reference, and returns -z . u, J. Friction and springs are excluded, and so are contacts and
-    /// limits that push less than in the reference.
+    /// Writes the scaled momentum J^T z to `reference`, and returns -z . u, J. Here u are the velocities by which the rows miss their
+    /// targets under the impulses of the reference. Friction and springs are excluded, and so are contacts and limits that push less than
+    /// in the reference.
     #[inline(always)]
     pub fn witness(&self, iterate: &Iterate<R>, reference: &mut Reference<R>) -> R {
         let Reference { w, lambda, g, momentum } = reference;
@@ -176,7 +177,7 @@ impl<R: Real> System<'_, R> {
     }
 }
 
-/// Splits the first `n` numbers off a list that has one number for each constraint, kind by kind.
+/// Splits off the first `n` entries of a list with one entry for each constraint, and returns them. `list` keeps the other entries.
 #[inline(always)]
 fn take<'a, R>(list: &mut &'a [R], n: usize) -> &'a [R] {
     let (first, rest) = list.split_at(n);

@@ -200,7 +200,8 @@ fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
 }
 
 impl<R: Real> System<'_, R> {
-    /// System whose solve ends without a certified residual: the residual of lanes whose last sweep changed little is reported as 0.
+    /// Copy of the system whose solve ends without an evaluation of the residual. Lanes whose last sweep changed little then report a
+    /// residual of 0.
     #[inline(always)]
     pub fn uncertified(self) -> Self {
         Self { certified: false, ..self }
@@ -213,7 +214,8 @@ impl<R: Real> System<'_, R> {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
     }
 
-    /// Calls `f` for each row or contact that exists in a lane, with the coordinates at which it has entries there, ascending.
+    /// Calls `f` for each row or contact that exists in a lane. `f` gets an iterator over the coordinates at which this row or contact has
+    /// entries in the lane, ascending.
     pub fn for_each_support(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
         each_kind!([set: &self.problem] [rows: self] => set.for_each_support(rows, lane, &mut f));
     }

@@ -1,4 +1,4 @@
-//! Reference solution, from whose impulses the damping of position targets counts.
+//! Reference solution of the position solve: damping acts on the difference from its impulses.
 
 use crate::capacity::Capacity;
 

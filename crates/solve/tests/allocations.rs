@@ -1,4 +1,4 @@
-//! A solve allocates nothing once its workspace has seen the problem.
+//! Test that a solve allocates no memory once its workspace has seen the problem.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -10,7 +10,7 @@ thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system's allocator, counting.
+/// System allocator that counts the allocations of each thread.
 struct Counting;
 
 // SAFETY: everything is the system allocator's.

@@ -1,4 +1,4 @@
-//! General convex collision against a search over directions, and the symmetries that it must have.
+//! Tests of collisions of general convex shapes: comparison with a search over directions, and the symmetries that they must have.
 //! PROPTEST_CASES=5000 searches longer.
 
 use std::sync::Arc;
@@ -100,7 +100,8 @@ pub(crate) fn manifold(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, p
     out
 }
 
-/// Largest depth of a box's face that determines the normal where edges overlap by `depth`.
+/// Smallest separation along face normals, m, at which a face still determines the normal of a contact whose edges have the separation
+/// `depth`. Overlaps are negative.
 ///
 /// Edges determine the normal if they overlap by less than 0.95 of the faces' overlap, see `boxes.rs`.
 fn by_faces(depth: f64) -> f64 {

@@ -1,4 +1,5 @@
-//! Contacts of convex hulls: against all that can be the normal, and the same whether the last step's normal is known or not.
+//! Tests of the contacts of convex hulls. The normal is compared with those of all facets, and a known normal of the previous step must
+//! change no result.
 
 use std::sync::Arc;
 
@@ -18,7 +19,7 @@ fn rotation() -> impl Strategy<Value = M3<f64>> {
     prop_oneof![1 => aligned, 4 => any]
 }
 
-/// Corners in the open, corners on a ball (a fine mesh), and a box (faces of four corners).
+/// Random hulls: a few corners in a cube, many corners on a ball (a fine mesh), or a box (faces with four corners).
 fn hull() -> impl Strategy<Value = Arc<Hull>> {
     let few = prop::collection::vec(vector(0.5), 4..12);
     let many = prop::collection::vec(unit().prop_map(|u| scale(u, 0.4)), 50..70);
@@ -73,19 +74,20 @@ fn meet(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<Ca
     out
 }
 
-/// `known` in the world.
+/// Contact points of two hulls. `known` is the contact normal of the previous step in world axes; `None` searches without it.
 fn contacts(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<V>, approach: Option<Approach>) -> Vec<Point> {
     meet(a, pa, b, pb, known.map(|n| rotate_back(&pa.mat, n).into()), approach).points
 }
 
-/// A pose some way and turn (m, rad) further.
+/// Pose after a translation by `way`, m, and a rotation by the rotation vector `turn`, rad.
 fn moved(pose: &Pose, way: V, turn: V) -> Pose {
     let angle = norm(turn);
     let mat = if angle > 0.0 { mat_mul(&axis_rotation(scale(turn, 1.0 / angle), angle.sin(), angle.cos()), &pose.mat) } else { pose.mat };
     Pose { pos: add(pose.pos, way), mat }
 }
 
-/// Whether two hulls of this size are parted for an approach.
+/// Whether the separating plane proves that two hulls have no contact that can push within the step. `size` is the sum of their bounding
+/// radii, m.
 fn are_parted(separating_plane: &SeparatingPlane, pa: &Pose, pb: &Pose, approach: &Approach, size: f64) -> bool {
     let mut partings = SeparatingPlanes::<f64>::none();
     partings.set_lane(0, separating_plane);
@@ -187,7 +189,8 @@ proptest! {
         }
     }
 
-    /// All contacts stay that stage 3 takes up: those nearer than what they close in two steps, and the slack.
+    /// All contacts remain that stage 3 of the step would accept: those closer than the distance that their bodies close in two steps, plus
+    /// the slack.
     #[test]
     fn only_contacts_that_do_not_count_are_left_out(a in hull(), ma in rotation(), b in hull(), mb in rotation(), towards in unit(),
                                                     gap in prop_oneof![1e-5..0.02f64, 1e-5..1e-3f64], way in vector(1.0), turn in vector(1.0),
@@ -234,7 +237,7 @@ fn cloud() -> impl Strategy<Value = Vec<V>> {
     prop_oneof![anywhere, on_ball, lattice, single]
 }
 
-/// Closed, of one piece and without holes.
+/// Whether the triangles of a hull are a closed surface of one piece and without holes.
 fn is_closed(hull: &Hull) -> bool {
     let edges: std::collections::BTreeSet<(u32, u32)> =
         hull.triangles().iter().flat_map(|t| (0..3).map(move |k| (t[k], t[(k + 1) % 3]))).collect();

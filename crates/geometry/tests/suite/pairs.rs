@@ -1,4 +1,4 @@
-//! Every pair of shapes against the definition of distance, and the symmetries that it must have.
+//! Tests of every pair of simple shapes against the definition of distance, and of the symmetries that contacts must have.
 
 use crate::shapes::{Body, ball, capsule, cases, cuboid, cylinder, ellipsoid, is_distance, turn, unit, vector};
 use proptest::prelude::*;
@@ -8,7 +8,7 @@ use stepper_geometry::pairs::{
     capsule_box, cylinder_rims, face_clearance, plane_ellipsoid, plane_point, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 
-/// The contacts that a kernel finds.
+/// Contacts of two bodies, from the contact function for their pair of shapes.
 pub(crate) fn contacts(a: &Body, b: &Body) -> Vec<ContactPoint<f64>> {
     let present = |points: [ContactPoint<f64>; 2], exist: [bool; 2]| points.into_iter().zip(exist).filter(|x| x.1).map(|x| x.0).collect();
     match (a, b) {
@@ -35,7 +35,7 @@ fn half_space() -> impl Strategy<Value = Body> {
     (vector(0.5), turn()).prop_map(|(origin, mat)| Body::HalfSpace { origin, normal: column(&mat, 2) })
 }
 
-/// Two bodies that a kernel serves.
+/// Random pairs of bodies whose shapes have a contact function over lanes.
 pub(crate) fn pair() -> impl Strategy<Value = (Body, Body)> {
     prop_oneof![
         1 => (half_space(), cylinder().prop_map(Body::Cylinder)),
@@ -55,7 +55,8 @@ proptest! {
         is_distance(&a, &b, &contacts(&a, &b), &starts)?;
     }
 
-    /// A point over a face of a box is over no face before it has moved by the clearance along the face, and is at the border then.
+    /// A point above a face of a box stays above it while it moves along the face by less than the clearance. At the clearance it reaches
+    /// the border of the face.
     #[test]
     fn a_point_stays_over_a_face_until_it_has_moved_by_the_clearance(b in cuboid(), at in vector(1.0), u in unit(), share in 0.0..1.0f64) {
         let clearance = face_clearance(at, &b);
@@ -76,7 +77,7 @@ proptest! {
         prop_assert!((height(moved) - height(at)).abs() < 1e-12);
     }
 
-    /// The same up to rounding, which turns into distance by the slope of the surfaces, at most one.
+    /// The smallest distance of the contacts does not change if both bodies are rotated and moved together, up to rounding.
     #[test]
     fn contacts_move_with_the_scene((a, b) in pair(), turn in turn(), shift in vector(10.0)) {
         let nearest = |found: Vec<ContactPoint<f64>>| found.into_iter().map(|c| c.distance).fold(f64::INFINITY, f64::min);

@@ -76,7 +76,7 @@ fn turned(length: f64, excess: f64) -> f64 {
     (2.0 * excess / length).sqrt()
 }
 
-/// Shape of a kernel in parry; `None` for ellipsoids.
+/// Parry's shape and pose of a test body; `None` for ellipsoids, which parry does not have.
 fn body_in_parry(body: &Body) -> Option<(Box<dyn Shape>, ParryPose)> {
     let along = |z: V3<f64>| {
         let [_, x, y] = contact_frame(z);
@@ -177,7 +177,7 @@ proptest! {
         prop_assert!(found > along - 1e-7, "{found} along {n:?}, {along} along the normal of {theirs:?}");
     }
 
-    /// Kernels over lanes, for all shapes except ellipsoids.
+    /// Contacts from the functions over lanes have the distance and normal that parry finds, for all shapes except ellipsoids.
     #[test]
     fn kernels_have_the_distance_and_normal_of_parry((a, b) in pair()) {
         let (Some((ga, pa)), Some((gb, pb))) = (body_in_parry(&a), body_in_parry(&b)) else { return Ok(()) };

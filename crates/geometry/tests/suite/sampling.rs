@@ -1,4 +1,4 @@
-//! Narrow phase against sampling, and the symmetries that it must have.
+//! Tests of the narrow phase against sampled points, and of the symmetries that it must have.
 
 use proptest::prelude::*;
 

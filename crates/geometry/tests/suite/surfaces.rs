@@ -1,5 +1,5 @@
-//! Concave meshes and height fields: the seams between triangles are not felt, and a closed surface is the solid that it bounds.
-//! PROPTEST_CASES=5000 searches longer.
+//! Tests of concave meshes and height fields. Shapes must slide over seams between triangles as over one face, and a closed surface must
+//! act as the solid that it bounds. PROPTEST_CASES=5000 searches longer.
 
 use std::sync::Arc;
 
@@ -128,14 +128,16 @@ fn below_a_height_field_is_pushed_up() {
     assert!(touch(&slope(5, [0.0; 2]), &ball, &under, 0.01).points.is_empty());
 }
 
-/// Heights over a square of 2 m, rough or smooth, and the same as a mesh whose diagonals are those of a height field or the others.
+/// Random height field over a square of 2 m, rough or smooth, and its form in a test. Form 0 is a height field; forms 1 and 2 are meshes
+/// with either direction of the cells' diagonals.
 fn rough() -> impl Strategy<Value = (Grid, usize)> {
     let heights = (4..9usize).prop_flat_map(|n| prop::collection::vec(0.0..1.0f64, n * n).prop_map(move |z| (n, z)));
     (heights, prop_oneof![Just(0.3), Just(0.03)], 0..3usize)
         .prop_map(|((n, z), most, form)| (Grid::new([n, n], [1.0; 2], z.into_iter().map(|z| most * z).collect(), 1.0), form))
 }
 
-/// The vertices of a grid, and its triangles: parted as those of a height field, or the other way.
+/// Vertices and triangles of a height field as a mesh. The diagonals of the cells are those of a height field, or the other ones if
+/// `other_way`.
 fn triangles(grid: &Grid, other_way: bool) -> (Vec<V>, Vec<[u32; 3]>) {
     let n = grid.shape[0];
     let at = |k: usize| -1.0 + 2.0 * k as f64 / (n - 1) as f64;
@@ -148,7 +150,7 @@ fn triangles(grid: &Grid, other_way: bool) -> (Vec<V>, Vec<[u32; 3]>) {
     (vertices, faces.collect())
 }
 
-/// Height of triangles below or above a point, none beside them.
+/// Height of the first triangle directly below or above the point `p`, m; `None` if there is no such triangle.
 fn height_at(vertices: &[V], faces: &[[u32; 3]], p: V) -> Option<f64> {
     let side = |a: V, b: V| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
     faces.iter().find_map(|f| {
@@ -266,7 +268,8 @@ proptest! {
         prop_assert!(if nearest < 0.0 { found < 0.0 } else { (found - nearest).abs() < 1e-9 }, "{found} {nearest}");
     }
 
-    /// Skipping triangles that the motion cannot reach keeps the deepest contact that counts. To balls and capsules it adds none.
+    /// A search that skips triangles out of reach of the motion still finds the deepest contact that can push. For balls and capsules it
+    /// finds no other contact that can push.
     #[test]
     fn contacts_that_count_are_found(
         (grid, form) in rough(), b in shape(), at in prop::array::uniform2(-1.1..1.1f64), lift in 0.0..0.3f64, mat in rotation(),

@@ -1,4 +1,4 @@
-//! Bodies that lie on a flat face with a tilt that rounding or a small motion leaves: they touch it wherever they are over it.
+//! Tests of bodies that lie on a flat face with a small tilt from rounding or motion: they touch the face wherever they are above it.
 //! PROPTEST_CASES=5000 searches longer.
 
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use stepper_geometry::{ConvexShape, Grid, Hull, Narrow, Point, Pose, SearchLimit
 const FLOOR: [f64; 2] = [0.05, 0.3];
 const BODY: [f64; 3] = [0.03, 0.02, 0.02];
 
-/// SearchLimits of the search, m: above the height of the highest corner of the most tilted body.
+/// Largest distance of a contact in the search, m. It exceeds the height of the highest corner of the most tilted body.
 const PREDICTION: f64 = 1e-3;
 
 /// Least share of the common area that the contact points span. Four corners of a hexagon span at least a half of it, and those of an

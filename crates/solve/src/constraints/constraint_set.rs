@@ -267,7 +267,8 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// iterations need is gathered.
     fn gather(&self, rows: &Rows<Self::Row>, map: &LaneMap, out: &mut Self::Half);
 
-    /// Calls `f` for each constraint that exists in a lane, with the coordinates at which it has entries there, ascending.
+    /// Calls `f` for each constraint that exists in a lane. `f` gets an iterator over the coordinates at which this constraint has entries
+    /// in the lane, ascending.
     fn for_each_support(&self, rows: &Rows<Self::Row>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>));
 
     /// Passes all constraints that exist in a lane to the receiver of Newton's method.
@@ -338,8 +339,8 @@ pub trait ConstraintSet<R: Real>: Sized {
 
     /// Adds the constraints of this kind to a proof of infeasibility, see [`System::witness`](crate::System::witness).
     ///
-    /// The proof has added impulses z and velocities u. Adds the scaled momentum J^T z to `momentum`, and returns `missing_work` - z . u,
-    /// J.
+    /// Let z be the impulses beyond the reference, and u the velocities by which the rows miss their targets under the impulses of the
+    /// reference. The function adds the scaled momentum J^T z to `momentum`, and returns `missing_work` - z . u, J.
     fn witness(
         &self,
         rows: &Rows<Self::Row>,

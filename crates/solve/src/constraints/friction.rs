@@ -50,8 +50,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Adds a compliance, 1/kg, to all rows of the contact and to the step rho of its natural map lambda - P_K(lambda - rho u).
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
-    /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's diagonal
-    /// entry before to that after it.
+    /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's previous
+    /// diagonal entry to the new one.
     fn add_normal_compliance(&mut self, compliance: R) -> R;
 
     /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide.
@@ -270,8 +270,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         self.rows.items.last().map_or(R::Mask::splat(false), |contact| contact.immovable)
     }
 
-    /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. Call it before its
-    /// trace ratio and its compliance are set.
+    /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. The caller must do this
+    /// before setting the trace ratio and the compliance of the contact.
     pub fn make_movable(&mut self, lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]

@@ -52,7 +52,7 @@ pub struct RowScales<'a, R> {
     pub lengths: &'a [R],
     /// Squared scale of the target velocity of each row, (m/s)^2. The scale is the size of the terms that are summed in the target.
     pub velocities: &'a mut [R],
-    /// Scales of the rows' entries, with which entries are recognised as rounding error. Only short rows need them.
+    /// Scales of the entries of all rows, which show whether an entry is rounding error. They may be `None` as long as no row is short.
     pub entries: Option<EntryScales<'a, R>>,
 }
 
@@ -66,10 +66,11 @@ pub struct EntryScales<'a, R> {
 }
 
 impl<R: Real> ScalarRows<R> {
-    /// Orthogonalises the rows `rows`. `right_hand_sides` has more right-hand sides of each row, which are combined like g.
+    /// Makes the Jacobians of the scalar rows with the indices `rows` orthogonal to each other. `right_hand_sides` are further right-hand
+    /// sides of these rows, which are combined in the same way as the target g.
     ///
-    /// The rows must be equalities without compliance and bounds, pushed consecutively with the same support. Afterwards the impulses are
-    /// those of the combined rows, and `scales` the scales of the combined rows. A row is removed if two conditions hold:
+    /// The rows must be equalities without compliance and bounds, pushed consecutively with the same support. Afterwards the impulses and
+    /// `scales` refer to the combined rows. A row is removed if two conditions hold:
     ///
     /// - It is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2).
     /// - None of its entries exceeds 1e-6 (f32: 4e-6) of its scale.
@@ -77,7 +78,8 @@ impl<R: Real> ScalarRows<R> {
     /// Such a row is rounding error, or so nearly dependent that its impulse would be meaningless. `adjust` may change the right-hand sides
     /// of a finished row before later rows use them.
     ///
-    /// Returns false if a row is short and `scales` has no entries. Then push the rows again, and call this with scales of entries.
+    /// Returns false if a row is short and `scales.entries` is `None`. The caller must then push the rows again, and repeat the call with
+    /// the scales of the entries.
     #[inline(always)]
     #[must_use]
     pub fn orthogonalise<const N: usize>(

@@ -112,8 +112,8 @@ impl<R: Real> RollingSolver<R> {
         (rate, x, push - dot(self.coupling, x))
     }
 
-    /// Adds one compliance to the normal row and one to the other rows. Returns the ratio of the normal row's diagonal entry before to that
-    /// after it.
+    /// Adds one compliance to the normal row and one to the other rows. Returns the ratio of the normal row's previous diagonal entry to
+    /// the new one.
     ///
     /// The principal axes do not change, because only the update uses them.
     #[inline(always)]

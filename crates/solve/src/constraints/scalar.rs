@@ -83,9 +83,10 @@ impl<R: Real> ScalarRow<R> {
         met
     }
 
-    /// Part of a target velocity that an immovable row does not meet, m/s or rad/s; 0 for dry friction.
+    /// Velocity by which an immovable row misses its target, m/s or rad/s; 0 for dry friction.
     ///
-    /// For an equality it is the size of `equality`. For a limit with the offset `g` it is -g, which is negative if the limit is met.
+    /// For an equality it is the absolute value of `equality`. For a limit with the velocity target `g` it is -g, which is negative if the
+    /// limit is met.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);

@@ -92,7 +92,8 @@ impl<R: Real> SlidingSolver<R> {
     /// Impulse of a slipping contact in the lanes `todo`: that at the multiplier s > 0 at which |lambda_t(s)| = mu lambda_n(s).
     ///
     /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
-    /// Newton's method starts at `guess`. A step within [`near`] is the last, and its error is not tested.
+    /// Newton's method starts at `guess`. Once the relative error is below [`near`], the method makes one more step and does not test the
+    /// error again.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();

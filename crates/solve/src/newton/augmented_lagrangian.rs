@@ -1,9 +1,9 @@
 //! Augmented Lagrangian of one island. Its minimum over w (scaled velocity change) is one step of the proximal method, and Newton's method
 //! finds it.
 //!
-//! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), the gradient `w - sum_i Y_i^T z_i` belongs to a convex function
-//! that is once differentiable. Its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row gives `c = 1 / (1 + rho R)` and
-//! reduces rho by the same factor.
+//! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), `w - sum_i Y_i^T z_i` is the gradient of a convex function that
+//! is once differentiable. Its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. A compliance R of a row gives `c = 1 / (1 + rho R)` and
+//! multiplies rho by the same factor.
 //!
 //! De Saxce's term s_i = mu |v_t| is constant, or evaluated at the present w (an "implicit" step). The implicit equation is that of the
 //! exact friction law. Its matrix is not symmetric and no function is minimised, but close to the solution Newton's method converges at
@@ -80,8 +80,8 @@ impl AugmentedLagrangian {
         self.compute_gradient(rows)
     }
 
-    /// Computes each constraint's argument x of the projection on the admissible impulses, and its projection z, from the present
-    /// velocities. If `implicit`, with the exact friction law.
+    /// Computes the argument x of each constraint's projection from the present velocities, and its projection z on the admissible
+    /// impulses. If `implicit`, De Saxce's terms mu |v_t| are those at the present velocities (the exact friction law).
     #[inline(always)]
     fn project(&mut self, rows: &Island, implicit: bool) {
         for (i, block) in rows.blocks.iter().enumerate() {
@@ -243,8 +243,8 @@ const LEAST_LENGTH: f64 = 0.125;
 /// Largest number of points of Newton's line search.
 const MOST_POINTS: usize = 30;
 
-/// Factor c of a constraint's impulse in the argument of its projection, and step rho of the velocity there. `kappa` is the ratio of rho to
-/// the step of the natural map.
+/// Factors in the argument c lambda - rho v of a constraint's projection: factor c of the impulse lambda, and step rho of the velocity v.
+/// `kappa` is the ratio of rho without compliance to `block.rho`, the step of the natural map.
 #[inline(always)]
 fn stiffness(block: &Block, kappa: f64) -> (f64, f64) {
     let rho = kappa * block.rho;

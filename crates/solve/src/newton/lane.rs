@@ -54,7 +54,7 @@ pub(super) struct Lane {
     /// Scaled velocity change w = sum_i y_i lambda_i by the impulses lambda_i of all rows except the eliminated ones, where y_i are the
     /// rows of the scaled Jacobian. Its kinetic energy is |w|^2 / 2.
     pub(super) w: Vec<f64>,
-    /// Part of the scaled velocity change w by eliminated rows. They are solved, and no other row depends on it.
+    /// Part of the scaled velocity change w by eliminated rows. These rows are solved already, and no other row depends on this part.
     eliminated: Vec<f64>,
     /// Extra coordinates of the scaled velocity change w: one for each normal row with a compliance R. The row's entry there is sqrt(R),
     /// and no other row has an entry.

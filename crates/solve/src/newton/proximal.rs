@@ -43,7 +43,7 @@ const MOST_EXACT_KAPPA: f64 = 1e6;
 const MOST_STEPS: u32 = 6;
 /// Number of Newton steps up to which the next proximal step with the exact friction law is longer.
 const FEW_STEPS: u32 = 4;
-/// Largest number of Newton steps of the additional proximal step after one that meets the tolerance.
+/// Largest number of Newton steps of the last proximal step, which is made after the tolerance has been met.
 const LAST_STEPS: u32 = 2;
 /// Largest number of Newton steps with the exact friction law, relative to the limit in the settings.
 ///

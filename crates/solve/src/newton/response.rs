@@ -59,7 +59,7 @@ pub enum Switch {
 pub struct SwitchDistance {
     /// Lane that contains the constraint.
     pub lane: usize,
-    /// Mode change of the constraint that would be next.
+    /// Next mode change of the constraint, which a continued change of the problem would cause.
     pub switch: Switch,
     /// Distance to the mode change as a multiple of the change of the problem. It is at most 1 if the mode has changed, and infinite if the
     /// change leads away from it.
@@ -215,12 +215,12 @@ impl<R: Real> Response<R> {
         sound
     }
 
-    /// Replaces the impulses of a problem that is close to that of the last [`Response::settle`] by its solution to first order, in the
-    /// lanes `lanes` (bits).
+    /// Replaces the impulses in the lanes `lanes` (bits) by a first-order solution. The problem must be close to that of the last
+    /// [`Response::settle`].
     ///
     /// Returns the lanes in which a constraint that pushed no longer exists. `name` returns the number that identifies a constraint in both
-    /// problems. For a position solve `before` is the velocity solve after its response. Exactly those rows are damped that were damped in
-    /// the stored problem.
+    /// problems. Its arguments are the kind, the index and the lane. For a position solve, `before` is the velocity solve after its own
+    /// response; the rows that were damped in the stored problem are damped here.
     pub fn respond<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -429,7 +429,8 @@ impl LaneResponse {
         }
     }
 
-    /// Replaces the impulses of lane `l` by the stored ones plus the derivative times the change of the velocities.
+    /// Computes the impulses of lane `l` to first order. They are the stored impulses plus the stored derivative times the change of the
+    /// rows' velocities to `velocities`.
     fn update_impulses<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
         let Self { blocks, lambda, velocity, matrix, found, change, .. } = self;
         change.clear();
@@ -453,7 +454,7 @@ impl LaneResponse {
 }
 
 /// Step rho of a constraint's natural map lambda - P_K(lambda - rho u), kg: number of rows divided by the trace of its block of the
-/// Delassus matrix, compliance included. It is that of the residual.
+/// Delassus matrix, compliance included. The residual uses the same step.
 fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
     let (_, entries) = lane.entries(block);
     let dim = block.rows.len() as f64;
@@ -461,8 +462,8 @@ fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
 }
 
 impl Linear {
-    /// Computes the derivative of the impulses of a lane, in which the mode of each constraint is known. Returns false if the motion
-    /// depends on impulses that the rows do not determine.
+    /// Computes the derivative of the impulses of a lane into `own`, where the mode of each constraint (open, sticking, slipping, at a
+    /// bound) is known. Returns false if the motion depends on impulses that the rows do not determine.
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
         let active = |block: &(&Block, &LaneBlock)| matches!(block.0.piece, Piece::Held | Piece::Sliding);
@@ -571,8 +572,8 @@ impl Linear {
 
     /// Whether loads that the velocity solve `before` leaves undetermined cause motion in this position solve of the same rows.
     ///
-    /// Damping in the position solve counts from the impulses of the velocity solve. A different distribution of loads there changes the
-    /// result here.
+    /// Damping in the position solve acts on the difference from the impulses of the velocity solve. A different distribution of loads
+    /// there therefore changes the result here.
     fn moves_with_loads(&self, own: &LaneResponse, before: &LaneResponse) -> bool {
         let [n, stride] = [own.active.len(), own.active.len().next_multiple_of(TILE)];
         let mut compliance = vec![0.0; own.lambda.len()];

@@ -34,7 +34,8 @@ struct Zone<R: Real> {
     tangents: [R; 6],
 }
 
-/// Region of the relative acceleration `u` of an elliptic contact, of whose rows the first `U` are in use.
+/// Region (open, sticking or sliding) of an elliptic contact at the relative acceleration `u`. Only the first `U` rows of the contact are
+/// in use.
 #[inline(always)]
 fn zone<R: Real, const N: usize, const U: usize>(contact: &SoftContact<R, N>, u: &[R; N]) -> Zone<R> {
     let mu = contact.scale[0];

@@ -123,8 +123,10 @@ impl<R: Real> Hessian<R> {
         self.add_contacts(&problem.rolling_contacts, problem.cone, &argument.rolling_contacts);
     }
 
-    /// Computes the mass matrix `metric` with the couplings: the rows from `first` on, which are no constraints. If `lumped`, only the
-    /// diagonals of the couplings are added. The pattern must be that of the problem.
+    /// Sets the matrix to the mass matrix `metric` plus the couplings. Couplings are the scalar rows with an index of at least `first`,
+    /// which are no constraints.
+    ///
+    /// If `lumped`, only the diagonals of the couplings are added. The pattern must be that of the problem.
     #[inline(always)]
     pub(super) fn assemble_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, first: usize, lumped: bool) {
         self.copy_metric(metric);
@@ -306,8 +308,8 @@ fn subtract<R: Real>(x: &mut [R], y: &[R], factor: R) {
     }
 }
 
-/// Subtracts the sum of `factors` times rows from `x`, the last row first. The rows are `n` entries apart, and their parts begin at
-/// `start`.
+/// Subtracts `W` rows, each times its entry of `factors`, from `x`, the last row first. Row t begins at index `t * n + start` of `rows` and
+/// has the length of `x`.
 #[inline(always)]
 fn subtract_rows<R: Real, const W: usize>(x: &mut [R], rows: &[R], n: usize, start: usize, factors: [R; W]) {
     let mut parts = [&rows[..0]; W];
@@ -352,7 +354,7 @@ pub(super) struct Argument<R> {
 }
 
 impl<R: Real> Argument<R> {
-    /// Computes the product J x of the Jacobian of all rows of a problem and a vector. If `relative`, the reference accelerations are
+    /// Multiplies the Jacobian J of all rows of a problem by the vector `x`, and stores J x. If `relative`, the reference accelerations are
     /// subtracted.
     #[inline(always)]
     pub(super) fn multiply(&mut self, problem: &SoftProblem<R>, x: &[R], relative: bool) {

@@ -1,8 +1,8 @@
 //! Solver of soft problems that solves single lanes one after the other, in plain numbers.
 //!
-//! The rows of all lanes, and the pattern of the Hessian, contain those of any lane. In heaps, whose bodies touch differently in every
-//! environment, they are many times those of one lane. Solving each lane alone is then faster. The bits are the same, because rows that a
-//! lane lacks are zero among the rows of all.
+//! The rows of all lanes, and the pattern of the Hessian, contain those of any lane. In heaps, different bodies touch in every environment,
+//! and all lanes together have many times the rows of one lane. Solving each lane alone is then faster. The bits are the same, because rows
+//! that a lane lacks are zero among the rows of all.
 
 use std::cell::RefCell;
 

@@ -39,7 +39,7 @@ pub struct SoftSolver<R: Real> {
     change: Argument<R>,
     /// Gradient of the soft problem's objective.
     gradient: Vec<R>,
-    /// Acceleration by the gradient: M^-1 times the gradient, with the mass matrix M.
+    /// Gradient of the objective as an acceleration: the product M^-1 times the gradient, with the mass matrix M.
     imbalance: Vec<R>,
     /// Newton's search direction: a change of the acceleration of every degree of freedom.
     direction: Vec<R>,
@@ -148,8 +148,9 @@ impl<R: Real> SoftSolver<R> {
     /// the lanes `lanes`.
     ///
     /// `a` is replaced by the acceleration with the new forces (see the module `noslip`). `visits` are the contacts in the order in which
-    /// each sweep visits them. Rows from `constraints` on are couplings of the mass matrix and no constraints. Returns the number of sweeps
-    /// of each lane. The sweeps use only the diagonal of each coupling, as MuJoCo's do. The final acceleration uses all of it.
+    /// each sweep visits them. Scalar rows with an index of at least `constraints` are couplings of the mass matrix and no constraints. The
+    /// sweeps use only the diagonal of each coupling, as MuJoCo's do; the final acceleration uses the whole coupling. Returns the number of
+    /// sweeps of each lane.
     ///
     /// # Panics
     /// If the solver was made without [`SoftSolver::with_noslip`].
@@ -225,8 +226,8 @@ impl<R: Real> SoftSolver<R> {
         sweeps
     }
 
-    /// Factorises the mass matrix with its couplings, which are the rows of the problem from `constraints` on. If `lumped`, only the
-    /// diagonals of the couplings are added.
+    /// Factorises the mass matrix with its couplings, which are the scalar rows with an index of at least `constraints`. If `lumped`, only
+    /// the diagonals of the couplings are added.
     #[inline(always)]
     fn factor_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, lumped: bool) {
         self.hessian.assemble_metric(problem, metric, constraints, lumped);
@@ -291,7 +292,7 @@ impl<R: Real> SoftSolver<R> {
         &self.argument
     }
 
-    /// Buffers of the generalized forces and of the rows' relative accelerations, set to zero. Another solver writes a solution to them.
+    /// Buffers of the generalized forces and of the rows' relative accelerations, set to zero, for the solution of another solver.
     pub(super) fn reset_results(&mut self, problem: &SoftProblem<R>) -> (&mut [R], &mut Argument<R>) {
         self.forces_without_slip = false;
         self.forces.fill(R::zero());

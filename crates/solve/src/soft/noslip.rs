@@ -60,7 +60,8 @@ const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
 const MULTIPLIER_STEPS: u32 = 20;
 /// Tolerance of the multiplier of an elliptic contact: error of the squared force, N^2, and smallest Newton step.
 const MULTIPLIER_TOLERANCE: f64 = 1e-10;
-/// Increase of the objective, J, above which the update of a contact's friction is reverted. The rounding error is added to it.
+/// Increase of the noslip objective, J, above which the update of a contact's friction is reverted. The rounding error of the objective is
+/// added to this threshold.
 const LEAST_RISE: f64 = 1e-10;
 /// Change of the objective that counts as rounding, in units of the last place.
 const ROUNDING: f64 = 16.0;
@@ -233,8 +234,8 @@ impl<R: Real> NoSlip<R> {
         self.rolling.force[i]
     }
 
-    /// Stores the forces of all rows at a solution, at which their relative accelerations are `argument`. Rows from the index `constraints`
-    /// on are couplings of the mass matrix and have no force.
+    /// Stores the forces of all rows at a solution, at which their relative accelerations are `argument`. Scalar rows with an index of at
+    /// least `constraints` are couplings of the mass matrix and have no force.
     pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
         self.find_trees(metric);
         let Self { rows, contacts, rolling, .. } = self;
@@ -377,8 +378,8 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Adds the energy of the regularisation of all rows to the improvement by the first sweep, as MuJoCo does. It is not part of the
-    /// objective of the noslip solver.
+    /// Adds the regularisation energy of all rows to the improvement of the objective by the first sweep, as MuJoCo does. This energy is
+    /// not part of the noslip solver's objective.
     fn add_regularisation(&mut self, problem: &SoftProblem<R>, constraints: usize) {
         let half = R::of(0.5);
         for (i, row) in problem.rows[..constraints].iter().enumerate() {

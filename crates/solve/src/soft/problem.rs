@@ -120,7 +120,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         touched
     }
 
-    /// Computes the product J x of the Jacobian of all contacts and a vector into `out`. If `relative`, the reference accelerations are
+    /// Multiplies the Jacobian J of all contacts by the vector `x`, and writes J x to `out`. If `relative`, the reference accelerations are
     /// subtracted.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[R], relative: bool, out: &mut Vec<[R; N]>) {
@@ -225,10 +225,11 @@ pub struct SoftProblem<R: Real> {
 }
 
 impl<R: Real> SoftProblem<R> {
-    /// Empty problem with memory for these numbers of scalar rows, of their entries, and of contacts with `contact_support` coordinates
-    /// each.
+    /// Empty problem with memory for `rows` scalar rows, for `entries` Jacobian entries of these rows together, and for `contacts` contacts
+    /// with three rows.
     ///
-    /// If `rolls`, it has memory for as many contacts with rolling friction.
+    /// Each contact may have entries at `contact_support` coordinates. If `rolls`, there is also memory for `contacts` contacts with
+    /// rolling friction.
     pub fn new(cone: Cone, rows: usize, entries: usize, contacts: usize, contact_support: usize, rolls: bool) -> Self {
         Self {
             cone,
@@ -298,8 +299,8 @@ impl<R: Real> SoftProblem<R> {
         touched.or(self.contacts.touches(&coordinates)).or(self.rolling_contacts.touches(&coordinates))
     }
 
-    /// Computes the product J x of the Jacobian of the scalar rows and a vector into `out`. If `relative`, the reference accelerations are
-    /// subtracted.
+    /// Multiplies the Jacobian J of the scalar rows by the vector `x`, and writes J x to `out`. If `relative`, the reference accelerations
+    /// are subtracted.
     #[inline(always)]
     pub(super) fn multiply_rows(&self, x: &[R], relative: bool, out: &mut Vec<R>) {
         out.clear();

@@ -1,4 +1,4 @@
-//! Bounds of the effort hold for any numbers.
+//! Tests that the solvers stay within their limits of steps and sweeps for any numbers, also infinite ones and NaN.
 
 use crate::common::cases;
 use proptest::prelude::*;
@@ -13,23 +13,24 @@ const N: usize = 9;
 /// Numbers of a problem: a limit and contacts, dense or in two islands.
 #[derive(Clone, Debug)]
 struct Case {
-    /// Entries, N for a limit, then three times N for every contact.
+    /// Jacobian entries: `N` for the limit, then three times `N` for each contact.
     y: Vec<f64>,
     g: Vec<f64>,
     mu: f64,
-    /// Factor of every coordinate.
+    /// Factor of the Jacobian entries at each coordinate.
     scale: Vec<f64>,
     apart: bool,
 }
 
 impl Case {
-    /// Coordinates that a row does not touch are left out.
+    /// Whether a row has an entry at coordinate `c`. If `apart`, rows with even and odd numbers share no coordinate.
     fn touches(&self, row: usize, c: usize) -> bool {
         !self.apart || row.is_multiple_of(2) == (c < N / 2)
     }
 }
 
-/// Problems whose coordinates differ by up to 10^`decades`, each way, with numbers drawn from `odd` too.
+/// Random problems whose coordinates have scales from 10^-`decades` to 10^`decades`. Some of the Jacobian entries and velocities are drawn
+/// from `odd`.
 fn case(decades: f64, odd: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
     let entry = prop_oneof![2 => Just(0.0), 12 => -1.0..1.0, 1 => odd.clone()];
     let speed = prop_oneof![8 => -2.0..2.0, 1 => odd];
@@ -56,7 +57,7 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     (problem, iterate)
 }
 
-/// Call of Newton's method.
+/// Variant of Newton's method: impulses near the start with a treatment of De Saxce's terms, or impulses of least norm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Way {
     Near(Terms),
@@ -70,7 +71,7 @@ fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Newton's method alone, in all its ways.
+/// Solves a problem by every variant of Newton's method alone, and checks the numbers of steps and rounds.
 fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
     for way in [Way::Near(Terms::Constant), Way::Near(Terms::ConstantThenExact), Way::Near(Terms::Exact), Way::LeastNorm] {
         let (problem, mut iterate) = build::<f64>(case);
@@ -91,7 +92,7 @@ fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Any size of number, and what is none.
+/// Random numbers of any magnitude, infinity and NaN.
 fn odd() -> impl Strategy<Value = f64> + Clone {
     let size = (-300.0..300.0f64).prop_map(|x| 10f64.powf(x));
     prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(-1e300), Just(1e-60), Just(5e-324), size]
@@ -100,13 +101,15 @@ fn odd() -> impl Strategy<Value = f64> + Clone {
 proptest! {
     #![proptest_config(cases(400))]
 
-    /// Rounding never lets these be met: the search ends when it makes no progress, or after the largest number of rounds.
+    /// The search ends although rounding makes these tolerances impossible: when there is no progress, or after the largest number of
+    /// rounds.
     #[test]
     fn a_tolerance_out_of_reach_ends(case in case(0.0, Just(1.0)), tolerance in prop_oneof![Just(1e-14), Just(1e-17), Just(1e-30), Just(0.0)]) {
         search(&case, tolerance)?;
     }
 
-    /// Three decades of size are nine of inertia and more.
+    /// The search also ends if the scales of the coordinates differ by many decades. Bodies whose sizes differ by three decades have masses
+    /// that differ by nine.
     #[test]
     fn masses_over_decades_end(case in case(9.0, Just(1.0)), tolerance in prop_oneof![Just(1e-6), Just(1e-14)]) {
         search(&case, tolerance)?;

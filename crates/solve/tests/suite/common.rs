@@ -1,4 +1,4 @@
-//! Common parts of the property tests: how many problems they draw, and how many of them they may pass over.
+//! Shared parts of the property tests: the number of random cases, and the share of them that must have a property.
 
 #![allow(dead_code, reason = "not every test file passes draws over")]
 
@@ -6,13 +6,15 @@ use std::cell::Cell;
 
 use proptest::test_runner::Config;
 
-/// Cases of a property test: PROPTEST_CASES, or `usual`. Draws that are passed over have no separate bound: [`Share`] counts them.
+/// Configuration of a property test with `usual` random cases, or with the number in the environment variable PROPTEST_CASES. The number of
+/// rejected cases has no limit; [`Share`] counts them.
 pub(crate) fn cases(usual: u32) -> Config {
     let asked = std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok());
     Config { max_global_rejects: u32::MAX, ..Config::with_cases(asked.unwrap_or(usual)) }
 }
 
-/// Draws for which a property holds, most often that they are solved, so that the rest of the test examines them.
+/// Counter of the random cases for which a property holds, most often that the problem is solved. The rest of the test examines these cases
+/// only.
 #[derive(Debug, Default)]
 pub(crate) struct Share {
     held: Cell<u32>,
@@ -20,15 +22,15 @@ pub(crate) struct Share {
 }
 
 impl Share {
-    /// Counts a draw; returns `holds`.
+    /// Counts one random case, and whether the property `holds` for it. Returns `holds`.
     pub(crate) fn count(&self, holds: bool) -> bool {
         self.drawn.set(self.drawn.get() + 1);
         self.held.set(self.held.get() + u32::from(holds));
         holds
     }
 
-    /// Fails when it held for less than `share` of the draws by more than chance explains: five standard deviations, one test in three
-    /// million.
+    /// Fails if the property held for a smaller fraction of the cases than `share`, by more than five standard deviations. Chance causes
+    /// this in one test in three million.
     pub(crate) fn at_least(&self, share: f64, what: &str) {
         let (held, drawn) = (f64::from(self.held.get()), f64::from(self.drawn.get()));
         println!("{what}: {:.5} of {drawn}", held / drawn);

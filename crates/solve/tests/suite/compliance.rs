@@ -8,10 +8,10 @@ use stepper_solve::{Capacity, Iterate, LoadedProblem, Problem, Settings, residua
 
 type R32 = F32Lanes;
 
-/// Coordinates of the bodies.
+/// Number of coordinates of the bodies.
 const N: usize = 10;
 
-/// Contacts of three rows and one of six over all coordinates, with their compliances.
+/// Random problem of contacts with three rows and one contact with six rows. All have entries at every coordinate, and a compliance.
 #[derive(Clone, Debug)]
 struct Case {
     sliding: Vec<(Vec<[f64; 3]>, [f64; 3], f64)>,
@@ -103,8 +103,8 @@ fn what_is_much_softer_than_bodies_are_heavy_is_solved_in_32_bits_too() {
     solved.at_least(0.9, "solved in 32 bits");
 }
 
-/// A quadruped that has sunk into ground of 500 N/m: the compliance is four hundred times what moves, and what moves
-/// decides whether it slides.
+/// A quadruped has sunk into soft ground of 500 N/m. The compliance of its contacts is four hundred times the mobility of the bodies, and
+/// the mobility decides whether a contact slides.
 #[test]
 fn what_slides_on_soft_ground_is_not_held_in_32_bits() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/problems_32_bits/quadruped_on_soft_ground.problem");

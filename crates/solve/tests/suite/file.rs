@@ -1,4 +1,5 @@
-//! Problems as files: the same problem bit for bit, or a clear refusal; and hard ones that a simulation has left.
+//! Tests of saved problems: reading gives the same problem bit for bit or a clear error. Hard problems that simulations have saved are
+//! solved.
 
 use crate::common::cases;
 use proptest::prelude::*;
@@ -12,7 +13,7 @@ const SETTINGS: Settings<f64> = Settings { sweeps: 5, newton_steps: 40, toleranc
 /// Random problem with an eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a
 /// compliance.
 ///
-/// Numbers are in -1 to 1. It has initial impulses.
+/// The problem uses the `numbers`, which are in -1 to 1, one after the other. The iterate has impulses that are not all zero.
 fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
     let mut next = numbers.iter().copied().cycle();
     let mut number = || next.next().unwrap();

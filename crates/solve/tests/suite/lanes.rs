@@ -1,7 +1,7 @@
-//! A lane has the bits of the problem alone.
+//! Tests that a lane has the same bits as its problem solved alone.
 //!
-//! This also holds when most of its neighbours are done and the rest continues in half the registers. It also holds when its neighbours
-//! have springs and it has none.
+//! This also holds when most other lanes are done and the rest continues in half of the registers. It also holds when other lanes have
+//! springs and this lane has none.
 
 use crate::common::cases;
 use proptest::prelude::*;
@@ -10,27 +10,27 @@ use stepper_solve::gauss_seidel::{self, SweepSettings};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Iterate, Problem, Settings};
 
-/// Two registers of one lane: what goes on in one of them is the code for numbers alone, which is compiled anyway. Lanes of every CPU
-/// level are compared by the tests of the core.
+/// Lane type of two registers with one lane each. One register uses the code for scalars, which is compiled anyway. The tests of the core
+/// crate compare the lanes of every CPU level.
 type Lanes = Two<f64>;
 
 const N: usize = 9;
 const CONTACTS: usize = 3;
-/// Numbers of a problem: of a limit in every coordinate, of contacts with sliding friction, of one with rolling friction, and whether each
-/// exists.
+/// Number of random numbers of a problem. The problem has a limit in every coordinate, contacts with sliding friction, and one contact with
+/// rolling friction.
 ///
-/// A contact's compliance counts if it is above zero.
+/// A contact has a compliance if its number for the compliance is above zero.
 const NUMBERS: usize = N * (N + 1) + CONTACTS * (3 * N + 4) + 6 * N + 6;
 const ROWS: usize = N + CONTACTS + 1;
 
-/// Numbers of some problems of one shape, and which rows they have.
+/// Random numbers of one problem for each lane, and which rows of the problem exist.
 type Problems = Vec<(Vec<f64>, Vec<bool>)>;
 
 fn problems() -> impl Strategy<Value = Problems> {
     prop::collection::vec((prop::collection::vec(-1.0..1.0, NUMBERS), prop::collection::vec(any::<bool>(), ROWS)), Lanes::LANES)
 }
 
-/// The problems of `R::LANES` environments, with a start that is not zero.
+/// Problem with the numbers of one environment in each lane, and an iterate whose impulses are not all zero.
 fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>) {
     let mut at = 0;
     let mut next = || {
@@ -72,7 +72,7 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     (problem, iterate)
 }
 
-/// Bits of what every lane of an iterate has, after those of `more`.
+/// Bits of the numbers `more`, and of all impulses and the scaled velocity change w of an iterate: one list for each lane.
 fn bits<R: Real<Scalar = f64>>(more: &[R], iterate: &Iterate<R>) -> Vec<Vec<u64>> {
     let impulses = [iterate.contacts.as_flattened(), iterate.rolling_contacts.as_flattened(), &iterate.scalars, &iterate.w].concat();
     let all = [more, &impulses].concat();

@@ -1,4 +1,4 @@
-//! Newton's method against the conditions that define its answer, against sweeps, and where there is no answer.
+//! Tests of Newton's method against the conditions that define its solution, against sweeps, and on problems without a solution.
 
 use crate::common::{Share, cases};
 use proptest::prelude::*;
@@ -43,7 +43,7 @@ fn case(most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'stati
     })
 }
 
-/// The cases in lanes, cold; lanes beyond them have no rows.
+/// Problem with one case in each lane, and an iterate without impulses. Lanes without a case have no rows.
 fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
     let n = cases.iter().map(|c| c.n).max().unwrap();
     let most = |count: fn(&Case) -> usize| cases.iter().map(count).max().unwrap();
@@ -79,7 +79,7 @@ fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
     (problem, iterate)
 }
 
-/// Newton's method alone, cold; returns (residual, Newton steps).
+/// Improves the impulses by Newton's method alone. Returns the residual, m/s, and the number of Newton steps.
 fn newton(problem: &Problem<f64>, iterate: &mut Iterate<f64>, steps: u32, tolerance: f64) -> (f64, f64) {
     let (mut left, mut taken) = (residual(problem, iterate), 0.0);
     let search = Search { steps, tolerance, terms: Terms::ConstantThenExact };
@@ -99,7 +99,7 @@ fn apart(a: &Iterate<f64>, b: &Iterate<f64>) -> f64 {
 proptest! {
     #![proptest_config(cases(300))]
 
-    /// Eight problems of different sizes in lanes give each the bits that it has alone, after sweeps and all.
+    /// Each of eight problems of different sizes has the same bits in its lane as alone, after sweeps and Newton's method.
     #[test]
     fn lanes_have_the_bits_of_one(cases in prop::collection::vec(case(7, 1e1, 0.0..1.5), F64Lanes::LANES)) {
         let settings = Settings { sweeps: 3, newton_steps: 12, tolerance: 1e-9, newton_threshold: 1e-9 };
@@ -121,7 +121,7 @@ proptest! {
         }
     }
 
-    /// In 32 bits the answer is rounded before it is judged.
+    /// In single precision the residual is that of the impulses after they have been rounded to 32 bits.
     #[test]
     fn single_precision_is_judged_as_it_is_returned(cases in prop::collection::vec(case(5, 1e1, 0.0..1.0), F32Lanes::LANES)) {
         let (problem, mut iterate) = build::<F32Lanes>(&cases);
@@ -163,7 +163,8 @@ fn what_is_returned_is_what_the_residual_says() {
     solved.at_least(0.87, "solved");
 }
 
-/// Without friction the problem is convex and w is unique: it is solved, in any order of the rows, and as sweeps solve it.
+/// Without friction the problem is convex and w is unique. Newton's method solves it in any order of the rows, with the same result as
+/// sweeps.
 #[test]
 fn without_friction_everything_is_solved_in_any_order() {
     let answered = Share::default();
@@ -200,7 +201,7 @@ fn without_friction_everything_is_solved_in_any_order() {
     swept_too.at_least(0.998, "solved by sweeps too");
 }
 
-/// Impulses of least norm that `share` selects, from a cold start as from the result of sweeps, in any order of the contacts.
+/// Impulses of least norm are the same from zero impulses and from the result of sweeps, and in any order of the contacts.
 #[test]
 fn shared_loads_depend_on_neither_start_nor_order() {
     let solved = Share::default();
@@ -255,7 +256,7 @@ fn redundant_contacts_share() {
     solved.at_least(0.993, "solved");
 }
 
-/// Rounding of velocities, m/s: some of that of each impulse.
+/// Rounding error of velocities, m/s: a few units in the last place of the sum of all normal impulses and limit impulses.
 fn rounding(iterate: &Iterate<f64>) -> f64 {
     4.0 * f64::EPSILON * iterate.contacts.iter().map(|l| l[0]).chain(iterate.scalars.iter().copied()).sum::<f64>()
 }
@@ -274,7 +275,7 @@ fn has_an_answer(case: &Case) -> bool {
     fewer && y.iter().all(|y| y.is_finite()) && y.singular_values().min() > 1e-5
 }
 
-/// Random problems of the same kind, one for each seed.
+/// List of `count` random problems from [`case`], the same at every run. The other arguments are those of `case`.
 fn problems(count: usize, most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'static) -> Vec<Case> {
     use proptest::strategy::ValueTree;
     let mut runner = proptest::test_runner::TestRunner::deterministic();
@@ -298,7 +299,8 @@ fn nearly_all_random_problems_are_solved() {
     }
 }
 
-/// Parts left at the most, for friction to 0.3 and to 1.5; measured: see the test's output.
+/// Largest share of the problems that may remain unsolved, for friction coefficients up to 0.3 and up to 1.5. The output of the test has
+/// the measured shares.
 const MOST_LEFT: [f64; 2] = [0.01, 0.05];
 
 /// Coupling of normal and tangent beyond 1/mu: pressing slides, sliding presses (Painleve 1895). Velocities are those of one body.

@@ -1,4 +1,4 @@
-//! Contacts with six rows against the conditions that define their answer.
+//! Tests of contacts with six rows against the conditions that define their solution.
 
 use crate::common::{Share, cases};
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! Scalar rows: equalities made orthogonal and taken out of others, and compliance.
+//! Tests of scalar rows: orthogonal equality rows, their elimination from other rows, and compliance.
 
 use crate::common::cases;
 use proptest::prelude::*;
@@ -83,7 +83,7 @@ proptest! {
         }
     }
 
-    /// Rows of J in the metric of masses up to 1e9 apart: those that are sums of others drop out, and no others, in both precisions.
+    /// Only rows that are sums of other rows are removed, in both precisions, even if the masses differ by a factor of 1e9.
     #[test]
     fn masses_make_no_row_dependent(
         (n, y, _) in equalities(),

@@ -1,4 +1,5 @@
-//! The soft problem against the conditions that define its answer: the forces follow from the accelerations, and both balance.
+//! Tests of the soft solver against the conditions that define its solution: the forces follow from the accelerations, and balance the
+//! inertial forces.
 
 use crate::common::cases;
 use nalgebra::{DMatrix, DVector};
@@ -6,7 +7,7 @@ use proptest::prelude::*;
 use stepper_real::{F64Lanes, Mask, Real, Scalar};
 use stepper_solve::soft::{Cone, Effort, LaneSolver, Metric, SoftProblem, SoftSolver};
 
-/// A mass matrix of trees of `size` coordinates, dense within each, lane by lane the same.
+/// Mass matrix of kinematic trees with `size` coordinates each, which is dense within each tree and the same in every lane.
 struct Dense<R> {
     n: usize,
     size: usize,
@@ -59,7 +60,8 @@ struct Case {
 
 const ROWS: usize = 3 + 2 * 3 + 6;
 
-/// Bodies that may touch, and coordinates of each: other than the solver eliminates together, so that these may be of two bodies.
+/// Number of bodies that may touch, and number of coordinates of each. The solver eliminates another number of coordinates together, which
+/// may therefore belong to two bodies.
 const BODIES: usize = 6;
 const SIZE: usize = 4;
 
@@ -105,7 +107,8 @@ impl Case {
         problem
     }
 
-    /// Weights and scales of a contact with `impratio` 2: R_t = R_n / 2, and R_k mu_k^2 the same for all of them.
+    /// Weights and scales of a contact's rows at an `impratio` of 2. The tangential regularisation is R_t = R_n / 2, and R_k mu_k^2 is the
+    /// same for all friction rows k.
     fn law<R: Real, const N: usize>(&self) -> ([R; N], [R; N]) {
         let (mu, normal) = (self.friction[0], 1.0 / self.softness);
         let cone = mu / 2_f64.sqrt();
@@ -130,7 +133,7 @@ impl Case {
         (a.iter().map(number).collect(), solver.forces().iter().map(number).collect(), number(&outcome.residual))
     }
 
-    /// s(J a - r), by the definitions of the documentation.
+    /// Sum of the convex functions s(J a - r) of all rows at the acceleration `a`, computed directly from their definitions.
     fn cost(&self, a: &DVector<f64>) -> f64 {
         let u: Vec<f64> =
             (0..ROWS).map(|r| self.entries[r].iter().zip(a.iter()).map(|(j, a)| j * a).sum::<f64>() - self.references[r]).collect();
@@ -172,7 +175,7 @@ fn mass_of_bodies() -> DMatrix<f64> {
     })
 }
 
-/// Numbers of a list in some order, again and again.
+/// Function that returns the entries of a list in a fixed scrambled order, without end.
 fn one_by_one(numbers: &[f64]) -> impl FnMut() -> f64 {
     let mut used = 0;
     move || {
@@ -184,8 +187,8 @@ fn one_by_one(numbers: &[f64]) -> impl FnMut() -> f64 {
 proptest! {
     #![proptest_config(cases(300))]
 
-    /// M (a - a0) = J^T f. Minus J^T f is the slope of the cost by central differences, whose error is of the order 1e-10 of the largest
-    /// slope here.
+    /// The constraint forces J^T f satisfy M (a - a0) = J^T f, with the mass matrix M and the free acceleration a0. They are also minus the
+    /// slope of the cost. Its central differences have an error of about 1e-10 of the largest slope here.
     #[test]
     fn forces_are_the_slope_of_the_cost_and_balance(case in case()) {
         let (a, forces, residual) = case.solve::<f64>();
@@ -218,8 +221,8 @@ proptest! {
         prop_assert_eq!(alone.1, together.1);
     }
 
-    /// A solver with a history of other contacts has the bits of a fresh one. The solution does not depend on the order of the bodies, up
-    /// to rounding and the residual.
+    /// A solver that has solved problems with other contacts gives the same bits as a new solver. The order of the bodies changes the
+    /// solution only by rounding and by the residual.
     #[test]
     fn what_touched_before_leaves_nothing(
         touches in prop::collection::vec(prop::collection::vec((0..BODIES, 0..BODIES), 1..7), 2..6),
@@ -253,9 +256,9 @@ proptest! {
         }
     }
 
-    /// Lanes in which other bodies touch, each a few of many contacts, have the bits of each alone.
+    /// If different bodies touch in each lane, each lane still has the same bits as a solve of this lane alone.
     ///
-    /// These are accelerations, forces of the joints and of the contacts.
+    /// The comparison includes accelerations, and forces of joints and contacts.
     #[test]
     fn lanes_that_touch_differently_are_as_each_alone(
         touches in prop::collection::vec(prop::collection::vec((0..BODIES, 0..BODIES), 1..7), F64Lanes::LANES),

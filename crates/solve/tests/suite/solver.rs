@@ -1,4 +1,4 @@
-//! The solver against the conditions that define its answer, and against brute force.
+//! Tests of the solver against the conditions that define its solution, and against brute force.
 
 use crate::common::{Share, cases};
 use nalgebra::{DMatrix, DVector};

@@ -41,7 +41,7 @@ pub(super) struct Vertex {
     pub(super) x: V,
     /// Point of the second shape from which the vertex w = x - y is made, m.
     pub(super) y: V,
-    /// Vertex numbers of the points of the first and second shape, see [`ConvexShape::corner`].
+    /// Numbers of the two vertices, one of each shape, from which the vertex w = x - y is made, see [`ConvexShape::corner`].
     pub(super) names: [u32; 2],
 }
 

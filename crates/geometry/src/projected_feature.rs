@@ -69,7 +69,7 @@ pub(super) struct View<'a> {
 }
 
 impl View<'_> {
-    /// Coordinates (x, y, h), m, of a point in the shape's frame.
+    /// Coordinates x and y in the projection plane and height h along the normal, m, of the point `local` of the shape's frame.
     pub(super) fn project(&self, local: V) -> [f64; 3] {
         let p = add(self.pos, rotate(self.mat, local));
         [dot(p, self.axes[1]), dot(p, self.axes[2]), dot(p, self.axes[0])]

@@ -42,8 +42,8 @@ const SHALLOWER: f64 = 3e-8;
 const WIDE: f64 = 0.01;
 /// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace it.
 pub(super) const NEAR_FACE: f64 = 0.05;
-/// Sideways offset, parallel to a face, of the closest points of two polytopes, relative to the size of the pair. Above it, the other
-/// shape's closest point is not above the face.
+/// Sideways offset, parallel to a face, of the closest points of two polytopes, relative to the size of the pair. With a larger offset, the
+/// other shape's closest point is not above the face.
 pub(super) const SIDEWAYS: f64 = 1e-7;
 
 /// Largest separation of two shapes without their rounding radii. The normal is that of a face, if the separation is equal up to rounding.

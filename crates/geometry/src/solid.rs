@@ -9,7 +9,7 @@ use crate::vectors::V;
 /// Solid that can collide.
 #[derive(Clone, Debug)]
 pub enum Solid {
-    /// Half space below the xy plane.
+    /// Half space below the xy plane of its frame.
     HalfSpace,
     /// Convex shape.
     Convex(ConvexShape),

@@ -203,7 +203,8 @@ check_portable!(check_portable_f32, f32, F32x8, 8);
 check_two!(check_two, f64, F64x16, 16);
 check_two!(check_two_f32, f32, F32x32, 32);
 
-/// Values at which something changes: a sign, a case, a rounding, the range.
+/// Numbers at which a result changes its character: where a sign, a case of an algorithm or the rounding changes, or at the end of the
+/// range.
 macro_rules! specials {
     ($name:ident, $scalar:ident) => {
         fn $name() -> Vec<$scalar> {

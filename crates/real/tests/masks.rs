@@ -1,4 +1,4 @@
-//! Masks are sets of lanes at every level: nothing outside the lanes, and the laws of sets inside.
+//! Tests that masks are sets of lanes at every level: bits outside the lanes are 0, and `and`, `or` and `not` follow the laws of sets.
 
 use stepper_real::{Level, Mask, Real, array, at_avx512, at_level};
 

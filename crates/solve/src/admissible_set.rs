@@ -1,7 +1,7 @@
 //! Sets of admissible impulses for Newton's method, lane by lane in scalar f64, for any number of rows.
 //!
-//! A set has its projection, the derivative of the projection, De Saxce's term and the residual of the natural map. A new set is a variant
-//! here and nowhere else in Newton's method.
+//! A set has its projection, the derivative of the projection, De Saxce's term and the residual of the natural map. A new type of set needs
+//! a variant in this file only.
 
 use crate::vectors::{TILE, add_scaled, norm, tile};
 

@@ -64,7 +64,7 @@ impl<R: Real> Snapshot<R> {
         make_kinds!(Self { w, } [count: capacity] => Vec::with_capacity(count))
     }
 
-    /// Copies the impulses of an iterate, if any lane of `lanes` may restore them.
+    /// Copies the impulses of an iterate, unless `lanes` is empty. Later, any of these lanes may restore them.
     pub fn save(&mut self, iterate: &Iterate<R>, lanes: R::Mask) {
         if lanes.any() {
             self.w.clone_from(&iterate.w);
@@ -100,7 +100,8 @@ impl<R: Real> Snapshot<R> {
     /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity
     /// change w.
     ///
-    /// The index counts contacts with three rows, then those with six. A contact with three rows reads the first three numbers.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). A contact with three rows
+    /// reads the first three numbers.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
         let Self { contacts, rolling_contacts, w, .. } = self;
@@ -171,7 +172,7 @@ pub(crate) fn rows_of<R: Real, I: Impulse<R>>(_: &[I]) -> usize {
 }
 
 impl<R: Real> Iterate<R> {
-    /// Iterate without impulses, with memory for these numbers of coordinates, scalar rows and contacts.
+    /// Iterate without impulses, with memory for `dimension` coordinates, `scalars` scalar rows and `contacts` contacts with three rows.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
         Self::new(&Capacity { dimension, scalars, contacts, ..Capacity::default() })
     }
@@ -232,7 +233,8 @@ impl<R: Real> Iterate<R> {
 
     /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates w.
     ///
-    /// The index counts contacts with three rows, then those with six. A contact with three rows reads the first three numbers.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). A contact with three rows
+    /// reads the first three numbers.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
         let Self { contacts, rolling_contacts, w, .. } = self;
@@ -242,7 +244,7 @@ impl<R: Real> Iterate<R> {
     /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change w. Returns the impulse before,
     /// N s.
     ///
-    /// The index counts contacts with three rows, then those with six.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn take_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask) -> [R; 6] {
         let Self { contacts, rolling_contacts, w, .. } = self;
@@ -257,7 +259,7 @@ impl<R: Real> Iterate<R> {
 
     /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
     ///
-    /// The index counts contacts with three rows, then those with six.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn friction_work(&self, problem: &Problem<R>, i: usize) -> R {
         match i.checked_sub(problem.contacts.len()) {
@@ -268,7 +270,7 @@ impl<R: Real> Iterate<R> {
 
     /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
     ///
-    /// The index counts contacts with three rows, then those with six.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn impulse_rounding(&self, problem: &Problem<R>, i: usize) -> R {
         match i.checked_sub(problem.contacts.len()) {

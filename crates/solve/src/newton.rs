@@ -219,7 +219,8 @@ impl Newton {
         result
     }
 
-    /// Improves the impulses of the island that has been gathered. Returns its numbers of Newton steps and of rounds of the outer loop.
+    /// Improves the impulses of the island that has been gathered. Returns the number of Newton steps and the number of rounds of the outer
+    /// loop.
     fn solve_island<R: Real>(&mut self, criteria: Criteria) -> [u32; 2] {
         let Self { proximal, island, v, .. } = self;
         let [mut steps, mut rounds] = [0; 2];

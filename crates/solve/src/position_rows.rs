@@ -61,7 +61,8 @@ impl<R: Real> PositionRows<R> {
         }
     }
 
-    /// Removes contact `i` in the lanes `lanes`. The index counts contacts with three rows, then those with six.
+    /// Removes contact `i` in the lanes `lanes`. The index `i` counts the contacts with three rows first, then those with six rows (rolling
+    /// friction).
     #[inline(always)]
     pub fn leave_out_contact(&mut self, i: usize, lanes: R::Mask) {
         let active = match i.checked_sub(self.contacts.items.len()) {
@@ -71,7 +72,8 @@ impl<R: Real> PositionRows<R> {
         *active = active.and_not(lanes);
     }
 
-    /// Offset of the normal row of contact `i` in the position solve, m/s. The index counts contacts with three rows, then those with six.
+    /// Position target of the normal row of contact `i`, m/s. The index `i` counts the contacts with three rows first, then those with six
+    /// rows (rolling friction).
     #[inline(always)]
     pub fn normal_offset(&self, i: usize) -> R {
         match i.checked_sub(self.contacts.items.len()) {
@@ -83,7 +85,7 @@ impl<R: Real> PositionRows<R> {
     /// Replaces the offset of the normal row of contact `i` in the position solve, m/s, by the result of `offset_of` for it, in the lanes
     /// `lanes`.
     ///
-    /// The index counts contacts with three rows, then those with six.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn replace_normal_offset(&mut self, i: usize, lanes: R::Mask, offset_of: impl FnOnce(R) -> R) {
         let own = match i.checked_sub(self.contacts.items.len()) {
@@ -148,7 +150,7 @@ impl<R: Real> System<'_, R> {
 
     /// Largest target velocity, without position correction, of rows and contacts that no impulse can move, m/s or rad/s.
     ///
-    /// It is a part of the residual that no impulse can change. It must be called on the system of a problem, and not on that of its
+    /// No impulse can change this part of the residual. The function must be called on the system of a problem, and not on that of its
     /// position rows.
     #[inline(always)]
     pub fn unmet_velocity(&self) -> R {

@@ -50,7 +50,8 @@ impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Empty problem with `dimension` coordinates and capacity for these numbers of rows. Each may have entries at every coordinate.
+    /// Empty problem with `dimension` coordinates, and with memory for `scalars` scalar rows and `contacts` contacts with three rows. Each
+    /// row may have entries at every coordinate.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
         let capacity = Capacity {
             dimension,
@@ -109,8 +110,8 @@ impl<R: Real> Problem<R> {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Changes the offsets of all rows for both solves in the lanes `lanes`, after a change of the free velocity. `change` is that change
-    /// in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to it.
+    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
+    /// change in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this change.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -122,11 +123,11 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Changes the offsets g of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in the
-    /// scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to it.
+    /// Changes the velocity targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in
+    /// the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this change.
     ///
-    /// The index counts contacts with three rows, then those with six. The increase is multiplied by the first of `weights` for the normal
-    /// row, by the second for the other rows.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). The increase is multiplied by
+    /// the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]
     pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.len()) {
@@ -139,7 +140,7 @@ impl<R: Real> Problem<R> {
 impl<R: Real> Problem<R> {
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     ///
-    /// The index counts contacts with three rows, then those with six.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn activate_contact(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         match i.checked_sub(self.contacts.len()) {
@@ -151,7 +152,7 @@ impl<R: Real> Problem<R> {
     /// Defers the rows of contact `i` in the lanes `lanes`: the solver ignores them until they are activated. In these lanes they must be
     /// active and have no impulse.
     ///
-    /// The index counts contacts with three rows, then those with six.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn defer_contact(&mut self, i: usize, lanes: R::Mask) {
         match i.checked_sub(self.contacts.len()) {
@@ -162,7 +163,7 @@ impl<R: Real> Problem<R> {
 
     /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
     ///
-    /// The index counts contacts with three rows, then those with six.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_offset_mut(&mut self, i: usize) -> &mut R {
         match i.checked_sub(self.contacts.len()) {
@@ -174,7 +175,7 @@ impl<R: Real> Problem<R> {
     /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
     /// at the contact's target velocity.
     ///
-    /// The index counts contacts with three rows, then those with six.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_velocity(&self, i: usize, w: &[R]) -> R {
         match i.checked_sub(self.contacts.len()) {

@@ -69,8 +69,8 @@ pub const PASSES: usize = 4;
 /// Largest number of sweeps of the first pass in 64 bits, if Newton's method may follow. The other lanes of a group wait for lanes that
 /// need more.
 ///
-/// In 32 bits sweeps continue, because the result of Newton's method has rounding errors. With this result, a cube that two fingers hold in
-/// 64 bits sometimes slips (scene 31 of docs/benchmarks/atlas.md).
+/// In 32 bits sweeps continue, because the result of Newton's method is rounded. With this rounded result, a cube that two fingers could
+/// hold (scene 31 of the atlas) sometimes slips.
 ///
 /// Measured on 280 problems of robots, grasps and heaps that sweeps did not solve: 50 sweeps take 1.1 to 1.5 times as long. 15 sweeps take
 /// within 5 % as long but need more Newton steps, which a lane makes alone.

@@ -17,9 +17,10 @@ pub struct Ellipsoid<R> {
 }
 
 /// Contact of a half space and an ellipsoid, at the ellipsoid's lowest point. `origin` is a point of the boundary, m, and `normal` the
-/// outward normal.
+/// outward unit normal n.
 ///
-/// With m = A R^T n, the lowest point is c - R A m / |m|. It is |m| below the centre c.
+/// Let A be the diagonal matrix of the semi-axes, R the orientation and m = A R^T n. The lowest point is c - R A m / |m|. It is |m| below
+/// the centre c.
 #[inline(always)]
 pub fn plane_ellipsoid<R: Real>(origin: V3<R>, normal: V3<R>, ellipsoid: &Ellipsoid<R>) -> ContactPoint<R> {
     let n = rotate_back(&ellipsoid.mat, normal);

@@ -139,7 +139,8 @@ pub struct Damping<R> {
     pub ratio: R,
     /// Growth of the damping ratio of a contact per velocity that the contact corrects, s/m.
     pub bending: R,
-    /// Velocity correction below which a row is not damped, m/s or rad/s. It is 0, or larger so that rounding does not decide.
+    /// Velocity correction below which a row is not damped, m/s or rad/s. It is 0, or a larger number so that rounding errors do not count
+    /// as corrections.
     pub negligible: R,
 }
 
@@ -236,8 +237,9 @@ impl SavedConstraint {
 
 /// Operations of one kind of constraint on all constraints of that kind.
 ///
-/// `self` has the parts that the velocity solve and the position solve share, `rows` those of one of them. Functions that compute a sum or
-/// a maximum over all kinds get the result of the previous kinds as an argument. The order of the arithmetic is therefore that of the rows.
+/// `self` has the parts that the velocity solve and the position solve share, and `rows` has the other parts for one of these solves.
+/// Functions that compute a sum or a maximum over all kinds get the result of the previous kinds as an argument. The order of the
+/// arithmetic is therefore that of the rows.
 pub trait ConstraintSet<R: Real>: Sized {
     /// Rows of one constraint of this kind.
     type Row: Row;
@@ -316,8 +318,8 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// and R the compliances.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Changes the offsets of all rows for both solves in the lanes `lanes`, after a change of the free velocity. `change` is that change
-    /// in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to it.
+    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
+    /// change in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this change.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
     /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the

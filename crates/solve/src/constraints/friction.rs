@@ -47,7 +47,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// the contact's natural map.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance, 1/kg, to all rows of the contact and to the step rho of its natural map lambda - P_K(lambda - rho u).
+    /// Adds a compliance, 1/kg, to all rows of the contact and to the step rho of its natural map lambda - P_K(lambda - rho u). Here lambda
+    /// is the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero at the solution.
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
     /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's previous
@@ -80,9 +81,11 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
 #[derive(Clone, Copy, Debug)]
 pub struct NaturalStep<R> {
     /// Step rho = N / trace(G_ii) of a contact's natural map lambda - P_K(lambda - rho u), kg. N is the number of rows, and G_ii the
-    /// contact's block of the Delassus matrix before elimination of equality rows.
+    /// contact's block of the Delassus matrix before elimination of equality rows. Here lambda is the impulse, u the velocity, and P_K the
+    /// projection on the admissible impulses. The map is zero at the solution.
     pub(super) rho: R,
-    /// Inverse 1 / rho of the step rho of a contact's natural map lambda - P_K(lambda - rho u), 1/kg.
+    /// Inverse 1 / rho of the step rho of a contact's natural map lambda - P_K(lambda - rho u), 1/kg. Here lambda is the impulse, u the
+    /// velocity, and P_K the projection on the admissible impulses. The map is zero at the solution.
     pub(super) inv_rho: R,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the contact's block of the Delassus
     /// matrix.
@@ -91,14 +94,16 @@ pub struct NaturalStep<R> {
 
 impl<R: Real> NaturalStep<R> {
     /// Step rho of the natural map lambda - P_K(lambda - rho u) of a contact with `N` rows, whose block of the Delassus matrix has the
-    /// trace `trace`, 1/kg.
+    /// trace `trace`, 1/kg. Here lambda is the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero
+    /// at the solution.
     #[inline(always)]
     pub(super) fn of_trace<const N: usize>(trace: R) -> Self {
         Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
     }
 
     /// Step rho of the natural map lambda - P_K(lambda - rho u) of a contact, from `self`, which is the step after elimination of equality
-    /// rows. Before elimination, the trace of the contact's block of the Delassus matrix was larger by the factor `ratio`.
+    /// rows. Before elimination, the trace of the contact's block of the Delassus matrix was larger by the factor `ratio`. Here lambda is
+    /// the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero at the solution.
     #[inline(always)]
     pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
         Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }
@@ -128,8 +133,9 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub position_g: [R; N],
     /// Compliance R >= 0 of the normal row: velocity per unit of impulse, 1/kg. It is 0 for a hard contact.
     pub(crate) compliance: R,
-    /// Part of a residual in the normal row that is an error of the velocity, and not of a spring: G_nn / (G_nn + R). G_nn is the row's
-    /// diagonal entry of the Delassus matrix and R its compliance. It is 1 for a hard contact.
+    /// Factor G_nn / (G_nn + R) of the normal row's residual. It keeps only the part that is an error of the velocity, without the part of
+    /// the contact's spring. G_nn is the row's diagonal entry of the Delassus matrix and R its compliance. The factor is 1 for a hard
+    /// contact.
     rigid_fraction: R,
     /// Compliance that damps all rows of the contact in the position solve, 1/kg.
     damping: R,
@@ -446,8 +452,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Changes the offsets g of a contact in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
-    /// coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to it.
+    /// Changes the velocity targets of a contact in the lanes `lanes`, after a change of the free velocity. `change` is that change in the
+    /// scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this change.
     ///
     /// That increase is multiplied by the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]

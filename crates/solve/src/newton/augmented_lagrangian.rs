@@ -23,7 +23,7 @@ const LEAST_PIVOT: f64 = 1e-3;
 /// Augmented Lagrangian of one island at the present scaled velocity change w, and Newton's method for its minimum.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AugmentedLagrangian {
-    /// Ratio kappa of the proximal step length to the step of the natural map.
+    /// Ratio kappa of the proximal step length to the step of the natural map, the function that is zero at the solution.
     pub(super) kappa: f64,
     /// De Saxce's term mu |v_t| of each constraint, m/s, if it is constant.
     pub(super) slip: Vec<f64>,
@@ -240,7 +240,7 @@ impl AugmentedLagrangian {
 const LARGEST_DENSE: usize = 256;
 /// Smallest length of a step with the exact friction law, as a fraction of Newton's step.
 const LEAST_LENGTH: f64 = 0.125;
-/// Largest number of points of Newton's line search.
+/// Largest number of points at which Newton's line search evaluates the slope.
 const MOST_POINTS: usize = 30;
 
 /// Factors in the argument c lambda - rho v of a constraint's projection: factor c of the impulse lambda, and step rho of the velocity v.

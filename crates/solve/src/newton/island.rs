@@ -25,14 +25,17 @@ pub(super) struct Block {
     /// Trace of the constraint's block of the Delassus matrix, before elimination of equality rows, 1/kg.
     pub(super) trace: f64,
     /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u), kg: number of rows divided by the trace of its block of the
-    /// Delassus matrix, compliance included.
+    /// Delassus matrix, compliance included. Here lambda is the impulse, u the velocity, and P_K the projection on the admissible impulses.
+    /// The map is zero at the solution.
     pub(super) rho: f64,
     /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
     pub(super) compliance: f64,
     /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u) for the residual, kg: that without the additional compliance
-    /// of the first row.
+    /// of the first row. Here lambda is the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero at
+    /// the solution.
     natural_step: f64,
-    /// Part of a residual in the constraint's first row that is an error of the velocity, and not of a spring.
+    /// Factor of the residual of the constraint's first row. It keeps only the part that is an error of the velocity, without the part of a
+    /// spring.
     rigid_fraction: f64,
 }
 
@@ -176,8 +179,8 @@ impl Island {
         self.w = w;
     }
 
-    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`]. Writes the velocities of all rows to `v`, m/s,
-    /// including the part by their compliance.
+    /// Natural-map residual of the exact Coulomb problem, m/s; [`crate::residual()`] has its definition. Writes the velocities of all rows
+    /// to `v`, m/s, including the part by their compliance.
     pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
         self.multiply(&self.w, v);
         let mut worst = 0.0;

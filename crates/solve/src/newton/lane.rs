@@ -1,4 +1,4 @@
-//! Rows of one lane in scalar f64, gathered from the problem of all lanes. Its impulses are copied back.
+//! Rows of one lane in scalar f64, gathered from the problem of all lanes. The solution's impulses are copied back to that lane.
 //!
 //! Entries that are exactly zero are left out, so that a lane does not depend on the contacts of other lanes.
 
@@ -16,7 +16,7 @@ use stepper_real::{Real, Scalar};
 pub(super) struct LaneBlock {
     /// Set of the constraint's admissible impulses.
     pub(super) set: AdmissibleSet,
-    /// Index of the kind of constraint.
+    /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
     pub(super) kind: usize,
     /// Index of the constraint among those of its kind, in the problem of all lanes.
     pub(super) source: usize,

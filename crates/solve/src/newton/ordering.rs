@@ -1,8 +1,8 @@
 //! Islands of a lane, and an order of an island's coordinates for which the skyline of the matrix is low.
 //!
-//! Two coordinates are neighbours if a row has entries at both, and connected coordinates are an island. Its order is that of reverse
+//! Two coordinates are neighbours if a row has entries at both, and connected coordinates are an island. The order is that of reverse
 //! Cuthill-McKee (Cuthill & McKee 1969, George 1971) from an end of the island, which places neighbours close to each other. The graph is
-//! implicit: the search goes from a coordinate to its rows, and from them to their coordinates.
+//! implicit: the search goes from a coordinate to its rows, and from these rows to their coordinates.
 
 use crate::newton::lane::Lane;
 

@@ -1,9 +1,10 @@
 //! Outer loop of Newton's method: proximal steps of one island, from its warm start to the tolerance.
 //!
-//! With De Saxce's terms constant the problem is convex, and proximal steps converge if it has a solution. After k steps the residual is at
-//! most `D / (kappa sqrt(k))`, where D is the distance from the first impulses to the nearest solution (Rockafellar 1976, theorem 1; Guler
-//! 1991, theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until the residual falls by a factor at
-//! every step. Rounding bounds kappa, see [`largest_kappa`].
+//! With De Saxce's terms constant the problem is convex, and proximal steps converge if it has a solution. Let kappa be the ratio of the
+//! proximal step length to the step of the natural map, the function that is zero at the solution. After k steps the residual is at most
+//! `D / (kappa sqrt(k))`, where D is the distance from the first impulses to the nearest solution (Rockafellar 1976, theorem 1; Guler 1991,
+//! theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until the residual falls by a factor at every
+//! step. Rounding bounds kappa, see [`largest_kappa`].
 //!
 //! Every loop has a bound. A search makes at most `Criteria::steps` Newton steps, [`EXACT_RATIO`] times as many for the exact friction law,
 //! and as many rounds. Each round evaluates the problem at most twice more. The search ends when a round changes nothing.
@@ -13,35 +14,37 @@ use crate::newton::augmented_lagrangian::AugmentedLagrangian;
 use crate::newton::island::Island;
 use stepper_real::Real;
 
-/// Ratios kappa of the proximal step length to the step of the natural map. The first one is for the first proximal step, which corrects
-/// the result of sweeps, the second for later ones.
+/// Ratios kappa of the proximal step length to the step of the natural map, the function that is zero at the solution. The first ratio is
+/// for the first proximal step, which corrects the result of sweeps; the second is for later steps.
 ///
 /// Measured on 1,202 problems of humanoids that sweeps did not solve: a first kappa of 10 or 1e5 takes 10 to 20 % more Newton steps. A
 /// later kappa of 1e4 or 1e6 takes as many, 1e7 twice as many.
 const KAPPA: [f64; 2] = [1e3, 1e5];
-/// Largest kappa (ratio of the proximal step length to the step of the natural map). It is reached if proximal steps are too short: mass
-/// ratios beyond 1e5, nearly dependent rows.
+/// Largest kappa: the ratio of the proximal step length to the step of the natural map, the function that is zero at the solution. The
+/// search reaches it if proximal steps are too short: mass ratios beyond 1e5, nearly dependent rows.
 ///
 /// Newton's matrix is the identity plus kappa times another matrix. At this kappa the identity is still above the rounding error.
 const MOST_KAPPA: f64 = 1e12;
-/// Smallest kappa (ratio of the proximal step length to the step of the natural map), for any tolerance.
+/// Smallest kappa, for any tolerance. Kappa is the ratio of the proximal step length to the step of the natural map, the function that is
+/// zero at the solution.
 const LEAST_KAPPA: f64 = 1e2;
 
-/// First kappa (ratio of the proximal step length to the step of the natural map) of [`ProximalPoint::solve_exact`], in islands of at most
-/// [`SMALL`] coordinates and in larger ones.
+/// First kappa of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones. Kappa is the ratio of the
+/// proximal step length to the step of the natural map, the function that is zero at the solution.
 ///
 /// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes that sweeps and convex steps had not solved. A first kappa
 /// of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps. They also solve all problems. In
 /// small islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
-/// Smallest kappa (ratio of the proximal step length to the step of the natural map) with the exact friction law. If such a proximal step
-/// fails, the search ends.
+/// Smallest kappa with the exact friction law. Kappa is the ratio of the proximal step length to the step of the natural map, the function
+/// that is zero at the solution. If a proximal step with this kappa fails, the search ends.
 const LEAST_EXACT_KAPPA: f64 = 0.3;
-/// Largest kappa (ratio of the proximal step length to the step of the natural map) with the exact friction law.
+/// Largest kappa with the exact friction law. Kappa is the ratio of the proximal step length to the step of the natural map, the function
+/// that is zero at the solution.
 const MOST_EXACT_KAPPA: f64 = 1e6;
 /// Largest number of Newton steps of a proximal step with the exact friction law.
 const MOST_STEPS: u32 = 6;
-/// Number of Newton steps up to which the next proximal step with the exact friction law is longer.
+/// Largest number of Newton steps of a proximal step with the exact friction law after which the next proximal step is longer.
 const FEW_STEPS: u32 = 4;
 /// Largest number of Newton steps of the last proximal step, which is made after the tolerance has been met.
 const LAST_STEPS: u32 = 2;
@@ -341,8 +344,8 @@ impl ProximalPoint {
     }
 }
 
-/// Largest kappa (ratio of the proximal step length to the step of the natural map) at which rounding leaves velocities within the
-/// tolerance, m/s.
+/// Largest kappa at which rounding leaves velocities within the tolerance, m/s. Kappa is the ratio of the proximal step length to the step
+/// of the natural map, the function that is zero at the solution.
 ///
 /// Velocities of rows that push are small at the end of a proximal step. They are sums of ever smaller changes, so that their rounding is
 /// small however fast other bodies move. In a slipping contact, rho times De Saxce's term cancels against mu times the length of the

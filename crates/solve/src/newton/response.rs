@@ -101,7 +101,7 @@ struct LaneResponse {
     active: Vec<usize>,
     /// Derivative of the active rows' impulses with respect to their velocities, kg: row by row, each padded to a multiple of four.
     matrix: Vec<f64>,
-    /// Sets of impulses of the active rows that change no velocity, so that the rows do not determine them. They are concatenated.
+    /// Sets of impulses of the active rows that change no velocity, one set after the other. The rows do not determine such impulses.
     undetermined: Vec<f64>,
     /// Index of the first row of each stored constraint in the present problem; `None` if the present problem does not have the constraint.
     found: Vec<Option<usize>>,
@@ -119,7 +119,7 @@ struct Block {
     piece: Piece,
     /// Distance of the projection's argument from the next region, N s, see [`AdmissibleSet::margin`].
     margin: f64,
-    /// Index of the kind of constraint.
+    /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
     kind: usize,
     /// Index of the constraint among those of its kind.
     source: usize,
@@ -129,7 +129,8 @@ struct Block {
     first: usize,
     /// Number of rows of the constraint.
     dim: usize,
-    /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u), kg.
+    /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u), kg. Here lambda is the impulse, u the velocity, and P_K the
+    /// projection on the admissible impulses. The map is zero at the solution.
     rho: f64,
     /// Compliance of all rows of the constraint, 1/kg, without the additional one of the normal row.
     compliance: f64,
@@ -219,7 +220,7 @@ impl<R: Real> Response<R> {
     /// [`Response::settle`].
     ///
     /// Returns the lanes in which a constraint that pushed no longer exists. `name` returns the number that identifies a constraint in both
-    /// problems. Its arguments are the kind, the index and the lane. For a position solve, `before` is the velocity solve after its own
+    /// problems. Its arguments are the kind, the index and the lane. For a position solve, `before` is the velocity solve after its
     /// response; the rows that were damped in the stored problem are damped here.
     pub fn respond<'a>(
         &mut self,
@@ -454,7 +455,8 @@ impl LaneResponse {
 }
 
 /// Step rho of a constraint's natural map lambda - P_K(lambda - rho u), kg: number of rows divided by the trace of its block of the
-/// Delassus matrix, compliance included. The residual uses the same step.
+/// Delassus matrix, compliance included. The residual uses the same step. Here lambda is the impulse, u the velocity, and P_K the
+/// projection on the admissible impulses. The map is zero at the solution.
 fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
     let (_, entries) = lane.entries(block);
     let dim = block.rows.len() as f64;
@@ -540,8 +542,8 @@ impl Linear {
         })
     }
 
-    /// Set of impulses of the active rows that the equations do not determine. The unknown in place `k` of the elimination order is 1,
-    /// where k is at least the rank of the equations. The other unknowns from the rank on are 0.
+    /// Impulses of the active rows that the equations do not determine. The unknown in place `k` of the elimination order is 1, where k is
+    /// at least the rank of the equations. The other unknowns from the rank on are 0. Rows of the matrix are `stride` numbers apart.
     fn undetermined_impulses(&self, stride: usize, rank: usize, k: usize) -> Vec<f64> {
         let Self { left, rows, columns, .. } = self;
         let mut impulses = vec![0.0; columns.len()];
@@ -592,7 +594,8 @@ impl Linear {
         })
     }
 
-    /// Makes the equations triangular by Gaussian elimination with complete pivoting. Returns the rank.
+    /// Makes the `n` equations triangular by Gaussian elimination with complete pivoting. Rows of the matrices are `stride` numbers apart.
+    /// Returns the rank.
     fn eliminate(&mut self, n: usize, stride: usize) -> usize {
         let Self { left, right, rows, columns, .. } = self;
         rows.clear();
@@ -631,8 +634,8 @@ impl Linear {
         n
     }
 
-    /// Computes the derivative of the impulses by back substitution, into `out`. The first `rank` triangular equations are solved for the
-    /// first unknowns; the other unknowns are 0.
+    /// Computes the derivative of the impulses by back substitution, into `out`. The first `rank` of the `n` triangular equations are
+    /// solved for the first unknowns; the other unknowns are 0. Rows of the matrices are `stride` numbers apart.
     ///
     /// If rows depend on each other while none of them slips, all solutions cause the same motion.
     fn substitute(&self, n: usize, stride: usize, rank: usize, out: &mut Vec<f64>) {

@@ -26,7 +26,8 @@ pub struct SoftContact<R: Real, const N: usize> {
 }
 
 impl<R: Real, const N: usize> SoftContact<R, N> {
-    /// Contact with the range `entries` in the lists of all contacts with `N` rows.
+    /// Contact with the range `entries` in the lists of all contacts with `N` rows. The other arguments are the fields of [`SoftContact`]
+    /// with these names.
     #[inline(always)]
     pub(super) fn new(entries: Range<usize>, reference: [R; N], weight: [R; N], scale: [R; N]) -> Self {
         let mu = scale[0] * scale[0];

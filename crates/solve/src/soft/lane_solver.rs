@@ -22,9 +22,10 @@ const REGISTER: usize = 64;
 /// Number of contacts below which solving single lanes one after the other is not considered, because its overhead exceeds its gain.
 const FEWEST: usize = 8;
 
-/// Number of problems after which the work of both ways of solving is estimated again.
+/// Number of problems after which the solver estimates the work again, to choose between solving single lanes and solving all lanes
+/// together.
 const PERIOD: u32 = 32;
-/// Largest number of lanes whose work is estimated for the choice between both ways of solving.
+/// Largest number of lanes whose work is estimated, to choose between solving single lanes and solving all lanes together.
 const SAMPLES: usize = 4;
 
 /// Solver of soft problems that solves single lanes one after the other.
@@ -108,7 +109,7 @@ impl<R: Real> LaneSolver<R> {
 
     /// Whether solving the lanes `lanes` one after the other is faster than solving all at once by the solver `together`.
     ///
-    /// Problems of consecutive steps are similar, and both ways have the same bits. The work is therefore estimated for a part of the
+    /// Problems of consecutive steps are similar, and both methods give the same bits. The work is therefore estimated for some of the
     /// problems only.
     pub fn is_faster(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, together: &mut SoftSolver<R>, lanes: R::Mask) -> bool {
         if problem.contacts.items.len() + problem.rolling_contacts.items.len() < FEWEST {
@@ -201,14 +202,14 @@ impl<R: Real> LaneSolver<R> {
     }
 }
 
-/// Copies the numbers of lane `lane` to a list of single numbers.
+/// Copies the numbers of lane `lane` of `from` to `to`, a list of single-lane numbers.
 fn copy_lane<R: Real>(from: &[R], lane: usize, to: &mut [R::Single]) {
     for (to, &from) in to.iter_mut().zip(from) {
         *to = from.single_lane(lane);
     }
 }
 
-/// Copies single numbers to lane `lane` of the numbers `to`.
+/// Copies the single-lane numbers `from` to lane `lane` of the numbers `to`.
 fn scatter<R: Real>(from: &[R::Single], to: &mut [R], lane: usize) {
     for (to, from) in to.iter_mut().zip(from) {
         to.set_lane(lane, from.lane(0));

@@ -256,10 +256,11 @@ impl<R: Real> SoftSolver<R> {
         );
     }
 
-    /// Replaces the acceleration `a`, which is the stored solution, by that of a similar problem. It makes Newton steps with the stored
-    /// Hessian.
+    /// Approximates the solution of a problem that is similar to that of the last [`SoftSolver::settle`]. `a` must be the stored
+    /// acceleration, and becomes the new one. `free` is the new acceleration without constraints.
     ///
-    /// The first step is the implicit function theorem. The second adds the effect of the cones' curvature between the two problems.
+    /// The function makes two Newton steps with the stored Hessian. The first step is the implicit function theorem. The second adds the
+    /// effect of the cones' curvature between the two problems.
     pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
         R::vectorize(
             #[inline(always)]

@@ -58,7 +58,8 @@ const LEAST_FORCE: f64 = 1e-15;
 const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
 /// Largest number of Newton steps for the multiplier of an elliptic contact.
 const MULTIPLIER_STEPS: u32 = 20;
-/// Tolerance of the multiplier of an elliptic contact: error of the squared force, N^2, and smallest Newton step.
+/// Tolerance of the multiplier of an elliptic contact. Newton's method stops when the squared force exceeds its bound by less than this,
+/// N^2, or when a step of the multiplier, 1/kg, is smaller.
 const MULTIPLIER_TOLERANCE: f64 = 1e-10;
 /// Increase of the noslip objective, J, above which the update of a contact's friction is reverted. The rounding error of the objective is
 /// added to this threshold.

@@ -30,8 +30,8 @@ pub(super) struct Facing {
     /// Vertex of the first shape that is farthest along the normal, and vertex of the second shape that is farthest in the opposite
     /// direction.
     pub(super) corners: [u32; 2],
-    /// Other end of an edge from each of the `corners`, if the normal is perpendicular to an edge of each shape. Otherwise equal to
-    /// `corners`.
+    /// For each vertex in `corners`, the vertex at the other end of the edge that is perpendicular to the normal. Equal to `corners` unless
+    /// the normal is perpendicular to an edge of each shape.
     pub(super) ends: [u32; 2],
 }
 

@@ -1,7 +1,7 @@
 //! Distance of two convex sets: the distance of the origin from their Minkowski difference A - B.
 //!
 //! The method is that of Gilbert, Johnson & Keerthi (1988). The nearest point of a simplex follows from barycentric coordinates. Every face
-//! with the origin on its outer side is tried. All faces of a degenerate simplex are tried, which therefore needs no special case.
+//! with the origin on its outer side is tried. A degenerate simplex needs no special case, because all of its faces are tried.
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;

@@ -297,7 +297,7 @@ impl Hull {
         best.1
     }
 
-    /// Vertex at the other end of the edge of `vertex` that is closest to perpendicular to `d`. Of several equal edges it is the first.
+    /// Neighbour of `vertex` across the edge that is closest to perpendicular to `d`. Of several equal edges the first one counts.
     pub(super) fn level(&self, vertex: usize, d: V) -> usize {
         let mut best = (f64::INFINITY, vertex);
         for ring in self.rings(vertex) {

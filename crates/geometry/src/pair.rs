@@ -8,8 +8,8 @@ use crate::vectors::{Pose, V, neg};
 /// radii).
 const EQUAL: f64 = 1e-9;
 
-/// Rounding error of a relative pose, in units in the last place of the coordinates of both shapes. Evidence: with 8, a tower of ten boxes
-/// keeps the order of its contacts, at the origin and 3 m away from it.
+/// Rounding error of a relative pose, in units in the last place of the coordinates of both shapes. Evidence: with a value of 8, a tower of
+/// ten boxes keeps the order of its contacts, at the origin and 3 m away from it.
 const POSE_ROUNDINGS: f64 = 8.0;
 
 /// Pair of convex shapes. All quantities are in the frame of the first shape.

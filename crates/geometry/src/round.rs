@@ -104,7 +104,8 @@ pub(super) fn nearest_of_triangle([a, b, c]: &[V; 3], p: V) -> V {
 
 /// Closest points of a triangle and a segment, m. `None` if the segment crosses the triangle.
 ///
-/// They are those of the triangle and an end of the segment, or of an edge and the segment.
+/// Candidates are the triangle with each end of the segment, and each edge of the triangle with the segment. The closest pair is the
+/// result.
 fn nearest_of_segment(corners: &[V; 3], ends: [V; 2]) -> Option<[V; 2]> {
     let [a, b, c] = *corners;
     let n = cross(sub(b, a), sub(c, a));

@@ -32,7 +32,7 @@ impl SearchLimits {
         gap > self.prediction || self.approach.is_some_and(|a| a.is_separated(normal, gap, size))
     }
 
-    /// Whether a contact with the normal and distance of `found` is farther than the prediction, or cannot push within the step.
+    /// Whether a contact with the normal and separation of `found` has a distance above `self.prediction`, or cannot push within the step.
     pub(super) fn excludes_contact(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         let gap = found.separation - pair.thickness();
         self.excludes(pair, found) || self.approach.is_some_and(|a| a.excludes_normal(found.normal, gap, pair.size))

@@ -42,8 +42,8 @@ pub struct SeparatingPlane {
     normal: [f32; 3],
     /// Vertex of each hull where the normal was found: the farthest along it, and the farthest in the opposite direction.
     corners: [u32; 2],
-    /// Other end of an edge from each of the `corners`, if the normal is perpendicular to an edge of each hull. Otherwise equal to
-    /// `corners`.
+    /// For each vertex in `corners`, the vertex at the other end of the edge that is perpendicular to the normal. Equal to `corners` unless
+    /// the normal is perpendicular to an edge of each hull.
     ends: [u32; 2],
     /// Vertex p of the second hull, in the second hull's frame, m. The ball that contains the second hull bulges a little beyond it.
     tip: [f32; 3],

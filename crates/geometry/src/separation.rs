@@ -31,7 +31,7 @@ use crate::shape::ConvexShape;
 use crate::vectors::{V, neg, unit_or};
 use crate::warm_start::{facet, is_certain, largest_separation_near};
 
-/// Distance of polytopes above which the direction between their closest points is exact, relative to the size of the pair.
+/// Distance of two polytopes, relative to the size of the pair, above which the direction between their closest points is exact.
 const CLEAR: f64 = 1e-9;
 /// Largest number of steps of [`climb`], which finds the direction of the largest separation of overlapping shapes. Two to four are usual.
 const CLIMBS: usize = 12;
@@ -88,7 +88,7 @@ fn of_round_bodies(pair: &Pair<'_>, max_distance: f64, polytope: &mut Polytope) 
     first.normal(gap).map_or_else(|| of_overlap(pair, &first, polytope), |normal| first.separation(normal))
 }
 
-/// Largest separation of overlapping shapes, by [`climb`]. It is repeated from every shallower direction that is found.
+/// Largest separation of overlapping shapes, by [`climb`]. The climb is repeated from every shallower direction that is found.
 ///
 /// `first` is the result of a GJK search.
 fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Separation {

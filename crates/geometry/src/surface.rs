@@ -445,7 +445,7 @@ impl Surface {
         }
     }
 
-    /// Writes the triangles in the box from `low` to `high` to `out`, ascending. Others near the box may be among them.
+    /// Writes the triangles in the box from `low` to `high` to `out`, ascending. Other triangles near the box may be included.
     pub(super) fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
         out.clear();
         match self {

@@ -191,8 +191,8 @@ fn common_perpendicular([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(S
 /// Whether a facet of the Minkowski difference A - B of two shapes is certainly the one that is nearest to the origin. The condition is in
 /// the documentation of this module.
 ///
-/// `facet` is the separation of the shapes along the facet's normal. `from_outline` is the distance of its nearest point to the origin from
-/// the outline of the facet, m.
+/// `facet` is the separation of the shapes along the facet's normal. Let p be the point of the facet that is nearest to the origin.
+/// `from_outline` is the distance of p from the outline of the facet, m.
 pub(super) fn is_certain(pair: &Pair<'_>, facet: &Separation, from_outline: f64) -> bool {
     let depth = -facet.separation;
     if from_outline <= ON_OUTLINE * pair.size {

@@ -7,7 +7,7 @@
 
 /// Constants of one precision. The trait is public in a private module, which seals [`Scalar`](crate::Scalar).
 pub trait Coefficients: Sized + 'static {
-    /// Number pi/2 as a sum of pieces: their products with an integer k of the allowed range are exact, except that of the last one.
+    /// Number pi/2 as a sum of pieces. The products of all pieces but the last with an integer k of the allowed range are exact.
     const HALF_PI_PIECES: &'static [Self];
     /// Upper bound of |x - k pi/2| after argument reduction: pi/4, and a margin for the rounding of k.
     const REDUCED_MAX: Self;

@@ -168,8 +168,8 @@ pub fn exp<R: Real>(x: R) -> R {
 /// Angle of the point (x, y) in rad, see `Real::atan2`.
 ///
 /// The angle in the first octant is that of the smaller coordinate over the larger one, and is then mirrored. An octant angle above
-/// atan(7/16) is measured from atan(1/2) or atan(1) by the addition theorem. It is applied to the coordinates instead of their quotient, so
-/// that there is a single division.
+/// atan(7/16) is measured from atan(1/2) or atan(1) by the addition theorem. The theorem is applied to the coordinates instead of their
+/// quotient, so that there is a single division.
 #[inline(always)]
 pub fn atan2<R: Real>(y: R, x: R) -> R {
     let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));

@@ -94,8 +94,8 @@ macro_rules! lane_access {
     };
 }
 
-/// Elementary functions of `impl Real`, which are equal for all lane types. The macro is used inside the impl. The trait thus does not
-/// depend on their implementation, which is written for the trait.
+/// Methods of `impl Real` for elementary functions, which are equal for all lane types. The macro is used inside the impl. The trait thus
+/// does not depend on the module with these functions, which are written for the trait.
 #[macro_export]
 macro_rules! elementary_functions {
     () => {

@@ -1,8 +1,8 @@
-//! Errors of the elementary functions, in ulps, over dense sweeps.
+//! Tests of the errors of the elementary functions, in ulps, over dense samples.
 //!
-//! f64 is held against std's functions (the platform's libm, itself within one ulp of the truth: a bound here is of the distance
-//! between the two). f32 is held against the f64 result, so that these bounds are errors. The scalars stand for all lanes, since
-//! `tests/backends.rs` shows that all give the same bits.
+//! Results in f64 are compared with std's functions (the platform's libm, itself within one ulp of the truth: a bound here is of the
+//! distance between the two). Results in f32 are compared with those in f64, so that these bounds are errors. The scalars stand for all
+//! lanes, since `tests/backends.rs` shows that all give the same bits.
 
 use core::f64::consts::PI;
 use stepper_real::Real;

@@ -1,4 +1,4 @@
-//! Kinds of constraints, and the single list of them.
+//! Kinds of constraints, and the only list of all kinds.
 //!
 //! Each kind has a file with a set of constraints, its rows, and its implementation of [`ConstraintSet`](constraint_set::ConstraintSet).
 //! The rest of the crate refers to a kind only by its line in `by_kind`, `each_kind` and `make_kinds`.

@@ -127,7 +127,7 @@ fn set_first_impulse<R: Real>(
     }
 }
 
-/// Relative difference of two energies below which they count as equal: that of an error of a thousandth.
+/// Relative difference of two energies below which they count as equal. An error of a thousandth of the velocities has this effect.
 const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 
 impl<R: Real> Snapshot<R> {

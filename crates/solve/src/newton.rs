@@ -157,7 +157,7 @@ impl Newton {
         self.work
     }
 
-    /// Solves the lanes `lanes`, one after the other. The last argument are the residuals and the numbers of Newton steps, which are
+    /// Solves the lanes `lanes`, one after the other. The last argument holds the residuals and the numbers of Newton steps, which are
     /// updated.
     fn solve_lanes<R: Real>(
         &mut self,

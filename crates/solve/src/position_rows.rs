@@ -44,15 +44,15 @@ impl<R: Real> PositionRows<R> {
         make_kinds!(System { problem, certified: true, } [own: &self] => own)
     }
 
-    /// Changes the offsets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
-    /// coordinates of w (scaled velocity change), see [`Problem::shift`].
+    /// Changes the targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
+    /// velocity, in the scaled coordinates of w (scaled velocity change), see [`Problem::shift`].
     #[inline(always)]
     pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
         each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
     }
 
-    /// Changes the offsets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is that change in the scaled
-    /// coordinates of w (scaled velocity change), see [`Problem::shift_contact`].
+    /// Changes the targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
+    /// velocity, in the scaled coordinates of w (scaled velocity change), see [`Problem::shift_contact`].
     #[inline(always)]
     pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.items.len()) {

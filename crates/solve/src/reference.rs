@@ -2,8 +2,8 @@
 
 use crate::capacity::Capacity;
 
-/// Reference solution of the position solve. The damping of rows acts on the difference from its impulses, and a proof of infeasibility
-/// starts from its motion.
+/// Reference solution of the position solve. The damping of rows acts on the difference from the impulses of the reference, and a proof of
+/// infeasibility starts from the motion of the reference.
 #[derive(Clone, Debug, Default)]
 pub struct Reference<R> {
     /// Scaled velocity change w by all impulses of the reference, in coordinates in which its kinetic energy is |w|^2 / 2.

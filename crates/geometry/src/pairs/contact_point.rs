@@ -6,7 +6,7 @@ use crate::linear_algebra::V3;
 
 /// Rounding error of a contact distance, in units in the last place of the contact point's coordinates.
 ///
-/// Evidence: in single precision, the contact forces of a lying ant differ from its weight by 4 % with 2, and by 0.01 % with 4.
+/// Evidence: in single precision, the contact forces of a lying ant differ from its weight by 4 % with a value of 2, and by 0.01 % with 4.
 pub const DISTANCE_ROUNDINGS: f64 = 4.0;
 
 /// Contact point of two shapes in each lane.

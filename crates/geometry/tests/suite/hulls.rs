@@ -46,7 +46,8 @@ fn edges(hull: &Hull, pose: &Pose) -> Vec<V> {
     around.filter(|[v, w]| v < w).map(edge).collect()
 }
 
-/// The largest separation over all normals that a facet of the difference can have: of overlapping hulls it is minus their depth.
+/// Largest separation of two hulls along all normals that a facet of their Minkowski difference can have. For overlapping hulls it is minus
+/// the penetration depth.
 fn over_all_facets(a: &Hull, pa: &Pose, b: &Hull, pb: &Pose) -> f64 {
     let separation = |n: V| -posed_reach(a, pa, n) - posed_reach(b, pb, scale(n, -1.0));
     let faces = |hull: &Hull, pose: &Pose| {

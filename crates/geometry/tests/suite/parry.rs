@@ -1,5 +1,5 @@
-//! Distances, normals and closest points of convex shapes compared with parry's queries, for every pair of shapes except ellipsoids, which
-//! parry does not have. PROPTEST_CASES=20000 tests more cases.
+//! Tests of distances, normals and closest points of convex shapes against parry's queries, for every pair of shapes except ellipsoids,
+//! which parry does not have. PROPTEST_CASES=20000 tests more cases.
 
 use parry3d_f64::math::{Matrix, Pose as ParryPose, Rotation, Vector};
 use parry3d_f64::query;

@@ -24,7 +24,8 @@ fn from_point(s: &Segment<f64>, p: V3<f64>) -> f64 {
     norm(sub(p, add_scaled(s.centre, s.axis, along)))
 }
 
-/// Distance of two segments: golden sections along the first, because the distance from a convex set is convex.
+/// Distance of two segments by golden-section search along the first one. The search finds the minimum, because the distance from a convex
+/// set is a convex function.
 fn by_search(a: &Segment<f64>, b: &Segment<f64>) -> f64 {
     let (mut lo, mut hi) = (-a.half_length, a.half_length);
     let at = |x: f64| from_point(b, add_scaled(a.centre, a.axis, x));

@@ -35,7 +35,7 @@ fn shape() -> impl Strategy<Value = ConvexShape> {
     ]
 }
 
-/// A flat square of 2 x 2 m, cut into triangles by a grid of `n` cells with diagonals that turn this way and that.
+/// Flat square of 2 x 2 m, cut into triangles by a grid of `n` x `n` cells with diagonals in alternating directions.
 fn floor(n: usize) -> Surface {
     let at = |k: usize| -1.0 + 2.0 * k as f64 / n as f64;
     let vertices: Vec<V> = (0..(n + 1) * (n + 1)).map(|k| [at(k % (n + 1)), at(k / (n + 1)), 0.0]).collect();
@@ -313,7 +313,8 @@ proptest! {
         }
     }
 
-    /// The plane of a triangle that a ball stays over is not above the surface, wherever the ball moves along it.
+    /// While a ball moves along a triangle above which it stays, the surface below the ball is nowhere lower than the plane of this
+    /// triangle.
     #[test]
     fn a_ball_that_stays_over_a_face_meets_no_lower_surface(
         (grid, form) in rough(), radius in 0.01..0.2f64, at in prop::array::uniform2(-1.1..1.1f64), lift in -0.3..0.1f64, way in vector(0.1),

@@ -318,8 +318,9 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// and R the compliances.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is that
-    /// change in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this change.
+    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the
+    /// change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity
+    /// due to this change.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
     /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the

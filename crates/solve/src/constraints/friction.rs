@@ -32,8 +32,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Impulse that solves this contact, and the multiplier s of its friction disc (slip velocity divided by friction impulse, 1/kg), which
     /// is 0 for a contact that sticks or opens.
     ///
-    /// `v` is its velocity under the impulse `lambda`, including the part by its compliance. `mu` is the friction coefficient. The search
-    /// for s starts at `guess`, in the lanes `lanes`.
+    /// `v` is the contact's velocity under the impulse `lambda`, including the part by its compliance. `mu` is the friction coefficient.
+    /// The search for s starts at `guess`, in the lanes `lanes`.
     fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
 
     /// Impulse by the weaker update, in the lanes `active` in which the contact exists. The weaker update changes the impulse less than
@@ -121,13 +121,15 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     coordinates: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
-    /// Lanes in which no impulse can move the contact along its normal. It has no rows there, and its impulse does not change.
+    /// Lanes in which no impulse can move the contact along its normal. The contact has no rows in these lanes, and its impulse does not
+    /// change.
     pub(super) immovable: R::Mask,
     /// Lanes in which the contact is deferred: the solver ignores its rows until they are activated.
     deferred: R::Mask,
     /// Friction coefficient of the scaled rows; 0 for a frictionless contact.
     pub mu: R,
-    /// Offset g of each row in the velocity solve, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
+    /// Velocity g of each row of the contact before any impulse, plus its bias (the negated velocity target), m/s. This value is for the
+    /// velocity solve; `position_g` is for the position solve.
     pub g: [R; N],
     /// Offset of each row in the position solve, m/s. For the normal row it replaces g. For the tangential rows it is added to g.
     pub position_g: [R; N],
@@ -452,8 +454,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Changes the velocity targets of a contact in the lanes `lanes`, after a change of the free velocity. `change` is that change in the
-    /// scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this change.
+    /// Changes the velocity targets of a contact in the lanes `lanes`, after a change of the free velocity. `change` is the change of the
+    /// free velocity, in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this
+    /// change.
     ///
     /// That increase is multiplied by the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]
@@ -888,10 +891,10 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
 /// solution from a poor start.
 pub(super) const MAX_NEWTON: usize = 24;
 
-/// Relative accuracy at which the Newton search for a sliding impulse takes its last step. It is the distance of the impulse from the
-/// surface of its friction cone, divided by the impulse.
+/// Relative accuracy at which the Newton search for a sliding impulse takes its last step. The measure is the distance of the impulse from
+/// the surface of its friction cone, divided by the impulse.
 ///
-/// A step squares the distance, and this is about the square root of the rounding error.
+/// A step squares the distance. The accuracy is therefore about the square root of the rounding error.
 #[inline(always)]
 pub(super) fn near<R: Real>() -> R {
     R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())

@@ -1,8 +1,8 @@
 //! Contacts with torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
 //!
 //! MuJoCo's elliptic cone is sqrt(sum (f_i / mu_i)^2) <= f_n. If row i is multiplied by mu_i / mu, it becomes the circular cone |x_t| <= mu
-//! x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities are in m/s. Coulomb's law (maximal dissipation) is the same in
-//! both, because f . v = x . v'. A type of friction that the contact lacks is a row of zeros.
+//! x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities v' of the scaled rows are in m/s. Coulomb's law (maximal
+//! dissipation) is the same in both, because f . v = x . v'. A type of friction that the contact lacks is a row of zeros.
 
 use crate::cone::{masked, positive};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};

@@ -25,7 +25,8 @@ pub struct ScalarRow<R: Real> {
     pub(super) coordinates: usize,
     /// Lanes in which the row exists.
     pub active: R::Mask,
-    /// Offset g of the row in the velocity solve, m/s or rad/s: its velocity before any impulse, plus its bias (minus the target velocity).
+    /// Velocity g of the row before any impulse, plus its bias (the negated velocity target), m/s or rad/s. This value is for the velocity
+    /// solve; `position_g` is for the position solve.
     pub g: R,
     /// Offset of the row in the position solve, m/s or rad/s: its velocity before any impulse, plus the bias of this solve.
     pub position_g: R,
@@ -62,7 +63,7 @@ impl<R: Real> ScalarRow<R> {
         self.immovable
     }
 
-    /// Coefficient c with which `c y` is the projection of another row on the entries y of this row. `along` is the dot product of the
+    /// Coefficient c for which c times the entries y of this row is the projection of another row onto y. `along` is the dot product of the
     /// entries of both rows.
     #[inline(always)]
     pub fn projection(&self, along: R) -> R {
@@ -72,8 +73,8 @@ impl<R: Real> ScalarRow<R> {
     /// Velocity correction after damping, m/s or rad/s, from the undamped `correction`. `ratio` is the compliance relative to the row's
     /// mobility. The difference is stored in the row.
     ///
-    /// It is for rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp) then skips
-    /// them.
+    /// This function is for rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp)
+    /// then skips these rows.
     #[inline(always)]
     pub fn damp_correction(&mut self, ratio: R, correction: R) -> R {
         let stiffness = self.diagonal + ratio * self.mobility;

@@ -15,8 +15,9 @@ pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 
 /// Solver of a single contact with sliding friction, in closed form except for one scalar equation.
 ///
-/// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where `A = G_tt - G_tn G_nt / G_nn`. In
-/// the principal axes of A it is two independent scalar equations coupled by the multiplier s.
+/// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where `A = G_tt - G_tn G_nt / G_nn`. G is
+/// the contact's block of the Delassus matrix, and c the tangential velocity without tangential impulse. The multiplier s is slip velocity
+/// divided by friction impulse. In the principal axes of A the problem is two independent scalar equations coupled by s.
 #[derive(Clone, Copy, Debug)]
 pub struct SlidingSolver<R: Real> {
     /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb of the contact's block of the Delassus matrix, compliance included, 1/kg.

@@ -68,7 +68,7 @@ impl AugmentedLagrangian {
     }
 
     /// Computes the projected impulses and the gradient at the present scaled velocity change w of an island. Returns an upper bound of the
-    /// gradient as a velocity of a row, m/s.
+    /// gradient, expressed as the velocity of a row, m/s.
     ///
     /// If `implicit`, De Saxce's terms mu |v_t| are those at the present velocities (the exact friction law); otherwise they are constant.
     pub(super) fn evaluate(&mut self, rows: &Island, implicit: bool) -> f64 {
@@ -95,8 +95,8 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes the gradient w - Y^T z from the scaled velocity change w and the projected impulses z. Returns an upper bound of it as a
-    /// velocity of a row, m/s.
+    /// Computes the gradient w - Y^T z from the scaled velocity change w and the projected impulses z. Returns an upper bound of the
+    /// gradient, expressed as the velocity of a row, m/s.
     #[inline(always)]
     fn compute_gradient(&mut self, rows: &Island) -> f64 {
         self.gradient.clone_from(&rows.w);
@@ -107,8 +107,8 @@ impl AugmentedLagrangian {
     /// Makes one Newton step with a line search, and evaluates the gradient at the new scaled velocity change w. If `implicit`, the step is
     /// for the exact friction law.
     ///
-    /// Returns an upper bound of the gradient as a velocity of a row, m/s, or infinity if the matrix cannot be factorised. Nearly all of
-    /// the time is spent here, so that it runs with the instructions of the CPU level of `R`.
+    /// Returns an upper bound of the gradient, expressed as the velocity of a row, m/s, or infinity if the matrix cannot be factorised.
+    /// Nearly all of the time is spent here, so that it runs with the instructions of the CPU level of `R`.
     pub(super) fn advance<R: Real>(&mut self, rows: &mut Island, implicit: bool) -> f64 {
         R::vectorize(
             #[inline(always)]

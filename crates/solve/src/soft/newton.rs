@@ -416,8 +416,8 @@ impl<R: Real> SoftSolver<R> {
 }
 
 impl<R: Real> SoftSolver<R> {
-    /// Derivative of the objective along the search direction, after a step of length `step`. The argument `slope` is the part of the
-    /// kinetic term.
+    /// Derivative of the objective along the search direction, after a step of length `step`. The argument `slope` is the contribution of
+    /// the kinetic term.
     #[inline(always)]
     fn slope(&self, problem: &SoftProblem<R>, mut slope: R, step: R) -> R {
         let (argument, change) = (&self.argument, &self.change);
@@ -428,8 +428,8 @@ impl<R: Real> SoftSolver<R> {
         problem.rolling_contacts.add_slopes(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, slope)
     }
 
-    /// Second derivative of the objective along the search direction after a step of length `step`. The argument `sum` is the part of the
-    /// kinetic term.
+    /// Second derivative of the objective along the search direction after a step of length `step`. The argument `sum` is the contribution
+    /// of the kinetic term.
     #[inline(always)]
     fn curvature(&self, problem: &SoftProblem<R>, mut sum: R, step: R) -> R {
         let (argument, change) = (&self.argument, &self.change);

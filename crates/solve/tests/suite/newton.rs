@@ -137,8 +137,8 @@ proptest! {
     }
 }
 
-/// Mass ratios to 1e4, friction to 1.5, redundant rows. A random problem may have no solution. Its residual then shows that, and is no
-/// larger than at the start.
+/// Random problems with mass ratios up to 1e4, friction up to 1.5 and redundant rows may have no solution. The residual then shows that,
+/// and is no larger than at the start.
 #[test]
 fn what_is_returned_is_what_the_residual_says() {
     let solved = Share::default();
@@ -303,7 +303,8 @@ fn nearly_all_random_problems_are_solved() {
 /// the measured shares.
 const MOST_LEFT: [f64; 2] = [0.01, 0.05];
 
-/// Coupling of normal and tangent beyond 1/mu: pressing slides, sliding presses (Painleve 1895). Velocities are those of one body.
+/// Problem with a coupling of normal and tangent above 1/mu: pressing makes the contact slide, and sliding makes it press (Painleve 1895).
+/// The velocities are those of one body.
 fn painleve(coupling: f64, slip: f64) -> Case {
     let y = vec![[1.0, coupling, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 1.0]];
     Case { n: 3, limits: vec![], contacts: vec![Contact { y, mu: 1.2, g: [-0.1, slip, 0.0] }] }

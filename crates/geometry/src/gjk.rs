@@ -162,7 +162,7 @@ impl Simplex {
         &self.vertex[..self.count]
     }
 
-    /// Whether the simplex contains a vertex with the same vertex numbers of both shapes.
+    /// Whether the simplex already contains a vertex that is made from the same vertices of both shapes as `vertex`.
     #[inline(always)]
     fn has(&self, vertex: &Vertex) -> bool {
         self.vertices().iter().any(|known| known.names == vertex.names)

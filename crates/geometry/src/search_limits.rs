@@ -46,7 +46,7 @@ impl SearchLimits {
 }
 
 impl From<f64> for SearchLimits {
-    /// Limits with this largest distance of a contact, m, without a cached normal or a motion.
+    /// Limits with `prediction` as the largest distance of a contact, m, without a cached normal or a motion.
     fn from(prediction: f64) -> Self {
         Self { prediction, cached: None, approach: None, epsilon: f64::EPSILON }
     }

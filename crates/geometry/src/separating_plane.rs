@@ -57,7 +57,7 @@ pub struct SeparatingPlane {
 }
 
 impl SeparatingPlane {
-    /// Value for two hulls without a known normal and without a separating plane.
+    /// Value for two hulls that have neither a known normal nor a separating plane.
     pub const NONE: Self =
         Self { normal: [0.0; 3], corners: [0; 2], ends: [0; 2], tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY };
 
@@ -110,7 +110,7 @@ pub struct SeparatingPlanes<R: Real> {
 }
 
 impl<R: Real> SeparatingPlanes<R> {
-    /// Separating planes of lanes in which none is known.
+    /// Value for lanes of which none has a separating plane.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = R::zero();

@@ -17,7 +17,7 @@ pub enum ConvexShape {
         /// Radius, m.
         radius: f64,
     },
-    /// Points within a distance of a segment along z.
+    /// Capsule: the points within the distance `radius` of a segment along z.
     Capsule {
         /// Radius, m.
         radius: f64,

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use stepper_real::{Level, Mask, Real, Two, array, at_avx512, at_level};
 
-/// Names of what `operations` writes, in its order.
+/// Names of the operations whose results `operations` writes, in the same order.
 const NAMES: [&str; 43] = [
     "add",
     "sub",
@@ -55,7 +55,7 @@ fn truth<R: Real>(m: R::Mask) -> R {
     R::select(m, R::one(), R::zero())
 }
 
-/// Every operation on one group of lanes; the lanes of each result follow one another in `out`.
+/// Applies every operation to one group of lanes. The lanes of each result follow one another in `out`.
 #[inline(always)]
 fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) {
     let (a, b) = (R::load(a), R::load(b));

@@ -1,4 +1,4 @@
-//! Use of `at_level!`, and its rejection of a level that the machine or the build lacks.
+//! Tests of `at_level!`, and of its rejection of a level that the machine or the build lacks.
 
 use stepper_real::{Level, Real, at_level};
 

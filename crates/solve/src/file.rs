@@ -110,7 +110,7 @@ impl<R: Real> Problem<R> {
     }
 }
 
-/// Reads a problem from bytes. An error is a description of what is wrong with them and of the remedy.
+/// Reads a problem from bytes. The error is a description of the fault and of the remedy.
 fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
     /// Remedy for a damaged file.
     const AGAIN: &str = "copy the file again, or save the problem again";

@@ -58,7 +58,7 @@ impl LaneMap {
         }
     }
 
-    /// Replaces `to` by the gathered lanes of the numbers `from`. It must have enough capacity.
+    /// Replaces `to` by the gathered lanes of the numbers `from`. The list `to` must have enough capacity.
     #[inline(always)]
     pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
         to.resize(from.len(), R::Half::zero());

@@ -95,8 +95,7 @@ impl<R: Real> PositionRows<R> {
         *own = R::select(lanes, offset_of(*own), *own);
     }
 
-    /// Exchanges the two offsets of every row: that of the velocity solve, and that of the position solve. The row is solved with the
-    /// first.
+    /// Exchanges the velocity target and the position target of every row. The next solve uses the former position targets.
     #[inline(always)]
     pub fn exchange_offsets(&mut self) {
         each_kind!([own: &mut self] => own.exchange_offsets());

@@ -34,7 +34,7 @@ struct Touch<R> {
 }
 
 impl<R: Real> Cuboid<R> {
-    /// Point of the world in the frame of the box, m.
+    /// Position of the world point `point` in the frame of the box, m.
     #[inline(always)]
     fn inside(&self, point: V3<R>) -> V3<R> {
         rotate_back(&self.mat, sub(point, self.centre))

@@ -35,7 +35,7 @@ fn reach(hull: &Hull, n: V) -> f64 {
     hull.points().iter().map(|p| dot(*p, n)).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// max n . x over the hull as it is posed, about the world's origin.
+/// Maximum of n . x over all points x of the hull at its pose, in the world frame.
 fn posed_reach(hull: &Hull, pose: &Pose, n: V) -> f64 {
     dot(n, pose.pos) + reach(hull, rotate_back(&pose.mat, n))
 }

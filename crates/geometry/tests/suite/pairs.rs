@@ -85,7 +85,7 @@ proptest! {
         prop_assert!((here - there).abs() < 1e-12, "{here} {there}");
     }
 
-    /// A capsule that lies on a face, or along an edge, is held at both ends of what lies there.
+    /// A capsule that lies on a face, or along an edge, has contacts at both ends of the part that lies there.
     #[test]
     fn lying_capsules_have_two_contacts(b in cuboid(), along in 0..3usize, tilt in prop_oneof![Just(0.0), -1e-3..1e-3f64],
                                         spot in vector(0.9), radius in 0.02..0.2f64, half_length in 0.05..1.0f64, gap in -0.01..0.01f64) {

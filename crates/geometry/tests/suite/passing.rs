@@ -1,4 +1,4 @@
-//! Test whether moving solids pass through each other. PROPTEST_CASES=5000 searches longer.
+//! Tests of the check whether moving solids pass through each other. PROPTEST_CASES=5000 searches longer.
 
 use crate::shapes::{simple, unit};
 use proptest::prelude::*;

@@ -24,7 +24,7 @@ pub(crate) enum Body {
 }
 
 impl Body {
-    /// Maximum of u . x over the body.
+    /// Maximum of u . x over all points x of the body.
     pub(crate) fn support(&self, u: V3<f64>) -> f64 {
         let local = |mat: &M3<f64>| rotate_back(mat, u);
         match self {

@@ -161,7 +161,7 @@ fn height_at(vertices: &[V], faces: &[[u32; 3]], p: V) -> Option<f64> {
     })
 }
 
-/// The point of a triangle that is nearest to `p`: of its plane, or of an edge.
+/// Point of a triangle that is nearest to `p`: the projection of `p` on the plane of the triangle, or a point of an edge.
 fn nearest_of_triangle(t: &[V; 3], p: V) -> V {
     let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
     let foot = add_scaled(p, n, -dot(n, sub(p, t[0])) / dot(n, n));
@@ -253,7 +253,7 @@ proptest! {
     // The cases are fixed: about one in 500,000 differs, where a neighbour of the skipped triangle keeps other points of their edge.
     #![proptest_config(ProptestConfig { cases: 10_000, rng_seed: RngSeed::Fixed(1), ..Default::default() })]
 
-    /// Whether the shape is above the surface or below it.
+    /// The clearance is the distance of the nearest triangle, whether the shape is above or below the surface.
     #[test]
     fn the_clearance_of_a_surface_is_the_distance_of_its_nearest_triangle(
         (grid, form) in rough(), b in shape(), at in prop::array::uniform2(-1.1..1.1f64), lift in -0.5..0.5f64, mat in rotation(), most in 0.0..0.2f64,

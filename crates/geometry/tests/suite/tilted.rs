@@ -24,7 +24,7 @@ fn cuboid(half: [f64; 3]) -> Hull {
     Hull::new(&(0..8).map(corner).collect::<Vec<_>>()).expect("has volume")
 }
 
-/// Floor whose top is at height 0, with its height above its origin, m.
+/// Floor of the type `kind`, and the height of its top above the origin of its frame, m.
 fn floor(kind: usize) -> (Solid, f64) {
     let half = [FLOOR[0], FLOOR[1], 0.05];
     match kind {

@@ -369,7 +369,7 @@ pub(crate) fn worse<R: Real>(a: R, b: R) -> R {
     R::select(b.le(a), a, b)
 }
 
-/// Replaces the `numbers` of a lane by `from + weight (number - from)`.
+/// Replaces each number x of `numbers`, in the lane `lane`, by y + weight (x - y), where y is the number of `from` there.
 pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, weight: f64) {
     for (number, from) in numbers.iter_mut().zip(from) {
         let [now, from] = [*number, *from].map(|x| number_of(x, lane));
@@ -377,7 +377,7 @@ pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, we
     }
 }
 
-/// Number in lane `lane`, as f64.
+/// Number of `x` in lane `lane`, as f64.
 #[inline(always)]
 pub(crate) fn number_of<R: Real>(x: R, lane: usize) -> f64 {
     x.lane(lane).to_f64()

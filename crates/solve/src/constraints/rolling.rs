@@ -25,9 +25,9 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 /// where k is the coupling. At its fixed point the law holds for the velocities, even if the axes are imprecise.
 #[derive(Clone, Copy, Debug)]
 pub struct RollingSolver<R: Real> {
-    /// Inverse 1 / G_nn of the normal row's diagonal entry, kg.
+    /// Inverse 1 / G_nn of the normal row's diagonal entry of the Delassus matrix, kg.
     inv_gnn: R,
-    /// Diagonal entry G_nn of the normal row, compliance included, 1/kg.
+    /// Diagonal entry G_nn of the Delassus matrix for the normal row, compliance included, 1/kg.
     nn: R,
     /// Principal axes of the matrix A that relates the tangential impulse to the tangential velocity, one after the other.
     axes: [[R; T]; T],

@@ -148,7 +148,7 @@ impl Island {
         self.y[block.y.clone()].chunks_exact(self.width(block))
     }
 
-    /// Computes the product Y x of the island's scaled Jacobian and a vector into `out`.
+    /// Multiplies the island's scaled Jacobian Y by the vector `x`, and writes Y x to `out`.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
         out.clear();

@@ -458,7 +458,7 @@ impl<R: Real> ForceResponse<R> for Hessian<R> {
     }
 }
 
-/// Computes the product M x of the mass matrix and a vector.
+/// Multiplies the mass matrix M by the vector `x`, and writes M x to `out`.
 #[inline(always)]
 fn multiply<R: Real>(metric: &impl Metric<R>, x: &[R], out: &mut [R]) {
     out.fill(R::zero());

@@ -10,7 +10,7 @@ const STEPS: u32 = 50;
 const ROWS: usize = 6;
 const N: usize = 9;
 
-/// Numbers of a problem: a limit and contacts, dense or in two islands.
+/// Random problem with a limit and contacts, whose rows use all coordinates or are in two islands.
 #[derive(Clone, Debug)]
 struct Case {
     /// Jacobian entries: `N` for the limit, then three times `N` for each contact.
@@ -120,7 +120,7 @@ proptest! {
         search(&case, 1e-6)?;
     }
 
-    /// Sweeps stay within their limit, and a diverging lane leaves its neighbours their bits.
+    /// Sweeps stay within their limit, and a diverging lane does not change the bits of other lanes.
     #[test]
     fn a_lane_that_blows_up_costs_its_neighbours_nothing_but_bounded_time(case in case(0.0, Just(1.0)), at in 0..ROWS, bad in odd()) {
         let (problem, iterate) = build::<F64Lanes>(&case);

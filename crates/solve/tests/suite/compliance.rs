@@ -1,4 +1,4 @@
-//! Compliant normal row: equivalent to a hard one with an additional coordinate, the spring's.
+//! Tests of compliant normal rows. A compliance is equivalent to a hard row with an additional coordinate for the spring.
 
 use crate::common::{Share, cases};
 use proptest::prelude::*;
@@ -28,7 +28,7 @@ fn case() -> impl Strategy<Value = Case> {
     (prop::collection::vec(sliding, 1..4), rolling, 0.0..1.0).prop_map(|(sliding, rolling, mu)| Case { sliding, rolling, mu })
 }
 
-/// The problem with compliances, or with an additional coordinate for every spring.
+/// Problem of a case, with the compliances of the contacts, or with an additional coordinate for each spring instead.
 fn build<R: Real>(case: &Case, springs_as_coordinates: bool) -> (Problem<R>, Iterate<R>) {
     let contacts = case.sliding.len();
     let mut capacity = Capacity::of_coordinates(N + contacts + 1);

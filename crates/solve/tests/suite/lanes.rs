@@ -79,7 +79,7 @@ fn bits<R: Real<Scalar = f64>>(more: &[R], iterate: &Iterate<R>) -> Vec<Vec<u64>
     (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
 }
 
-/// Result of a solve in every lane: of sweeps alone, or of few sweeps and Newton's method.
+/// Bits of each lane after a solve, by sweeps alone or by a few sweeps and Newton's method.
 fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64, sweeps_alone: bool) -> Vec<Vec<u64>> {
     let (problem, mut iterate) = build::<R>(problems);
     let (tolerance, all) = (R::of(tolerance), R::Mask::splat(true));

@@ -234,7 +234,7 @@ fn shared_loads_depend_on_neither_start_nor_order() {
     solved.at_least(0.9999, "solved");
 }
 
-/// A contact that is there twice shares its impulse evenly, and moves nothing otherwise.
+/// Two equal contacts share the impulse of a single one evenly, and cause the same motion.
 #[test]
 fn redundant_contacts_share() {
     let solved = Share::default();

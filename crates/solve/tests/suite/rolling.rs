@@ -45,7 +45,7 @@ fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     (problem, iterate)
 }
 
-/// Velocity of contact k from w = Y lambda, formed densely.
+/// Velocity of contact k, computed from w = Y lambda with the full matrix Y.
 fn velocity(case: &Case, iterate: &Iterate<f64>, k: usize) -> [f64; 6] {
     let mut w = vec![0.0; case.n];
     for (y, lambda) in case.y.iter().zip(&iterate.rolling_contacts) {

@@ -45,7 +45,7 @@ impl<R: Real> Metric<R> for Dense<R> {
     }
 }
 
-/// A problem of an equality, a limit, dry friction and contacts of three and of six rows.
+/// Random problem with an equality, a limit, dry friction, and contacts with three and six rows.
 #[derive(Clone, Debug)]
 struct Case {
     n: usize,

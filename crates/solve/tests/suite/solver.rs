@@ -43,7 +43,7 @@ fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     (problem, iterate)
 }
 
-/// Velocity of contact k computed from G = Y^T Y, formed densely.
+/// Velocity of contact k, computed from the full matrix G = Y^T Y.
 fn dense_velocities(case: &Case, iterate: &Iterate<f64>) -> Vec<[f64; 3]> {
     let rows = 1 + 3 * case.y.len();
     let entry = |r: usize, i: usize| if r == 0 { case.y[0][i][0] + 0.3 } else { case.y[(r - 1) / 3][i][(r - 1) % 3] };

@@ -135,9 +135,11 @@ impl Clipper {
         }
     }
 
-    /// Adds the corners of the intersection of the two projected features as contact points, with their distances along the normal.
+    /// Adds the corners of the intersection of the two projected features as contact points, if their distance along the normal is at most
+    /// `prediction`, m.
     ///
-    /// `reference` is the index of the feature whose plane is perpendicular to the normal, or nearly so.
+    /// `axes` are the normal and the axes of the projection plane. `reference` is the index of the feature whose plane is perpendicular to
+    /// the normal, or nearly so.
     fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, prediction: f64, out: &mut Manifold) {
         let (r, o) = (&self.features[reference], &self.features[1 - reference]);
         overlay(r, o, pair.tolerance, &mut self.work, &mut self.shared);
@@ -148,10 +150,11 @@ impl Clipper {
     }
 
     /// Adds the contact points of two edges that cross, if a face next to one of the edges is nearly perpendicular to the contact normal.
+    /// Returns whether points were added.
     ///
-    /// Such a face is as close at other points as at the crossing, or will be soon. Points of the whole face are therefore added. `tilts`
-    /// is 1 - cos(angle) between each shape's face normal and the contact normal. Returns whether points were added. For a triangle of a
-    /// surface there are none, because its neighbours have them.
+    /// Such a face is as close at other points as at the crossing, or will be soon. Points of the whole face at a distance of at most
+    /// `prediction`, m, are therefore added. `tilts` is 1 - cos(angle) between each shape's face normal and the contact normal. Triangles
+    /// of a surface get no points, because their neighbours have these points.
     fn level_faces(
         &mut self,
         pair: &Pair<'_>,
@@ -214,8 +217,8 @@ impl Clipper {
         self.emit(pair, &axes, prediction, out);
     }
 
-    /// Adds the contact points of the second shape of `pair` with a half space. The half space is below the xy plane of the first shape's
-    /// frame.
+    /// Adds the contact points of the second shape of `pair` with a half space, at a distance of at most `prediction`, m. The half space is
+    /// below the xy plane of the first shape's frame.
     pub(super) fn half_space(&mut self, pair: &Pair<'_>, prediction: f64, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
@@ -228,7 +231,8 @@ impl Clipper {
         self.emit(pair, &axes, prediction, out);
     }
 
-    /// Adds the contact points of a half space with the lowest of some `points`, which are in the frame of the second shape, m.
+    /// Adds the contact points of a half space with those `points` that are at a distance of at most `prediction`, m. The points are in the
+    /// frame of the second shape, m.
     ///
     /// The half space is below the xy plane of the first shape's frame.
     pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], prediction: f64, out: &mut Manifold) {
@@ -242,7 +246,11 @@ impl Clipper {
         self.emit(pair, &axes, prediction, out);
     }
 
-    /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap.
+    /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap. Points at a distance
+    /// of more than `prediction`, m, are left out.
+    ///
+    /// `axes` are the normal and the axes of the projection plane. `corners` are the corners of the shapes that are farthest along the
+    /// normal.
     fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], prediction: f64, out: &mut Manifold) {
         let edges = [edge(pair.a, views[0].towards(), corners[0], ALONG), edge(pair.b, views[1].towards(), corners[1], ALONG)];
         let [Some(p), Some(q)] = edges else { return };

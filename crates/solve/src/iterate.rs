@@ -23,7 +23,7 @@ by_kind! {
         pub(crate) history: History<R>,
         /// Workspace with half of the lanes, in half of the registers. `None` if all lanes are in one register.
         pub(crate) compacted: Option<Box<Compacted<R::Half>>>,
-        /// Copy of the impulses, which is restored if a further pass makes them worse.
+        /// Copy of the impulses, which is restored if a further pass (sweeps and Newton steps) makes the residual larger.
         pub(crate) snapshot: Snapshot<R>,
     } each impulses
 }
@@ -231,7 +231,8 @@ impl<R: Real> Iterate<R> {
         });
     }
 
-    /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates w.
+    /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity
+    /// change w.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). A contact with three rows
     /// reads the first three numbers.

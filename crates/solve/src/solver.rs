@@ -14,10 +14,11 @@ use stepper_real::{Mask, Real, Scalar};
 /// Limits of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<R> {
-    /// Largest number of sweeps (Gauss-Seidel iterations) in each pass. At least one is made.
+    /// Largest number of sweeps (Gauss-Seidel iterations) in each pass, which is a number of sweeps followed by Newton steps. At least one
+    /// sweep is made.
     pub sweeps: u32,
     /// Largest number of Newton steps in each pass, per island; [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many for the exact
-    /// friction law. With 0, Newton's method is not used.
+    /// friction law. A pass is a number of sweeps followed by Newton steps. With 0, Newton's method is not used.
     pub newton_steps: u32,
     /// Residual at which a lane is solved, m/s.
     pub tolerance: R,
@@ -76,10 +77,10 @@ pub const PASSES: usize = 4;
 /// within 5 % as long but need more Newton steps, which a lane makes alone.
 const FIRST_SWEEPS: u32 = 25;
 
-/// Improves the impulses of the lanes `lanes` until each meets the tolerance or the limits in the settings are reached.
+/// Improves the impulses of the lanes `lanes` until each meets the tolerance or the limits in `settings` are reached.
 ///
-/// In lanes with redundant supports, sweeps from zero impulses would load the rows that they visit first. These lanes therefore begin with
-/// the impulses of least norm from Newton's method, and sweeps improve the result.
+/// Sweeps favour the rows that they visit first; a proximal step from zero favours none. Lanes with redundant supports therefore begin with
+/// Newton's method, and sweeps improve the result.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
@@ -94,7 +95,7 @@ pub fn solve<'a, R: Real>(
     )
 }
 
-/// Improves the impulses of a system in the lanes `lanes`, until each lane meets the tolerance or the limits in the settings are reached.
+/// Improves the impulses of a system in the lanes `lanes`, until each lane meets the tolerance or the limits in `settings` are reached.
 #[inline(always)]
 fn solve_system<R: Real>(
     system: System<'_, R>,

@@ -38,11 +38,10 @@ pub(super) fn recompute_w<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R
     }
 }
 
-/// Replaces the unknowns (w and all impulses) after a sweep by those from which the next sweep starts, in the lanes `running`. Returns the
-/// lanes in which they differ.
+/// Replaces the unknowns (scaled velocity change w and all impulses) after a sweep by those from which the next sweep starts, in the lanes
+/// `running`. Returns the lanes in which they differ.
 ///
-/// In these lanes w and the impulses are summed separately. The scaled velocity change w is then no longer the sum over the impulses to the
-/// last bit.
+/// In these lanes w and the impulses are summed separately, so that w is no longer the sum over the impulses to the last bit.
 #[inline(always)]
 pub(super) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) -> R::Mask {
     let Iterate { w, history, .. } = iterate;

@@ -36,7 +36,7 @@ pub(crate) struct History<R: Real> {
     pub(super) swept: R::Mask,
     /// Differences between the changes of w (scaled velocity change) by consecutive sweeps, the newest first.
     pub(super) df: [Vec<R>; MEMORY],
-    /// Differences between the unknowns (w and all impulses) after consecutive sweeps, the newest first.
+    /// Differences between the unknowns (scaled velocity change w and all impulses) after consecutive sweeps, the newest first.
     pub(super) dt: [Vec<R>; MEMORY],
     /// Lanes in which each of the differences `df` and `dt` is stored.
     pub(super) stored: [R::Mask; MEMORY],

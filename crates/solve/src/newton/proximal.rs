@@ -48,7 +48,7 @@ const MOST_STEPS: u32 = 6;
 const FEW_STEPS: u32 = 4;
 /// Largest number of Newton steps of the last proximal step, which is made after the tolerance has been met.
 const LAST_STEPS: u32 = 2;
-/// Largest number of Newton steps with the exact friction law, relative to the limit in the settings.
+/// Largest number of Newton steps with the exact friction law, as a multiple of the limit that the caller sets.
 ///
 /// Half of the 53 problems of [`FIRST_EXACT_KAPPA`] need more than 75 steps, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;

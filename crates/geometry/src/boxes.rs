@@ -27,8 +27,8 @@ fn graze(faces: &[(f64, V); 6]) -> bool {
     touching.into_iter().any(|f| faces.iter().any(|g| g.0 >= -SLIVER && !parallel(&f.1, &g.1)))
 }
 
-/// Ratio of the overlap along a common perpendicular of two edges to the overlap along a face normal. Below it, the contact normal is that
-/// of the edges, as in ODE and MuJoCo 4.
+/// Ratio of the overlap along a common perpendicular of two edges to the overlap along a face normal. Below this ratio the contact normal
+/// is that of the edges, as in ODE and MuJoCo 4.
 ///
 /// The overlap along a face normal is measured at a corner. Near an edge of the other box, this corner may have nothing below it. The
 /// overlap of edges is therefore smaller wherever faces are inclined.

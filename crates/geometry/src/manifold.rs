@@ -414,8 +414,8 @@ fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize
     (kept, number)
 }
 
-/// Index of the point with the largest `value`, among `count` points without those in `but`. Of points that are equal up to `tie` it is the
-/// first.
+/// Index of the point with the largest `value`, among `count` points except those with an index in `but`. Of points whose values are equal
+/// up to `tie` it is the first.
 fn pick(point: &dyn Fn(usize) -> Shared, count: usize, but: &[usize], tie: f64, value: impl Fn(&Shared) -> f64) -> usize {
     let (mut best, mut most) = (usize::MAX, f64::NEG_INFINITY);
     for i in (0..count).filter(|i| !but.contains(i)) {

@@ -601,7 +601,8 @@ pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, appro
 
 /// Finds the contact points of a half space and the vertices of a mesh and writes them to `out`, in the world frame.
 ///
-/// The half space is below the xy plane of the pose `plane`. Points have a distance of at most `prediction`, m. A height field has none.
+/// The half space is below the xy plane of the pose `plane`. Points have a distance of at most `prediction`, m. A height field gets no
+/// contact points.
 pub(super) fn collide_plane_surface(
     plane: &Pose,
     surface: &Surface,

@@ -50,12 +50,12 @@ pub(crate) fn positive<R: Real>(m: R::Mask, x: R) -> R::Mask {
     m.and(x.gt(R::zero()))
 }
 
-/// Ratio of a contact's mobility along its normal to that in all three directions below which the contact counts as immovable along the
-/// normal.
+/// Smallest ratio of mobilities at which a contact counts as movable along its normal. It compares the mobility along the normal with the
+/// sum of the mobilities in all three directions.
 ///
-/// It is the square of a ratio of lever arms of 1e-5, or of a thousand rounding errors if that is larger. A body that rotates about the
-/// shorter lever arm approaches at 1e-5 of its speed, and stopping it takes 1e5 times the force that rotates it. Evidence: a cylinder that
-/// is steered about an axis through its contact passes this pose, where forces were 1e15 N.
+/// The value is the square of a ratio of lever arms of 1e-5, or of a thousand rounding errors if that is larger. A body that rotates about
+/// the shorter lever arm approaches at 1e-5 of its speed, and stopping it takes 1e5 times the force that rotates it. Evidence: a cylinder
+/// that is steered about an axis through its contact passes this pose, where forces were 1e15 N.
 #[inline(always)]
 fn negligible<R: Real>() -> f64 {
     let lever = f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64());

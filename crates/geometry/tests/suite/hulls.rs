@@ -228,8 +228,8 @@ proptest! {
     }
 }
 
-/// Points of every kind, before they are scaled: anywhere in a cube or ball, on a coarse lattice (many on one plane or line), some twice,
-/// in single precision.
+/// Random points of one type, before they are scaled. The types are points in a cube, points on a ball, points of a coarse lattice (many on
+/// one plane or line, some twice), and points in single precision.
 fn cloud() -> impl Strategy<Value = Vec<V>> {
     let anywhere = prop::collection::vec(vector(1.0), 8..200);
     let on_ball = prop::collection::vec(unit(), 8..200);

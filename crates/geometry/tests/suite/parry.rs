@@ -94,7 +94,8 @@ fn body_in_parry(body: &Body) -> Option<(Box<dyn Shape>, ParryPose)> {
     Some(in_parry(&shape, &Pose { pos, mat }))
 }
 
-/// Checks that the position of a contact is on both shapes. Edges that passed at a distance once had a contact 0.28 m away from a box.
+/// The contact of two edges that pass at a distance has a position on both shapes. An earlier version had such a contact 0.28 m away from a
+/// box.
 #[test]
 fn edges_that_pass_beside_one_another_share_no_contact() {
     let tilted = [

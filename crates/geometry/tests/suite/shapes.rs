@@ -164,7 +164,7 @@ pub(crate) fn unit() -> impl Strategy<Value = V3<f64>> {
     vector(1.0).prop_filter("a direction", |v| norm(*v) > 0.1).prop_map(|v| scale(v, 1.0 / norm(v)))
 }
 
-/// Shapes other than meshes, with radii and half lengths from `size`.
+/// Random shapes other than meshes. The function `s` gives the distribution of radii and half lengths, m.
 pub(crate) fn simple<S: Strategy<Value = f64> + 'static>(s: impl Fn() -> S) -> impl Strategy<Value = ConvexShape> {
     prop_oneof![
         s().prop_map(|radius| ConvexShape::Sphere { radius }),

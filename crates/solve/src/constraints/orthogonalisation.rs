@@ -20,7 +20,7 @@ use crate::constraints::scalar::{ScalarRow, ScalarRows};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Ratio of the squared length of a row after projection to that before it, above which the row is independent of the others. For smaller
-/// ratios the entries decide.
+/// ratios the sizes of the entries decide.
 pub fn dependence_threshold<R: Real>() -> f64 {
     let root = <R::Scalar as Scalar>::EPSILON.to_f64().sqrt();
     root * root.sqrt()

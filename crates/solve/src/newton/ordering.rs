@@ -65,7 +65,7 @@ impl Islands {
 pub(super) struct Ordering {
     /// Coordinates of the island in their new order.
     pub(super) coordinates: Vec<u32>,
-    /// Place of each coordinate in the new order. It has no meaning for coordinates of other islands.
+    /// Index of each coordinate in the new order. It has no meaning for coordinates of other islands.
     pub(super) number: Vec<u32>,
     /// Indices of the blocks (rows of one constraint) with entries at each coordinate, one list after the other.
     blocks: Vec<u32>,

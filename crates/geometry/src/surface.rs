@@ -653,8 +653,8 @@ fn touch(
     touch_any(surface, t, facet, pair, along, prediction, out, workspace)
 }
 
-/// Adds the contact points of triangle `t` and a shape by the general search, which works for all shapes. Arguments and result are those of
-/// [`touch`].
+/// Adds the contact points of triangle `t` and a shape by the general search, which works for all shapes. The arguments and the result are
+/// the same as for [`touch`].
 #[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch_any(
     surface: &Surface,

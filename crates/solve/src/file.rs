@@ -92,7 +92,8 @@ impl<R: Real> System<'_, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Reads a problem from the bytes of [`System::to_bytes`] into every lane. Its solution has the same bits.
+    /// Reads a problem from the bytes of [`System::to_bytes`] into every lane. The solution of this problem has the same bits as that of
+    /// the saved one.
     ///
     /// # Errors
     /// [`FileError`] if the bytes are not a saved problem, have another format version, are damaged, or contain invalid rows.

@@ -120,8 +120,8 @@ struct LaneOutcome {
 impl Newton {
     /// Improves the impulses of the lanes `lanes` whose residual is above the tolerance, lane by lane.
     ///
-    /// `outcome` are the residuals, which are replaced, and the numbers of Newton steps, to which those of this call are added. No residual
-    /// increases. If many impulses are possible, the solver finds those near the start.
+    /// `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the steps of this call. No
+    /// residual increases. If many impulses are possible, the solver finds those near the start.
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -138,7 +138,8 @@ impl Newton {
     /// Finds the impulses of least norm (in the metric of 1/rho) of the lanes `lanes`, if many impulses are possible.
     ///
     /// They do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller residual than
-    /// before. `outcome` are the residuals, which are replaced, and the numbers of Newton steps, to which those of this call are added.
+    /// before. `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the steps of this
+    /// call.
     pub fn solve_least_norm<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,

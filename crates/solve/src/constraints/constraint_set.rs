@@ -158,7 +158,7 @@ pub struct ReferenceRows<'a, R> {
 pub struct LaneConstraint<const N: usize> {
     /// Set of the constraint's admissible impulses.
     pub(crate) set: AdmissibleSet,
-    /// Index of the constraint among those of its kind.
+    /// Index of the constraint among the constraints of its kind.
     pub(crate) source: usize,
     /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
     pub(crate) g: [f64; N],

@@ -18,7 +18,7 @@ pub(super) struct LaneBlock {
     pub(super) set: AdmissibleSet,
     /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
     pub(super) kind: usize,
-    /// Index of the constraint among those of its kind, in the problem of all lanes.
+    /// Index of the constraint among the constraints of its kind, in the problem of all lanes.
     pub(super) source: usize,
     /// Range of the constraint's coordinates in the list of the lane.
     support: Range<usize>,

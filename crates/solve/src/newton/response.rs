@@ -121,7 +121,7 @@ struct Block {
     margin: f64,
     /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
     kind: usize,
-    /// Index of the constraint among those of its kind.
+    /// Index of the constraint among the constraints of its kind.
     source: usize,
     /// Number that identifies the constraint in other problems.
     name: u64,

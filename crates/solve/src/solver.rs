@@ -48,7 +48,8 @@ impl<R: Real> Outcome<R> {
     }
 }
 
-/// Residual above which the load of redundant supports is redistributed, m/s. A remaining error moves load from point to point.
+/// Residual above which the load of redundant supports is redistributed, m/s. With a larger residual, the distribution of the load would
+/// depend on the order of the supports.
 ///
 /// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of docs/benchmarks/atlas.md). The order of its legs
 /// changes the result by 2e-6 m with a goal of 1e-8, by 1e-7 m with 1e-9.
@@ -60,8 +61,8 @@ const SLIPS: f64 = 1e-6;
 /// Number of passes of a solve. Each pass makes sweeps and then Newton steps.
 ///
 /// The two methods give each other a better start: sweeps find which contacts slip, and Newton's method solves problems with very different
-/// masses. Newton steps first use constant De Saxce's terms. In the first pass steps of the exact friction law follow, and in the last pass
-/// all steps are of the exact friction law.
+/// masses. De Saxce's term is the addition to the normal velocity that makes Coulomb's law a cone condition. Newton steps first keep it
+/// constant. In the first pass, steps with the exact friction law follow. In the last pass, all steps have the exact law.
 ///
 /// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps. One pass with constant terms leaves 0.17 and
 /// 0.27 % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
@@ -137,7 +138,7 @@ fn solve_system<R: Real>(
     left = left.and_not(newly_loaded);
     let passes = match newton_steps {
         MIN_STEPS_FOR_EXACT.. => PASSES,
-        // Position corrections are uncertified, because the next step corrects the remaining error.
+        // Only velocities need a certified residual. The next step corrects what a position correction leaves.
         _ if !system.certified => 1,
         _ => PASSES - 1,
     };

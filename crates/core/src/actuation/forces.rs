@@ -23,8 +23,8 @@
 //!
 //! For a damper alone, that is the Pade approximation `(1 - z/3) / (1 + 2 z/3 + z^2/6)` of exp(-z), Radau IIA's of third order (Hairer &
 //! Wanner, section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a
-//! step. That is 1 - z + O(z^2), as in the true motion, exp(-z) (Liouville), and 1/7 at most. The added terms are of the order h^2, and
-//! zero without damping. The rule stays of second order, and keeps the energy of undamped springs.
+//! step. This factor is 1 - z + O(z^2), as that of the true motion, exp(-z) (Liouville), and tends to 1/7 for strong damping. The added
+//! terms are of the order h^2, and zero without damping. The rule stays of second order, and keeps the energy of undamped springs.
 //!
 //! In all these forms the whole force in the step is `f = e - (w/h) a.dv`. Here e is the explicit part, which stage 1 passes to stage
 //! 2, and w is the added inertia, kg or kg m^2. The mass matrix with w a a^T supplies the second term.
@@ -154,8 +154,8 @@ pub struct ActuatorForces<R: Real> {
     /// Lanes in which the force of an actuator is outside its bounds. Stage 1 sets them for explicit forces, and a trial for implicit
     /// forces.
     pub(crate) found_saturated: Vec<R::Mask>,
-    /// Lanes in which each bounded sum is outside its bounds. Sums with implicit servos are evaluated in trials only; stage 1 copies the
-    /// assumed lanes for them.
+    /// Lanes in which each bounded sum is outside its bounds. Trials evaluate the sums that contain an
+    /// implicit servo. Before the first trial, such a sum has the lanes in which stage 1 assumed that it is outside its bounds.
     found_sum_saturated: Vec<R::Mask>,
     /// Moment arms of all actuators on sites.
     pub arms: Vec<R>,

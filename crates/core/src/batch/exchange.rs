@@ -12,7 +12,7 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
     R::vectorize(
         #[inline(always)]
         || {
-            // One by one, because pairs in an array would go through memory.
+            // Single calls. A loop over an array of (source, target) pairs would copy the references through memory.
             R::store_all(&s.state.q, &mut group.q);
             R::store_all(&s.state.v, &mut group.v);
             R::store_all(&s.state.act, &mut group.act);

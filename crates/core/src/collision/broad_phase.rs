@@ -3,9 +3,9 @@
 //!
 //! The search has no memory of earlier steps, and runs lane by lane in scalar code. The centres are sorted into cubes whose width is twice
 //! the largest radius of a geom's ball. Geoms that can touch are therefore in neighbouring cubes (Ericson, 2005, section 7.1). The keys of
-//! the cubes are sorted, so that a row of cubes along z is a range of the sorted list. For each cube, one index per neighbouring row marks
-//! the start of that range, and only increases. Geoms that are much larger or faster than the others have no cube, and are compared with
-//! all geoms.
+//! the cubes are sorted, so that a row of cubes along z is a range of the sorted list. While the search visits the cubes in this order, it
+//! keeps the start of the range of each neighbouring row, which moves forward only. Geoms that are much larger or faster than the others
+//! have no cube, and are compared with all geoms.
 
 use stepper_real::{Real, Scalar};
 

@@ -11,8 +11,8 @@ use crate::math::spatial::*;
 /// nearby states of a finite difference, tangents change far less.
 const TANGENT_JUMP: f64 = 1e-2;
 
-/// Error of a normal force by a rounded gap, as a fraction of the body's weight, above which [`Contacts::close_rounded_gaps`] allows for
-/// the rounding of joint angles.
+/// Error of a normal force, as a fraction of the body's weight, that [`Contacts::close_rounded_gaps`] tolerates. If a gap of one rounding
+/// error can cause a larger one, the function also closes gaps that come from the rounding of joint angles.
 const FORCE_ERROR: f64 = 0.01;
 
 /// Identity of a contact from step to step: index of its pair in the compiled model (high 32 bits) and feature of the pair (low 32 bits).
@@ -221,10 +221,10 @@ impl<R: Real> Contacts<R> {
 
     /// Sets gaps to zero that are smaller than their rounding error, in single precision.
     ///
-    /// The rounding of positions can open a gap under a body at rest. The body would then fall in the next step. The position of a link
-    /// also contains the rounding of joint angles, which at a lever arm of a metre is that of a coordinate of 1 m. The function allows for
-    /// this part only if a gap of one rounding error changes the normal force by more than [`FORCE_ERROR`]. `drop` is the distance that
-    /// gravity covers in the step, g h^2, m.
+    /// The rounding of positions can open a gap under a body at rest. The body would then fall in the next step. The rounding
+    /// error of a joint angle also moves a link: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. The
+    /// function allows for this part only if a gap of one rounding error changes the normal force by more than [`FORCE_ERROR`]. `drop` is
+    /// the distance that gravity covers in the step, g h^2, m.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;
@@ -236,8 +236,8 @@ impl<R: Real> Contacts<R> {
                 for k in 0..self.slots() {
                     let point = &mut self.data[k].point;
                     let rounding = point.rounding();
-                    let sensed_contacts = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
-                    let small = point.distance.lt(rounding + R::select(sensed_contacts, rounding_at_a_metre, R::zero()));
+                    let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
+                    let small = point.distance.lt(rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero()));
                     point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
                 }
             },

@@ -187,8 +187,8 @@ impl<R: Real> CollisionWorkspace<R> {
         self.near_count += listed.len();
     }
 
-    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in `dynamic`. They include those from
-    /// [`CollisionWorkspace::find_static`].
+    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in the workspace of the broad phase. They
+    /// include those from [`CollisionWorkspace::find_static`].
     ///
     /// `travel` returns the upper bound of the displacement of every geom, m.
     pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, travel: impl Fn(&GeomPoses<R>) -> &[R]) {

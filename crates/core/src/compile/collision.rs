@@ -149,11 +149,11 @@ impl<S: Scalar> DynamicPairs<S> {
             Ordering::Less => of(&b),
             Ordering::Equal => of(&a).max(of(&b)),
         };
-        let more = |least: u8, x: R| if condim > least { x } else { R::zero() };
+        let coefficient = |least_condim: u8, x: R| if condim >= least_condim { x } else { R::zero() };
         ContactParams {
-            mu: more(1, either(|m| m.mu)),
-            torsion: more(3, either(|m| m.torsion)),
-            rolling: more(4, either(|m| m.rolling)),
+            mu: coefficient(3, either(|m| m.mu)),
+            torsion: coefficient(4, either(|m| m.torsion)),
+            rolling: coefficient(6, either(|m| m.rolling)),
             restitution: if rigid { a.restitution.max(b.restitution) } else { R::zero() },
         }
     }

@@ -169,8 +169,8 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Activates the deferred contacts whose gap does not close in the solution, with zero impulse. Stage 8 and the next step then include
-    /// their rows.
+    /// Activates the deferred contacts whose gap does not close in the solution, with zero impulse. Stage 8 then
+    /// includes their rows, and the state keeps these contacts for the next step.
     ///
     /// Deferred contacts whose gap closes without a collision remain deferred: their surfaces pass each other.
     #[inline(always)]

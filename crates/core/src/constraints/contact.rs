@@ -26,8 +26,8 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 /// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. It is given as a fraction of the size of the
 /// terms whose sum it is.
 ///
-/// A force along the normal acts on the joint through this lever arm. Below 1e-5 it would need 1e5 times the force that a normal lever arm
-/// needs, and in 32 bits the lever arm is rounding error.
+/// A force along the normal acts on the joint through this lever arm. Below 1e-5 it would need 1e5 times the force that it needs with a
+/// lever arm of full length. In 32 bits, such a lever arm is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
@@ -38,9 +38,9 @@ fn least_lever<R: Real>() -> f64 {
 /// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Example: a face that is normal to a
 /// hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
 ///
-/// The result is the resting speed, at which a touching contact takes about a second to exceed the slop. In one case it is 0: if the
-/// overlap needs a correction (more than the resting speed) that stage 8 does not report, because stage 8 reports only unmet corrections
-/// above [`MIN_UNMET_TARGET`]. The residual must then report it.
+/// The result is the resting speed, at which a touching contact takes about a second to exceed the slop. It is 0 if the correction speed of
+/// the overlap is between the resting speed and [`MIN_UNMET_TARGET`]. Stage 8 reports only faster corrections as unmet, so that the
+/// residual must report these.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());

@@ -21,7 +21,7 @@ use crate::tuning::MAX_IMPACT_ROTATION;
 /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
 ///
 /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. In
-/// moving lanes the previous impulses are only the first guess: they change the prediction by less than its tolerance.
+/// moving lanes the previous impulses are only the first guess of an iteration, whose result hardly depends on them.
 pub(crate) fn predict<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,

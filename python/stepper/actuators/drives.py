@@ -27,10 +27,9 @@ class PID:
         kp: Proportional gain, N or N m per unit of length.
         ki: Integral gain, N or N m per unit of length and second.
         kd: Derivative gain, N or N m per unit of velocity.
-        integral_limit: Largest absolute value of the integral term I, N or N m; None is no limit.
-        period: Sampling period of a digital controller, s, at least one time step; the effort is constant between samples.
-            None is a continuous servo. The integrators midpoint and implicit then treat kp and kd implicitly and are stable for any time
-            step.
+        integral_limit: Largest absolute value of the integral term I, N or N m; None sets no limit.
+        period: Sampling period of a digital controller, s, at least one time step; the effort is constant between samples. None makes the
+            servo continuous. The integrators midpoint and implicit then treat kp and kd implicitly and are stable for any time step.
     """
 
     kp: Number
@@ -47,7 +46,7 @@ class PID:
 
         Args:
             num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) of the environments whose numbers are returned; None is all.
+            envs: Mask (num_envs,) of the environments whose numbers are returned; None selects all.
         """
         limit = math.inf if self.integral_limit is None else self.integral_limit
         return {
@@ -65,7 +64,7 @@ class DCMotor:
     number but rotor_inertia and gear is a scalar for all environments or an array (num_envs,).
 
     Attributes:
-        stall_torque: Torque at standstill and nominal voltage, N m; None is a motor without a torque-speed curve.
+        stall_torque: Torque at standstill and nominal voltage, N m; None leaves the torque-speed curve out.
         no_load_speed: Speed without load at nominal voltage, rad/s.
         rotor_inertia: Inertia of the rotor, kg m^2; the joint's armature gets gear^2 times as much.
         gear: Gear ratio: shaft speed over actuator speed (rad per unit of actuator length).
@@ -97,7 +96,7 @@ class DCMotor:
 
         Args:
             num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) of the environments whose numbers are returned; None is all.
+            envs: Mask (num_envs,) of the environments whose numbers are returned; None selects all.
         """
 
         def curve(name: str) -> list[float]:
@@ -125,7 +124,7 @@ class Drive:
         delay: Delay of the control, s. If it is no multiple of the time step, a step uses the mean of the delayed control over the step.
             With a sampled servo (`PID.period`), the delay is rounded up to whole steps.
         delay_steps: Delay of the control, time steps; it is added to `delay`.
-        lag: Time constant of a first-order lag of the control, or of the effort of a servo, s; 0 is no lag.
+        lag: Time constant of a first-order lag of the control, or of the effort of a servo, s; 0 disables the lag.
         limits: Smallest and largest effort, N or N m, in addition to `forcerange` of the actuator.
         motor: DC motor with gear.
         servo: Servo that replaces the force law and the control range of the actuator.
@@ -155,7 +154,7 @@ class Drive:
 
         Args:
             num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) of the environments whose numbers are returned; None is all.
+            envs: Mask (num_envs,) of the environments whose numbers are returned; None selects all.
         """
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         return {

@@ -23,7 +23,7 @@ class ActuatorModel:
     Args:
         drives: Drives by name of the actuator, or by a pattern like "left_*". Names have precedence over patterns, and the first matching
             pattern counts.
-        default: Drive of all other actuators. None leaves them ideal, and with `randomize` unchanged.
+        default: Drive of all other actuators. None leaves these actuators ideal. With `randomize`, None does not change their drives.
     """
 
     def __init__(self, drives: Mapping[str, Drive] | None = None, *, default: Drive | None = None):
@@ -59,7 +59,7 @@ class ActuatorModel:
         Args:
             model: The model.
             num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) of the environments whose numbers are returned; None is all.
+            envs: Mask (num_envs,) of the environments whose numbers are returned; None selects all.
 
         Raises:
             ValueError: A name or pattern matches no actuator, or an array has a wrong shape.
@@ -69,7 +69,10 @@ class ActuatorModel:
         return [self._row(name, num_envs, envs) for name in names]
 
     def drive_of(self, name: str) -> Drive | None:
-        """Drive of an actuator, by name or by index in the form "#3"; None if neither a name, a pattern nor a default applies."""
+        """Drive of an actuator, given by name, or by index in the form "#3" if it has no name.
+
+        The result is None if no name or pattern in this actuator model fits, and there is no default drive.
+        """
         return fitting(self.named, self.default, name)
 
     def chosen(self, index: np.ndarray[Any, Any]) -> ActuatorModel:

@@ -28,14 +28,14 @@ class StepperPool:
 
     Block k has the `batch_size` environments from k * batch_size on. It starts to step when each of these has an action. `recv` returns
     blocks in the order in which they started, and environments in the order of their ids. Results and their order therefore depend only on
-    seeds and actions, not on timing; EnvPool returns the first block that is ready. Returned arrays belong to the caller.
+    seeds and actions, not on timing; EnvPool returns the first block that is ready. Later calls do not overwrite returned arrays.
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments, a multiple of `batch_size`.
-        batch_size: Number of environments that `recv` returns; None is all of them.
+        batch_size: Number of environments that `recv` returns; None selects all of them.
         seed: Seed. Environment i has `seed + i`, as in `StepperVectorEnv`; None draws a random seed.
-        threads: Number of worker threads; 0 is all cores that this process may use. Results are identical bit for bit for any number.
+        threads: Number of worker threads; 0 uses all cores that this process may use. Results are identical bit for bit for any number.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The autoreset is Gymnasium's NEXT_STEP, as in EnvPool.
 
     Raises:
@@ -97,7 +97,7 @@ class StepperPool:
 
         Args:
             action: Actions, (n, nu), in the units of the task.
-            env_id: Ids of the environments of these actions, (n,) integers; None is all.
+            env_id: Ids of the environments of these actions, (n,) integers. None stands for all environments in ascending order.
 
         Raises:
             ValueError: A wrong shape, an unknown or repeated id, or an environment whose last observation was not received yet.
@@ -169,7 +169,7 @@ class StepperPool:
 
         Args:
             action: Actions, (n, nu), in the units of the task.
-            env_id: Ids of the environments of these actions, (n,) integers; None is all.
+            env_id: Ids of the environments of these actions, (n,) integers. None stands for all environments in ascending order.
         """
         self.send(action, env_id)
         return self.recv()

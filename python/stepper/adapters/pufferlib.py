@@ -50,7 +50,7 @@ class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
         return self.observations, []
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, list[dict[str, Any]]]:
-        """Makes the steps of one action in every environment.
+        """Advances every environment by one action, which may be several time steps.
 
         Args:
             actions: Actions, (num_agents, nu), in the units of the task.

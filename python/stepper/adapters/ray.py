@@ -53,8 +53,8 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
         num_envs: Number of environments.
-        num_actors: Number of actors. None is as many as Ray's CPUs allow, at least one and at most one per block. If there are too few CPUs
-            for the given number, a warning is issued, and the first call waits until the cluster has grown.
+        num_actors: Number of actors. None selects as many as Ray's CPUs allow, at least one and at most one per block. If there are too few
+            CPUs for the given number, a warning is issued, and the first call waits until the cluster has grown.
         block_size: Number of environments per block. `rollout` calls the policy for one block at a time, so that its results do not depend
             on the number of actors.
         save_every: Number of calls between two backups of all states in this process. If an actor dies, at most that many calls are
@@ -138,7 +138,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return observation, infos
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Makes the steps of one action in every environment, like `StepperVectorEnv.step`.
+        """Advances every environment by one action, which may be several time steps, like `StepperVectorEnv.step`.
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task.
@@ -354,7 +354,11 @@ class _Block:
         return self.observation, infos
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Makes the steps of one action, (n, nu), in every environment of the block."""
+        """Advances every environment of the block by one action, which may be several time steps.
+
+        Args:
+            actions: Actions, (n, nu), in the units of the task.
+        """
         returned = self.envs.step(actions)
         self.observation = returned[0]
         return returned
@@ -431,7 +435,10 @@ def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int
 
 
 def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
-    """Seed of each environment, or None: a single seed gives environment i `seed + i`, and a sequence gives one seed per environment."""
+    """Seed of each environment; None for environments without a seed.
+
+    A single seed gives environment i the seed `seed + i`. A sequence has one entry per environment.
+    """
     if seed is None:
         return [None] * num_envs
     if isinstance(seed, int | np.integer):

@@ -19,7 +19,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 
 class StepperVecEnv(VecEnv):  # type: ignore[misc]
-    """`VecEnv` of Stable-Baselines3. Returned arrays belong to the caller.
+    """`VecEnv` of Stable-Baselines3. Later calls do not overwrite returned arrays.
 
     Results are identical bit for bit to those of a `DummyVecEnv` of single environments.
 
@@ -79,7 +79,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Makes the steps of the stored actions.
+        """Advances every environment by its stored action, which may be several time steps.
 
         Returns:
             Observations (num_envs, n), of the new episode if one has ended; rewards (num_envs,) float32; whether episodes have ended,
@@ -137,7 +137,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         return [result] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
-        """Whether the environments provide the function of a wrapper: True for `Monitor` with `episode_statistics`, otherwise False.
+        """Whether the environments replace a wrapper: True for the class `Monitor` if `episode_statistics` is set, otherwise False.
 
         Returns:
             The same value for each selected environment.

@@ -46,7 +46,7 @@ class TorchVectorEnv:
         Args:
             seed: Seed or seeds, as in `StepperVectorEnv.reset`.
             options: Options, as in `StepperVectorEnv.reset`.
-            out: Destination of the observations: a contiguous tensor on the CPU, (num_envs, n); None is the next buffer.
+            out: Tensor for the observations: contiguous, on the CPU, (num_envs, n). None uses one of two internal tensors in turn.
 
         Returns:
             Observations (num_envs, n), and infos, whose values are NumPy arrays.
@@ -58,11 +58,11 @@ class TorchVectorEnv:
     def step(
         self, actions: torch.Tensor, *, out: torch.Tensor | None = None
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, dict[str, Any]]:
-        """Makes the steps of one action in every environment.
+        """Advances every environment by one action, which may be several time steps.
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task.
-            out: Destination of the observations: a contiguous tensor on the CPU, (num_envs, n); None is the next buffer.
+            out: Tensor for the observations: contiguous, on the CPU, (num_envs, n). None uses one of two internal tensors in turn.
 
         Returns:
             Observations (num_envs, n), rewards (num_envs,) float32, terminations and truncations (num_envs,) bool, and infos, whose

@@ -58,10 +58,10 @@ def rollout(
         ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments, in their units; float32 or float64. Results have the same type
             and device.
         nstep: Number of steps for which each control is held.
-        qpos: Initial positions, (num_envs, nq), m and rad; None is those of the stepper. If a part of the state is given,
-            delays and integrals of drives are reset.
-        qvel: Initial velocities, (num_envs, nv), m/s and rad/s; None is those of the stepper.
-        act: Initial activations, (num_envs, na), in their units; None is those of the stepper.
+        qpos: Initial positions, (num_envs, nq), m and rad; None takes those of the stepper. If a part of the state is given, delays and
+            integrals of drives are reset.
+        qvel: Initial velocities, (num_envs, nv), m/s and rad/s; None takes those of the stepper.
+        act: Initial activations, (num_envs, na), in their units; None takes those of the stepper.
         parameters: Values by selector, as for `Stepper.randomize`, each (num_envs, ...).
         every: Number of controls between two checkpoints, see `stepper.derivatives.rollout`.
         sensors: Whether to compute readings of ideal sensors.

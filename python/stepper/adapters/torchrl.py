@@ -22,8 +22,8 @@ from torchrl.envs import EnvBase  # noqa: E402
 class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
     """TorchRL environment with the batch size (num_envs,) and the entries "observation", "action" and "reward".
 
-    Partial resets and partial steps by TorchRL's masks "_reset" and "_step" are supported. On the CPU, tensors share memory with the NumPy
-    arrays of the step. They belong to the caller.
+    Partial resets and partial steps by TorchRL's masks "_reset" and "_step" are supported. On the CPU, tensors share memory with NumPy
+    arrays. Later steps do not overwrite them.
 
     Args:
         env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.

@@ -43,9 +43,9 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
     Args:
         model: The model, from `stepper.load`.
         num_envs: Number of environments.
-        options: Settings of the step; None is `Options()`.
+        options: Settings of the step; None selects `Options()`.
         precision: "f64" or "f32".
-        threads: Number of threads; 0 is all cores that this process may use. Results are identical bit for bit for any number.
+        threads: Number of threads; 0 uses all cores that this process may use. Results are identical bit for bit for any number.
 
     Attributes:
         sim: The stepper.

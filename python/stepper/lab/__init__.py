@@ -46,7 +46,10 @@ _FOLDERS = {
     **dict.fromkeys(("Account", "Chart", "Tuning", "account", "chart", "tune"), "accuracy"),
     **dict.fromkeys(("Comparison", "compare"), "comparison"),
 }
-"""Folder of each public name that is not in the folder `study`. A folder is imported at the first use of one of its names."""
+"""Subfolder with the definition of each public name, except for names in the subfolder `study`.
+
+A subfolder is imported when one of its names is first used.
+"""
 
 
 def __getattr__(name: str) -> Any:

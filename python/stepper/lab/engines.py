@@ -43,7 +43,7 @@ class EngineBatch(Protocol):
 
         Args:
             qpos: Positions, (num_envs, nq) or (nq,), m and rad.
-            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None is zero.
+            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None sets them to 0.
         """
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
@@ -96,8 +96,8 @@ class StepperBatch:
         model: Model of all environments.
         num_envs: Number of environments.
         precision: "f64" or "f32".
-        threads: Threads; 0 is one per core.
-        options: Options of the step; None is the default.
+        threads: Number of threads; 0 uses one per core.
+        options: Options of the step; None selects the default options.
         setting: Name of the settings, for tables.
     """
 
@@ -127,7 +127,7 @@ class StepperBatch:
         return np.asarray(self.sim.qvel, dtype=np.float64)
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None is zero velocity."""
+        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None sets zero velocities."""
         self.sim.reset(qpos=qpos, qvel=qvel)
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
@@ -170,7 +170,7 @@ class MujocoBatch(MujocoFields):
     Args:
         model: `mujoco.MjModel`, which the batch copies.
         num_envs: Number of environments.
-        threads: Threads; 0 is one per core.
+        threads: Number of threads; 0 uses one per core.
         setting: Name of the settings in tables.
         contacts: Whether `data(env)` contains the contacts of the last step. This keeps an `MjData` per environment.
     """
@@ -189,7 +189,7 @@ class MujocoBatch(MujocoFields):
         Args:
             path: MJCF file.
             num_envs: Number of environments.
-            threads: Threads; 0 is one per core.
+            threads: Number of threads; 0 uses one per core.
             settings: Integrator, cone and solver; None keeps those of the file, or MuJoCo's defaults.
         """
         return cls(mujoco_model(path, settings), num_envs, threads=threads, setting=settings.setting if settings else "defaults")
@@ -205,7 +205,7 @@ class MujocoBatch(MujocoFields):
         return np.array(self._bound["qvel"])
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None is zero velocity."""
+        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None sets zero velocities."""
         self._batch.reset(stage=require("mujoco", "to run MuJoCo").mjtStage.mjSTAGE_NONE.value)
         self.bind("qpos")[:] = qpos
         if qvel is not None:
@@ -268,7 +268,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class StepperEngine:
-    """Engine stepper with some settings.
+    """Engine stepper with given settings, for one line of a chart.
 
     Attributes:
         setting: Name of the settings on the chart.
@@ -294,7 +294,7 @@ _load = lru_cache(maxsize=8)(load)
 
 @dataclass(frozen=True)
 class MujocoEngine:
-    """Engine MuJoCo with some settings and without sensors.
+    """Engine MuJoCo with given settings and without sensors, for one line of a chart.
 
     Attributes:
         setting: Name of the settings on the chart.

@@ -63,9 +63,9 @@ def _gyro(
     Args:
         density: Noise density, deg/s/sqrt(Hz).
         bias: Zero-rate offset, deg/s.
-        stability: In-run bias stability, deg/h; 0 is no drift.
+        stability: In-run bias stability, deg/h; 0 leaves the drift out.
         full: Range in both directions, deg/s.
-        bits: Resolution over the whole range; None is no quantisation.
+        bits: Resolution over the whole range; None leaves quantisation out.
         scale: Relative error of the scale.
         cross: Cross-axis sensitivity, rad.
     """
@@ -89,9 +89,9 @@ def _accelerometer(
     Args:
         density: Noise density, micro-g/sqrt(Hz).
         bias: Zero-g offset, milli-g.
-        stability: In-run bias stability, micro-g; 0 is no drift.
+        stability: In-run bias stability, micro-g; 0 leaves the drift out.
         full: Range in both directions, g.
-        bits: Resolution over the whole range; None is no quantisation.
+        bits: Resolution over the whole range; None leaves quantisation out.
         scale: Relative error of the scale.
         cross: Cross-axis sensitivity, rad.
     """

@@ -36,7 +36,7 @@ class HeightField:
     Args:
         model: The model.
         geom: Name or index of the height field's geom. Its z axis must be vertical.
-        source: Source of the model, as for `stepper.load`; None is the source from which the model was loaded.
+        source: Source of the model, as for `stepper.load`; None uses the source from which the model was loaded.
 
     Raises:
         ValueError: The geom is no height field, or its z axis is not vertical; or the source is unknown or belongs to another model.
@@ -200,7 +200,7 @@ class HeightField:
             places: World x and y of the centres, (n, 2), m.
             angles: Headings about the z axis, (n,), rad.
             offsets: Positions relative to the centres, ahead and to the left, (k, 2), m.
-            out: Destination of the result; None is a new array.
+            out: Destination of the result; None creates a new array.
         """
         given = np.asarray(offsets, dtype=np.float64)
         if given.ndim != 2 or given.shape[1] != 2:

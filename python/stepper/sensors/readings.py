@@ -25,7 +25,7 @@ class RayFan:
     Attributes:
         site: Name of the site at which the rays start.
         rays: Directions in the site's frame, (n, 3), of any positive length.
-        geoms: Names of the geoms that the rays can hit. None is all except those of the site's body and purely visual meshes.
+        geoms: Names of the geoms that the rays can hit. None selects all except those of the site's body and purely visual meshes.
         data: Readings of each ray, in this order: "distance" (m, -1 without a hit), "direction", "origin", "point" (world, m).
     """
 
@@ -59,10 +59,11 @@ class SensorSpec:
     Name exactly one measured element, except for sensors of the whole scene (clock, e_potential, e_kinetic).
 
     Attributes:
-        type: Type. Of joints (jointpos, jointvel, jointactfrc, jointlimitpos, jointlimitvel, jointlimitfrc, ballquat, ballangvel), tendons
-            (tendonpos and the like), actuators (actuatorpos, actuatorvel, actuatorfrc), sites (accelerometer, velocimeter, gyro, force,
-            torque, magnetometer, touch), subtrees of bodies (subtreecom, subtreelinvel, subtreeangmom), frames (framepos, framequat,
-            framexaxis, frameyaxis, framezaxis, framelinvel, frameangvel, framelinacc, frameangacc), scenes.
+        type: MJCF type, here by kind of measured element: joints (jointpos, jointvel, jointactfrc, jointlimitpos, jointlimitvel,
+            jointlimitfrc, ballquat, ballangvel), tendons (tendonpos and the like), actuators (actuatorpos, actuatorvel, actuatorfrc), sites
+            (accelerometer, velocimeter, gyro, force, torque, magnetometer, touch), subtrees of bodies (subtreecom, subtreelinvel,
+            subtreeangmom), frames (framepos, framequat, framexaxis, frameyaxis, framezaxis, framelinvel, frameangvel, framelinacc,
+            frameangacc), the whole scene (clock, e_potential, e_kinetic).
         joint: Name of the joint.
         tendon: Name of the fixed tendon.
         actuator: Name of the actuator.
@@ -184,7 +185,16 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
 
 
 def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]:
-    """Sensor with a type of MJCF, as a name or dictionary for the Rust library; error messages begin with `place`."""
+    """Type and measured element of an additional sensor, as a name or dictionary for the Rust library.
+
+    Args:
+        model: Model with the measured element.
+        reading: The sensor.
+        place: Beginning of error messages.
+
+    Raises:
+        ValueError: The type is unknown, or the sensor names an element or a reference that the type does not have.
+    """
     family = next((family for family, (_, words) in _WORDS.items() if reading.type in words), None)
     if family is None:
         known = ", ".join(word for _, words in _WORDS.values() for word in words)

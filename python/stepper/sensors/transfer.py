@@ -29,13 +29,13 @@ class Transfer:
         bias: Bias of every channel, the same in every episode.
         bias_std: Standard deviation of a second bias of each channel, drawn at each reset.
         drift_std: Growth of each channel's drift, per sqrt(s); the drift is 0 at each reset.
-        drift_time: Correlation time of the drift in s, which makes it a first-order Gauss-Markov process of standard deviation
-            drift_std sqrt(drift_time / 2) in the long run; None is a random walk.
+        drift_time: Correlation time of the drift, s. The drift is then a first-order Gauss-Markov process, whose standard deviation tends
+            to drift_std sqrt(drift_time / 2). None makes the drift a random walk.
         noise_std: Standard deviation of the white noise of a sample. The half width of uniform noise is sqrt(3) times as large.
         noise: "gaussian" or "uniform".
         noise_density: Density of Gaussian white noise per sqrt(Hz), as in data sheets. A sample's standard deviation is the density divided
             by the square root of the sampling time, for any time step.
-        quantum: Step of quantisation: readings are whole multiples of it; 0 is none.
+        quantum: Step of quantisation: readings are whole multiples of it; 0 disables it.
         limits: Smallest and largest reading.
         period: Sampling time, s; the reading is held between samples. None or 0 samples at every step.
         delay: Delay of the readings, s. A delayed reading between two steps is interpolated, except with `period`.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 QUICK = 120.0
 """Default time budget of a quick chart, s."""
 _DRAWING = (20.0, 0.15)
-"""Time reserved for pictures and pages, s, and its largest share of the budget."""
+"""Time reserved for pictures and documents, s, and bound of this time as a fraction of the time budget. The smaller one applies."""
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,13 @@ def no_rapier(study: Study) -> str | None:
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
-    """Time steps around that of the study, s, ascending by factors of about two. All divide the control period."""
+    """Time steps around that of the study, s, ascending by factors of about two. All divide the control period.
+
+    Args:
+        study: The study.
+        coarser: Number of longer time steps.
+        finer: Number of shorter time steps.
+    """
     own = steps_of(study, study.options.timestep or float(study.loaded[0].timestep))
     counts = {max(1, round(own * 2.0**k)) for k in range(-coarser, finer + 1)}
     return sorted(study.hold / count for count in counts)

@@ -81,8 +81,8 @@ def chart(
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls.
         out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
-        horizon: Simulated time up to which errors are measured: "0.5 s", "500 ms", or a number of seconds. None is the time up to which the
-            reference of the median episode is converged to 0.1 mm (1 mrad).
+        horizon: Simulated time up to which errors are measured: "0.5 s", "500 ms", or a number of seconds. None selects the time up to
+            which the reference of the median episode is converged to 0.1 mm (1 mrad).
         unit: "m" for the largest distance of a body, geom or site, "rad" for the largest angle of a body.
         episodes: Number of episodes; the chart shows their medians.
         quick: Whether to use fewer settings, time steps and repeats.
@@ -126,7 +126,7 @@ def chart(
 
 
 def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: Tick) -> tuple[Dot, ...]:
-    """Points of the chart as numbers. The function measures costs, and errors of invariants, of all runs.
+    """Errors, costs and outcomes of all points of a chart as numbers. Costs and errors of invariants are measured here.
 
     Args:
         ground: Study, reference and time budget.
@@ -166,7 +166,7 @@ def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *
 
 
 def _dot(ground: ChartBasis, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
-    """Point of the chart as numbers.
+    """Errors, costs and outcomes of one point of a chart, a run of some settings at one time step, as numbers.
 
     Args:
         ground: Study, reference and time budget.

@@ -43,7 +43,7 @@ def reference_of(
         distance: Definition of the difference of two runs.
         target: Target of the uncertainty, m or rad.
         most: Largest number of halvings of the study's time step, at least 2.
-        law: Settings of the converged run, such as those of MuJoCo's contact law. None is hard contact and the midpoint rule.
+        law: Settings of the converged run, such as those of MuJoCo's contact law. None selects hard contact and the midpoint rule.
         stage: Stage of the time budget; None sets no time limit.
         tick: Progress callback with the fraction done.
     """

@@ -10,7 +10,7 @@ from stepper.lab.accuracy.candidates import pareto
 from stepper.lab.accuracy.distributions import Shift
 
 CAUSES = {"solver": "solver", "step": "time step", "model": "model"}
-"""Names of the causes of an error in tables, pictures and notes, by the attribute of `Dot` with the error from that cause."""
+"""Causes of an error, as words for tables and pictures, by the attribute of `Dot` with the part of the error from that cause."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot
     Args:
         dots: Points of the chart.
         cost: Kind of cost: "alone" or "batch".
-        engine: Name of the engine whose points count; None is all engines.
+        engine: Name of the engine whose points count; None selects all engines.
     """
     own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost)) and engine in (None, dot.engine)]
     return [own[k] for k in pareto([getattr(dot, cost) for dot in own], [dot.error for dot in own])]

@@ -34,7 +34,15 @@ _ACROSS = 3
 
 
 def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
-    """Draw the chart into a PNG file: error against cost, and sources of errors.
+    """Draw the chart into a PNG file: error against cost, and sources of errors. Returns the path.
+
+    Args:
+        study: The study.
+        distance: Definition of errors: unit and horizon.
+        reference: Run relative to which errors were measured.
+        dots: Points of the chart.
+        path: The PNG file.
+        note: Last line of the title.
 
     Raises:
         MissingPackageError: matplotlib is not installed.

@@ -132,8 +132,8 @@ def measure(
         tick: Progress callback with a text and the fraction done.
 
     Returns:
-        Points of the chart. Texts on lines that could not be run, each with the label and the reason. Converged runs by label of a line,
-        each with the contact law of the line.
+        Points of the chart. A text for each line that could not be run, with its label and the reason. The converged run with the contact
+        law of each line, by label of the line.
     """
     study = ground.study
     made: dict[int, list[tuple[Trace | None, str]] | str] = {}
@@ -159,9 +159,15 @@ def measure(
 
 
 def _laws(ground: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
-    """Converged run for each contact law that occurs in some lines of a chart, or the reason why there is none.
+    """Converged run of each contact law that occurs in some lines of a chart, or the reason why there is none.
 
-    The keys are those that `_law` returns for the lines.
+    Args:
+        ground: Study, episodes, reference and time budget of the chart.
+        lines: Lines of the chart.
+        tick: Called with the fraction done.
+
+    Returns:
+        Converged runs, or reasons as texts, by the text with which `_law` identifies a contact law.
     """
     laws: dict[str, Reference | str] = {ground.study.options.contact: ground.reference}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
@@ -173,12 +179,19 @@ def _laws(ground: ChartBasis, lines: Sequence[Line], tick: Callable[[float], Non
 
 
 def _law(line: Line) -> str:
-    """Key of the contact law of a line of the chart. Lines with equal keys share a converged run."""
+    """Text that identifies the contact law of a line of the chart. Lines with equal texts share a converged run."""
     return line.law if line.engine == "stepper" else json.dumps(line.settings, sort_keys=True)
 
 
 def _solved_key(line: Line, dt: float) -> str:
-    """Key of a line of the chart at a time step `dt`, s, without its solver settings. Equal keys share the run with a tight tolerance."""
+    """Text that identifies a line of the chart at one time step, apart from solver settings.
+
+    Lines with equal texts share the run with a tight solver tolerance.
+
+    Args:
+        line: The line.
+        dt: Time step, s.
+    """
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
 
@@ -190,9 +203,9 @@ def _runs(
     Args:
         ground: Study, episodes, reference and time budget of the chart.
         steps: Time steps, s.
-        count: Number of lines, among which the remaining time is divided.
+        count: Number of lines of the chart, which share the remaining time.
         study: The study.
-        own: Index of the line, and the line.
+        own: Index of the line in the chart, and the line.
 
     Returns:
         Pairs of a run and a note, one per time step. The run is None if the time budget left no time for it. If the line cannot be run,
@@ -255,7 +268,7 @@ def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Ref
     Args:
         ground: Study, episodes, reference and time budget of the chart.
         study: The study.
-        own: Line, and the fraction of the remaining time that the run may take.
+        own: Line of the chart, and the fraction of the remaining time that its converged run may take.
     """
     line, share = own
     # Hard contact has one integrator for all lines. MuJoCo's law has that of the line, because the study's may be one of hard contact.

@@ -58,13 +58,13 @@ class Spare:
 
 @dataclass(frozen=True)
 class Bench:
-    """Episodes of a study with some settings, as a test of how removing parts of the scene changes motion and time.
+    """Test of how the removal of parts of the scene changes motion and processor time, on some episodes of a study.
 
     Attributes:
         study: The study.
         episodes: Numbers of the episodes.
         settings: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
-        distance: Definition of changes of the motion.
+        distance: Measure of a change of the motion: the largest distance or angle between two runs.
         trace: Run of the episodes with these settings.
     """
 
@@ -75,9 +75,13 @@ class Bench:
     trace: Trace
 
     def errors(self, smaller: Sequence[Model], tick: Callable[[float], None]) -> list[float]:
-        """Largest change of the motion with each of some smaller models, m or rad.
+        """Largest change of the motion if a smaller model replaces the model, for each of some smaller models, m or rad.
 
         A change is infinite if the controller or a measure reads a removed part.
+
+        Args:
+            smaller: Models without some parts of the scene.
+            tick: Called with the fraction done.
         """
         found: dict[int, float] = {}
         for number, error in each(self.study, smaller, self._error):
@@ -101,7 +105,7 @@ class Bench:
             return saving((self.study, self.settings), (self._study_with(smaller), self.settings), self.trace)
 
     def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
-        """Effect of replacing some settings by others. Both are added to `self.settings`.
+        """Change of the motion and saved time if some settings replace others. Both are used in addition to `self.settings`.
 
         Args:
             before: Settings by name that are replaced.
@@ -129,7 +133,7 @@ class Bench:
         return Spare(what, why, error, saved, least, error <= budget and least > 0)
 
     def _study_with(self, smaller: Model) -> Study:
-        """Copy of the study with a smaller model and ideal sensors, without parameters of sensors."""
+        """Copy of the study with a smaller model, with ideal sensors, and without the parameters that change sensors."""
         # The controller reads the parameters. Sensors are ideal and may be removed, so that their parameters are dropped.
         kept = {name: own for name, own in self.study.parameters.items() if own.kind != "sensor"}
         return replace(self.study, model=smaller, parameters=kept, sensors=None)
@@ -186,7 +190,12 @@ def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
 
 
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
-    """Model from a copy of a description, from which some functions remove parts."""
+    """Model without some parts of the scene.
+
+    Args:
+        whole: Description of the scene, which does not change.
+        cuts: Functions that remove parts from a description in place.
+    """
     # Meshes and height fields stay shared, because no cut changes them.
     description = {name: value if name in ("meshes", "height_fields") else copy.deepcopy(value) for name, value in whole.items()}
     for cut in cuts:
@@ -195,10 +204,10 @@ def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) 
 
 
 def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
-    """Removable contact pairs of a scene, as a list of cuts.
+    """Contact pairs that a scene does not need, with the functions that remove them from a description of the scene.
 
-    The first cut excludes pairs of bodies that may collide but never came near enough to touch, and removes their explicit contact pairs.
-    The second cut removes unused explicit contact pairs of other bodies.
+    The first entry excludes pairs of bodies that may collide but never came near enough to touch, and removes their explicit contact pairs.
+    The second entry removes unused explicit contact pairs of other bodies.
     """
     bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
@@ -253,7 +262,10 @@ def _ordered(pair: Sequence[int]) -> tuple[int, int]:
 
 
 def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Removable friction of a scene, as a list of cuts: geoms and explicit pairs whose contacts have no tangential forces."""
+    """Friction that a scene does not need, with the function that removes it from a description of the scene.
+
+    It is the friction of geoms and explicit pairs whose contacts have no tangential forces. The list is empty if there is none.
+    """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
     explicit = _explicit(whole)
@@ -273,11 +285,11 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
 
 
 def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
-    """Friction cones of contacts that never slide, as a list of cuts whose functions widen the cones.
+    """Friction cones of contacts that never slide, with the function that widens the cones in a description of the scene.
 
     A contact that stays inside its cone would move in the same way without a bound on friction. There are two tests: the used fraction of
-    each contact's cone, and the change of the motion with a wider cone. The cuts are only tested: every contact of the engine needs a bound
-    on friction, so that nothing can be removed.
+    each contact's cone, and the change of the motion with a wider cone. The function serves only as a test: every contact of the engine
+    needs a bound on friction, so that no cone can be removed.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _MAX_CONE_USE and pair.twists <= _NO_FRICTION * pair.peak}
@@ -310,7 +322,10 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
 
 
 def _limits(model: Model, seen: Touching) -> list[_Cut]:
-    """Removable limits of a scene, as a list of cuts: joint limits that the joints never came near."""
+    """Joint limits that the joints never came near, with the function that removes them from a description of the scene.
+
+    The list is empty if there are none.
+    """
     far = []
     for k in range(model.njnt):
         joint = model.joint(k)
@@ -332,7 +347,10 @@ def _limits(model: Model, seen: Touching) -> list[_Cut]:
 
 
 def _sensors(model: Model, seen: Touching) -> list[_Cut]:
-    """Removable sensors of a scene, as a list of cuts: all of them, if neither the controller nor an outcome reads one."""
+    """Sensors that a scene does not need, with the function that removes them from a description of the scene.
+
+    They are all sensors, if neither the controller nor an outcome reads one. Otherwise the list is empty.
+    """
     if not model.sensors or seen.senses:
         return []
 

@@ -62,7 +62,7 @@ class Reference:
         second: Runs with the rule of first order at the two finest time steps; empty if it does not apply.
         target: Target of the uncertainty, m or rad.
         uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.
-        orders: Observed order of every episode, (episodes,); NaN if the differences between the runs are rounding errors.
+        orders: Observed order of convergence of every episode, (episodes,); NaN if the differences between the runs are rounding errors.
         extrapolates: Whether Richardson's estimate applies to each episode, (episodes,).
         methods: Distance between the results of both methods, (episodes,), m or rad; NaN with one method.
         known: Time up to which the last two runs of an episode agree to the target, (episodes,), s.
@@ -87,7 +87,7 @@ class Reference:
 
     @property
     def trace(self) -> Trace:
-        """Run with the smallest time step."""
+        """Recorded run with the smallest time step, or the closed-form solution."""
         return self.runs[-1]
 
     @property
@@ -142,7 +142,7 @@ def patience(study: Study, of: Trace, timestep: float, *, slower: float = _MAX_S
         of: Comparable run that was completed.
         timestep: Time step of the new run, s.
         slower: Largest allowed ratio of the new run's duration to that of the comparable run.
-        least: Duration that is allowed whatever the comparable run, s.
+        least: Duration that is always allowed, even if the comparable run was very short, s.
     """
     return max(least, slower * of.spent) + _PATIENCE_PER_STEP * study.seconds / timestep
 
@@ -177,8 +177,8 @@ def converge(
         target: Target of the uncertainty, m or rad, which also defines `Reference.known`.
         most: Largest number of halvings of the study's time step, at least 2.
         setting: Name of the study's settings.
-        law: Settings of the runs, such as those of MuJoCo's contact law. None is hard contact and the midpoint rule; only then, a second
-            method checks the result.
+        law: Settings of the runs, such as those of MuJoCo's contact law. None selects hard contact and the midpoint rule, and a second
+            method then checks the result.
         tick: Progress callback with the fraction done.
         until: Simulated time of the runs, s.
         stage: Stage of the time budget; None sets no time limit.

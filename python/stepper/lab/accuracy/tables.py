@@ -161,7 +161,12 @@ def _words(found: ChartData) -> list[str]:
 
 
 def _kept(found: ChartData, picture: Path | None) -> Section:
-    """Section of the document of a chart with the errors of invariants, such as energy, and the figure `picture` (None is no figure)."""
+    """Section of a chart's document with the errors of invariants, such as energy: quantities that every correct motion conserves.
+
+    Args:
+        found: Data of the chart.
+        picture: Path of the picture of the invariants; None adds no picture.
+    """
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
         "Errors of laws that every correct motion satisfies, also a chaotic one: the largest of all episodes, after every control period, "

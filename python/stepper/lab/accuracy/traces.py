@@ -97,8 +97,8 @@ def run(
         episodes: Numbers of the episodes.
         setting: Name of the settings.
         until: Simulated time of the run, s; outcomes are NaN if it is shorter than an episode.
-        stage: Stage of the time budget; None sets no time limit. A run stops between two steps, in MuJoCo and rapier between two control
-            periods.
+        stage: Stage of the time budget; None sets no time limit. The limit is checked between two steps, but in MuJoCo and rapier only
+            between two control periods.
         tick: Progress callback, called with the fraction done after every control period.
         **changed: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
     """

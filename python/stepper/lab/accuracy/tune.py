@@ -46,7 +46,7 @@ _BISECTIONS = 3
 _RETIMED_RATIO = 1.25
 """Largest ratio of costs for a second timing: cost of a candidate divided by the lowest cost of all candidates within the budget."""
 OWN = "the study's own"
-"""Name of a study's settings among candidates."""
+"""Name that `tune` gives to the settings of the study in the list of candidate settings."""
 _HELD_OUT_BATCH = 16
 """Number of held-out episodes in one batch or one task of Ray."""
 
@@ -260,7 +260,7 @@ class _Case:
 def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
     """Candidate settings as pairs of a name and changed settings, without duplicates.
 
-    They are the study's settings in both precisions, then those of a chart.
+    First come the study's settings in both precisions, then the settings of a chart for hard contact.
     """
     other = "f32" if study.precision == "f64" else "f64"
     named: list[tuple[str, dict[str, Any]]] = [(OWN, {}), (f"{OWN}, {other}", {"precision": other})]
@@ -280,8 +280,8 @@ def _candidates(
 ) -> tuple[Candidate, list[Candidate]]:
     """Finds and measures candidate settings, and returns the candidate with the study's settings, and all candidates including it.
 
-    First, all settings are run at time steps around that of the study, by factors of two. Some settings may become the cheapest at longer
-    time steps. They are then run between the longest time step within the budget and the next longer one.
+    First, all settings are run at the time step of the study, and at longer and shorter ones in ratios of two. Some settings may become the
+    cheapest at longer time steps. They are then run between the longest time step within the budget and the next longer one.
 
     Args:
         study: The study.
@@ -289,7 +289,7 @@ def _candidates(
         distance: Definition of errors.
         reference: Reference of these episodes.
         budget: Allowed error, m or rad.
-        alone: Whether the cost of a single environment counts, instead of a batch.
+        alone: Whether to compare the costs of a single environment, instead of the costs in a batch.
         report_progress: Progress callback.
     """
     by = 0 if alone else 1
@@ -455,7 +455,16 @@ def words_of(options: Options, precision: str | None) -> str:
 
 
 def _sections(found: Tuning, reference: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
-    """Sections of the report of a tuning."""
+    """Sections of the report of `tune`.
+
+    Args:
+        found: Result of the tuning.
+        reference: Run relative to which errors were measured.
+        coverage: Required fraction of episodes within the error budget.
+        confidence: Required confidence of this fraction.
+        alone: Whether costs are those of a single environment, instead of a batch.
+        exhausted: Whether too few distinct episodes remained for a test of another candidate.
+    """
     unit, cost = found.distance.unit, "alone" if alone else "batch"
     words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {reference.words}."]
     if found.chosen is not None and found.options is not None:
@@ -554,11 +563,11 @@ def _compared(found: Tuning, cost: str) -> str:
 
 
 def _usual_error(usual: Candidate, unit: str) -> str:
-    """Sentence on the error of the study's own settings.
+    """Sentence on the error of the study's own settings, or on the reason why it is not known.
 
     Args:
-        usual: Candidate with these settings.
-        unit: Unit of the error.
+        usual: Result of these settings.
+        unit: Unit of the error, "m" or "rad".
     """
     if usual.stopped:
         return "With the study's own settings, episodes were stopped: they took far longer than the reference, as diverging motions do."

@@ -38,11 +38,18 @@ class Comparison:
     rewarded: bool
 
     def figures(self) -> dict[str, dict[str, float]]:
-        """Numbers of the table by name of the engine, then by heading of the row, which includes the unit. Means are over environments."""
+        """Values of the comparison table, as one dictionary for each engine, by name of the engine.
+
+        Keys of an engine's dictionary are the headings of the table's rows, which include the units. Means are over environments.
+        """
         return {course.name: self._figures(course) for course in self.courses}
 
     def _figures(self, course: Course) -> dict[str, float]:
-        """Numbers of the table for the recorded run of one engine, by heading of the row, which includes the unit."""
+        """Values of one engine in the comparison table, by heading of the table's row, which includes the unit.
+
+        Args:
+            course: Recorded run of the engine.
+        """
         apart = np.abs(course.qpos - self.courses[0].qpos).max(axis=2) > ONSET
         parted = np.where(apart.any(axis=0), (apart.argmax(axis=0) + 1) * course.timestep, np.inf)
         first = np.where((course.pairs > 0).any(axis=0), ((course.pairs > 0).argmax(axis=0) + 1) * course.timestep, np.inf)
@@ -62,7 +69,7 @@ class Comparison:
         return out | ({"return": float(course.reward.sum(axis=0).mean())} if self.rewarded else {})
 
     def table(self) -> str:
-        """Markdown table of all numbers, with a column per engine."""
+        """Comparison as a Markdown table, with a column for each engine and a row for each measured quantity."""
         figures = self.figures()
         names = list(figures)
         lines = ["| | " + " | ".join(names) + " |", "|" + "---|" * (len(names) + 1)]
@@ -106,8 +113,8 @@ def compare(
         seconds: Length of an episode, s.
         num_envs: Number of episodes.
         options: Options of the step for both laws; `contact` is ignored, and MuJoCo's law has the integrator of the source.
-        start: Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s. None is the reference pose with
-            small random velocities.
+        start: Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s. None starts at the reference pose
+            with small random velocities.
         hold: Time for which a random control is held, s.
         reward: Reward function with the arguments (qpos, qvel) before the step, controls (num_envs, nu), and (qpos, qvel) after it. It
             returns (num_envs,).

@@ -32,9 +32,9 @@ class Plan:
     Attributes:
         num_envs: Number of humanoids in stepper.
         steps: Number of steps with random controls.
-        rest: Number of steps without controls after them.
+        rest: Number of further steps, with all controls 0.
         seed: Seed of the random controls.
-        peers: Number of humanoids in MuJoCo. They get the controls of the first humanoids in stepper. None is a quarter of `num_envs`,
+        peers: Number of humanoids in MuJoCo. They get the controls of the first humanoids in stepper. None selects a quarter of `num_envs`,
             because MuJoCo is slower.
         hold: Number of steps for which a random control is held.
         chunk: Number of steps of one engine before the next engine's turn. States are measured at the end of a chunk.
@@ -68,7 +68,7 @@ class Track:
         times: Microseconds per step and environment of every chunk, by phase ("control", "rest").
         samples: Measurements of the referee at the end of every chunk, by phase.
         own: Contacts per environment and deepest overlap (m) at the end of every chunk, according to stepper's contacts, by phase.
-        after_control: Positions at the end of the controls, (num_envs, nq), m and rad.
+        after_control: Positions after the last step with random controls, (num_envs, nq), m and rad.
     """
 
     times: dict[str, list[float]] = field(default_factory=lambda: {"control": [], "rest": []})
@@ -200,7 +200,14 @@ def _batches(model: Model, path: str, plan: Plan, threads: int) -> list[EngineBa
 
 
 def _ratios(ours: Track, theirs: Track) -> dict[str, float]:
-    """Speed of one engine relative to another, by phase: median ratio of the times of corresponding chunks of steps."""
+    """Speed of the first engine divided by the speed of the second, by phase of the race ("control", "rest").
+
+    It is the median of the ratios of times for corresponding chunks of steps.
+
+    Args:
+        ours: Measurements of the first engine.
+        theirs: Measurements of the second engine.
+    """
     pairs = {phase: list(zip(times, theirs.times[phase], strict=True)) for phase, times in ours.times.items() if times}
     return {phase: median(their / our for our, their in both) for phase, both in pairs.items()}
 

@@ -9,7 +9,7 @@ from stepper.shared.machine import require
 
 Figures = dict[str, Any]
 LENGTHS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"))
-"""Units of lengths with their names, m."""
+"""Units of length, the longest first: the length of the unit in metres, and its symbol."""
 
 
 def length(metres: float) -> str:

@@ -150,7 +150,7 @@ def sweep(scene: Scene, effort: Effort | None = None, progress: Callable[[float]
 
     Args:
         scene: The scene.
-        effort: Number and duration of the measurements; None is the default.
+        effort: Number and duration of the measurements; None selects the default.
         progress: Progress callback with the fraction done, 0 to 1.
 
     Returns:

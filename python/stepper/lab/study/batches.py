@@ -114,11 +114,11 @@ def group_of(study: Study, point: Point) -> str:
 
 
 def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tuple[str, Precision, Options, dict[str, Any]]:
-    """Engine, precision, options of the step, and all settings that differ from the study's.
+    """Engine, precision and options of the step, and a dictionary of the options that differ from those of the study.
 
     Args:
         study: The study.
-        setting: Name of the settings; their values override those of parameters.
+        setting: Name of the settings. Options in these settings take precedence over parameters that set the same option.
         values: Values of the parameters in one environment.
         **changed: Further changed settings.
     """

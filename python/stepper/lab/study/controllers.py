@@ -38,8 +38,8 @@ class Recorded:
 
     Args:
         path: File with the controls, in the actuators' units. An .npz file has "ctrl" (T, nu), or (T, n, nu) with controls for n episodes;
-            episode e then has those of e modulo n. A .csv file has a line per control period and a column per actuator; its first line may
-            have the actuators' names, in any order.
+            episode e then uses the controls with the index e modulo n. A .csv file has a line per control period and a column per actuator;
+            its first line may have the actuators' names, in any order.
 
     Raises:
         ValueError: The file does not contain controls in this form.
@@ -341,19 +341,25 @@ class _Digest:
                 self._part("imported module", module.read_bytes())
 
     def _sequence(self, kind: str, values: Collection[Any], where: str) -> None:
-        """Adds a text for the kind of a sequence, and its values, to the digest; `where` names the sequence in error messages."""
+        """Adds a sequence to the digest: a text that names its type, and its values.
+
+        Args:
+            kind: Text that names the type of the sequence.
+            values: The sequence.
+            where: Name of the sequence in error messages.
+        """
         self._part(kind, str(len(values)).encode())
         for number, own in enumerate(values):
             self.take(own, f"{where}[{number}]")
 
     def _mapping(self, kind: str, values: Mapping[Any, Any], where: str, called: str = "[{!r}]") -> None:
-        """Adds a text for the kind of a mapping, and its entries sorted by key, to the digest.
+        """Adds a mapping to the digest: a text that names its type, and its entries sorted by key.
 
         Args:
-            kind: Kind of the mapping.
+            kind: Text that names the type of the mapping.
             values: The mapping.
             where: Name of the mapping in error messages.
-            called: Format that makes the name of an entry from `where` and its key.
+            called: Format of a key. The formatted key follows `where` in error messages on the key's entry.
         """
         self._part(kind, str(len(values)).encode())
         for name, own in sorted(values.items(), key=lambda item: repr(item[0])):

@@ -23,8 +23,8 @@ class Section:
         title: Heading.
         words: Paragraphs, in which back quotes mark code.
         head: Headings of the table's columns.
-        rows: Rows of the table; no rows is no table.
-        picture: Path of a PNG file.
+        rows: Rows of the table; without rows the section has no table.
+        picture: Path of a PNG file; None adds no picture.
         text: Preformatted text.
     """
 

@@ -224,7 +224,7 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) 
         panel: The panel.
         sweep: The sweep.
         name: Name of the parameter.
-        number: Index of the settings.
+        number: Index of the settings: 0 for those of the study, 1 for its first alternative settings.
         shares: Whether to draw success rates.
     """
     settings = [USUAL, *sweep.study.settings]

@@ -89,7 +89,7 @@ def rows_of(path: Path, study: str | None = None) -> list[Row]:
 
     Args:
         path: The file.
-        study: Name of the study; None is any.
+        study: Name of the study; None accepts any name.
 
     Raises:
         JournalError: The journal is damaged, or belongs to another study or version.
@@ -122,7 +122,7 @@ def _read(file: sqlite3.Connection, path: Path, study: str | None) -> Iterator[R
     Args:
         file: Open database.
         path: Path of the file, for messages.
-        study: Name of the study; None is any.
+        study: Name of the study; None accepts any name.
     """
     if (version := file.execute("PRAGMA user_version").fetchone()[0]) != _VERSION:
         raise JournalError(

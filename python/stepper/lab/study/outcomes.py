@@ -20,9 +20,9 @@ Measure = Callable[[Any], Any]
 """Function of a `World` that returns one number per environment, (num_envs,)."""
 
 REDUCTIONS = ("end", "change", "max", "min", "mean")
-"""Values of `Outcome.reduce`."""
+"""Allowed values of `Outcome.reduce`, the reduction of a measured quantity over an episode to one number."""
 CAUSES = ("physics", "perception", "controller", "evaluation")
-"""Values of `Outcome.cause`."""
+"""Allowed values of `Outcome.cause`, the known cause of failed episodes."""
 _COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 _AXES = {"x": 0, "y": 1, "z": 2}
 _QUANTITIES = {
@@ -33,7 +33,7 @@ _QUANTITIES = {
     "sensor": ("sensor", "sensordata_ideal"),
     "force": ("body", "body_contact_force"),
 }
-"""Kind of element and quantity of `World.read`, by the first word of a measure that is a text, such as "body cube z"."""
+"""Kind of element, and name of the quantity for `World.read`, by the first word of a measure's text: "body" for "body cube z"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class Outcome:
         reduce: Reduction of the measure over time to one number. With "end", it is the value at the end of the episode. With "change", it
             is the value at the end minus the value at the start. With "max", "min" or "mean", it is the maximum, minimum or mean of the
             values at the start and after every control period.
-        success: Condition of success, a comparison such as ">= 0.05"; None is no condition.
+        success: Condition of success, a comparison such as ">= 0.05"; None sets no condition.
         margin: Distance to the threshold, in the unit of the measure, below which the cause of a failure is "evaluation".
         unit: Unit of the measure, for tables.
         cause: Cause of failures, if it is known beforehand: "physics", "perception", "controller" or "evaluation". With None,
@@ -84,7 +84,7 @@ class Outcome:
             raise TypeError(f'outcome {self.name!r}: measure is {self.measure!r}, must be a function of now, or a text as "body box z"')
 
     def check(self, model: Model) -> None:
-        """Check that the model has the element in the text of the measure.
+        """Check that the model has the element that the measure names, such as the body "cube" of "body cube z".
 
         Raises:
             ValueError: The model has no such element.
@@ -98,7 +98,7 @@ class Outcome:
 
     @property
     def threshold(self) -> float | None:
-        """Number with which `success` compares; None without a condition of success."""
+        """Number in the condition of success, such as 0.05 in ">= 0.05"; None if the outcome has no condition."""
         return None if self.success is None else _compare(self.success, self.name)[1]
 
     def succeeds(self, value: Array) -> NDArray[np.bool_]:

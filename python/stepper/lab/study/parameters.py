@@ -42,15 +42,15 @@ ROWS_FROM_NOTHING = ("jnt_stiffness", "dof_frictionloss")
 If any environment of a batch has a positive value, the model is compiled with the largest value. Each environment gets its value later.
 """
 CHOICES = {"contact", "integrator", "solver", "stabilization", "precision"}
-"""Settings whose values are texts."""
+"""Names of the options of a step whose values are texts, such as "contact" with the value "hard"."""
 COUNTS = {"iterations", "max_contacts"}
-"""Settings whose values are whole numbers."""
+"""Names of the options of a step whose values are whole numbers."""
 SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
-"""Names of settings after "options." in a selector."""
+"""Names of the options that can follow "options." in a selector, as in "options.timestep"."""
 LEVELS = 5
 """Number of values in the sweep of a parameter with low and high."""
 _HEADS = ("sensor", "actuator", "options", "controller")
-"""First words of selectors that are not fields of the model."""
+"""First words of the selectors that name no field of the model, such as "sensor" of "sensor.delay[imu]"."""
 OF_MODEL = frozenset({"field", "sensor", "actuator"})
 """Kinds of parameters (`Parameter.kind`) whose selectors name elements of the model."""
 
@@ -117,18 +117,18 @@ class Parameter:
 
     @property
     def kind(self) -> str:
-        """Kind of the selector: "field", "sensor", "actuator", "options" or "controller"."""
+        """Type of the numbers that the selector names: "field" (of the model), "sensor", "actuator", "options" or "controller"."""
         head = self.parsed.field.partition(".")[0]
         return head if head in _HEADS else "field"
 
     @property
     def leaf(self) -> str:
-        """Part of the selector's field after its first dot: "delay" of "actuator.delay[hip]"."""
+        """Text after the first dot of the selector, without brackets: "delay" of "actuator.delay[hip]". Empty without a dot."""
         return self.parsed.field.partition(".")[2]
 
     @property
     def unchanged(self) -> Value | None:
-        """Value that does not change the model: the nominal value, else 1 for "scale", 0 for "add", None for "set"."""
+        """Value of the parameter in episodes that do not vary it: the nominal value, or else 1 for "scale", 0 for "add", None for "set"."""
         return self.nominal if self.nominal is not None else {"scale": 1.0, "add": 0.0}.get(self.operation)
 
     def levels(self) -> list[Value]:
@@ -221,7 +221,7 @@ def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str
     Args:
         text: The text.
         parameters: Parameters of the study.
-        otherwise: Further remedy.
+        otherwise: Remedy at the end of the message, such as "give a selector".
     """
     field = text.partition("=")[0].partition("[")[0].strip()
     head, dot, _ = field.partition(".")
@@ -258,7 +258,7 @@ def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values:
     Args:
         chosen: Parameters by name, which all apply at once.
         model: The model.
-        values: Values of the parameters; two that are equal may set the same number. None is unknown values.
+        values: Values of the parameters; two parameters with equal values may set the same number. None stands for unknown values.
 
     Raises:
         ValueError: Two parameters with operation="set" select the same number, with different values. The message has both names.
@@ -325,7 +325,10 @@ def _where(parameter: Parameter) -> str:
 
 
 def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Raise ValueError if a parameter changes a field of geoms that an explicit pair overrides."""
+    """Raise ValueError if a parameter changes contact properties of geoms that an explicit contact pair overrides.
+
+    It is allowed if another parameter changes the same property of the pair.
+    """
     for name, parameter in parameters.items():
         if parameter.parsed.field not in OF_PAIRS:
             continue
@@ -343,7 +346,10 @@ def _rows(parameter: Parameter, model: Model) -> list[int]:
 
 
 _PARTS: dict[str, type] = {"": Drive, "motor": DCMotor, "servo": PID}
-"""Class with the numeric attributes of an actuator, by the part of a selector before the last dot: "", "motor" or "servo"."""
+"""Classes whose numeric attributes a selector of actuators can name.
+
+Keys are "" for "actuator.delay", "motor" for "actuator.motor.gear" and "servo" for "actuator.servo.kp".
+"""
 _NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
 
 
@@ -360,8 +366,8 @@ def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.in
     """Numbers of the model that a parameter changes.
 
     Returns:
-        For each changed field: its name, the indices of the numbers in the flattened field, and 1 or -1. The value of the parameter is
-        multiplied by the last, because MuJoCo stores some gains with a negative sign.
+        For each changed field: its name, the indices of the numbers in the flattened field, and a sign, 1 or -1. Values of the parameter
+        are multiplied by the sign, because MuJoCo stores some gains with a negative sign.
     """
     selector = parameter.parsed
     if selector.field not in FIELDS and selector.field not in COMPOUNDS:
@@ -443,7 +449,7 @@ def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) 
 
     Args:
         parameter: The parameter.
-        before: Number or numbers before the operation; None is 0.
+        before: Number or numbers before the operation; None stands for 0.
         values: Value of the parameter in each environment; None keeps the number.
     """
     own = 0.0 if before is None else before

@@ -147,7 +147,7 @@ class _Torch(PolicyFile):
 
 
 class _Own(PolicyFile):
-    """Policy from a file of `stepper.policies`."""
+    """Policy from an .npz file in the format of `stepper.policies`."""
 
     endings = (".npz",)
 

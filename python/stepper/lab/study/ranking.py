@@ -111,7 +111,7 @@ def rank(
         study: A study, or its file.
         out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
         samples: Number of base samples, a power of 2. The number of points is samples times (2 + number of parameters).
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters with low and high.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None selects all parameters with low and high.
         setting: Name of the settings.
         tick: Progress callback with a text and the fraction done.
 
@@ -167,7 +167,7 @@ def _names(study: Study, chosen: Sequence[str] | None, setting: str) -> list[str
 
     Args:
         study: The study.
-        chosen: Names from the user; None is all parameters with low and high.
+        chosen: Names from the user; None selects all parameters with low and high.
         setting: Name of the settings.
     """
     if not study.all_outcomes:
@@ -220,7 +220,7 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
     rows = values.reshape(-1, n)
 
     def indices_of(some: NDArray[np.int64]) -> tuple[Array, Array]:
-        """Total and first-order Sobol indices from some samples, given by their indices, (parameters,) each."""
+        """Total and first-order Sobol indices, (parameters,) each, computed from the samples with the indices `some`."""
         a, b, *mixed = rows[:, some]
         if np.ptp([a, b]) == 0.0:
             # A resample without variance has no shares of it.
@@ -298,7 +298,13 @@ def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
 
 
 def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Section]:
-    """Sections of the document of a ranking."""
+    """Sections of the document of a ranking.
+
+    Args:
+        found: Result of the ranking.
+        samples: Number of base samples.
+        picture: Path of the picture of the Sobol indices; None adds no picture.
+    """
     study = found.study
     share = study.decisive is not None
     what = f"the success of {measured(study)}" if share else measured(study)

@@ -1,4 +1,4 @@
-"""Documents of a study: `sweep`, and `report` with sensors, contacts, settings, transfer gap and causes of failures."""
+"""Documents of a study: `sweep`, and `report` with sensors, contacts, settings, differences between engines, and causes of failures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from stepper.sensors import Transfer
 from stepper.shared.machine import package_version
 
 LAW, PEER = "MuJoCo's law", "MuJoCo"
-"""Names of the settings that a report adds to those of the study."""
+"""Names of the two settings that `report` adds to a study: MuJoCo's contact law in stepper, and the engine MuJoCo."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def sweep(
     Args:
         study: A study, or its file.
         out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters of the study.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
         cliffs: Whether to locate the values at which success ends, by bisection.
         resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
         tick: Progress callback with a text and the fraction done.
@@ -146,9 +146,10 @@ def study_of(source: Study | str | os.PathLike[str]) -> Study:
 
 
 def with_peers(study: Study) -> Study:
-    """Copy of a study with settings for MuJoCo's contact law and for the engine MuJoCo.
+    """Copy of a study with two more alternative settings: MuJoCo's contact law in stepper, and the engine MuJoCo.
 
-    Settings are added only if the study has no such settings, and if MuJoCo can run it.
+    The first are added only to a study with hard contact, the second only if MuJoCo can run it. Similar settings of the study are kept
+    instead.
     """
     given = {name: study.setting(name) for name in study.settings}
     more: dict[str, dict[str, Any]] = {}
@@ -301,7 +302,7 @@ def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
 
 
 def _settings(study: Study, found: Sweep) -> list[Section]:
-    """Section with the settings of the study."""
+    """Section of the report with all options of the study, and with the options that its alternative settings change."""
     columns: dict[str, dict[str, Any]] = {}
     for row in found.table.rows:
         columns.setdefault(row["setting"], row["settings"])
@@ -315,11 +316,13 @@ def _settings(study: Study, found: Sweep) -> list[Section]:
 
 
 def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
-    """Text with the settings that differ from the usual ones. "no NAME" marks a setting that the engine does not have.
+    """Text with the options that differ between some settings and those of the study, such as "iterations 5".
+
+    "no NAME" marks an option that the engine does not have. Without differences the text is "the same".
 
     Args:
-        own: All settings of an engine.
-        usual: All settings of the study.
+        own: All options of the settings, by name.
+        usual: All options of the study, by name.
     """
     names = list(dict.fromkeys((*usual, *own)))
     changed = [name for name in names if own.get(name) != usual.get(name)]
@@ -517,7 +520,7 @@ def _left_out(study: Study) -> list[Section]:
 
 
 def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
-    """Section "In force" of a document: digests and versions on which the study's results depend.
+    """Section "In force" of a document: digests (SHA-256), versions and seed on which the study's results depend.
 
     It also names the files in which the settings of each episode and all digests and versions are stored.
 

@@ -1,4 +1,4 @@
-"""Output folder of a study: journal, in_force.json, tables and pages."""
+"""Output folder of a study: journal (results of episodes), in_force.json (provenance of the results), tables and documents."""
 
 from __future__ import annotations
 

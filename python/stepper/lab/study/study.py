@@ -95,7 +95,7 @@ class Study(metaclass=Hinting):
             {"engine": "mujoco"} runs in MuJoCo. It has MuJoCo's settings instead: integrator, cone, solver, impratio, noslip_iterations,
             iterations, tolerance, timestep.
         seconds: Length of an episode, s.
-        control: Control period, s, which all settings share. None is the multiple of the model's time step that is nearest to 20 ms.
+        control: Control period, s, which all settings share. None selects the multiple of the model's time step that is nearest to 20 ms.
         episodes: Number of episodes at each point (set of parameter values).
         seed: Seed of all random numbers. Episode k has the same initial state, random controls and sensor errors at every point.
         start: Function that returns the initial states. None starts at the keyframe, or without a keyframe at the reference pose.
@@ -106,11 +106,11 @@ class Study(metaclass=Hinting):
         qvel_noise: Standard deviation of noise on initial velocities, m/s and rad/s.
         options: Options of the step.
         precision: "f64" or "f32".
-        sensors: Errors of the sensors; None is ideal sensors.
-        actuators: Drives of the actuators; None is ideal actuators.
+        sensors: Errors of the sensors; None leaves the sensors ideal.
+        actuators: Drives of the actuators; None leaves the actuators ideal.
         batch: Largest number of episodes that are stepped together. With a sensor model all episodes of a point are stepped together,
             because sensor errors depend on the index in a batch.
-        threads: Number of threads that step; 0 is all cores.
+        threads: Number of threads that step environments; 0 uses all cores.
         ray: Whether to run batches as tasks of Ray, on all machines of its cluster. The results are the same.
     """
 
@@ -291,13 +291,13 @@ class Study(metaclass=Hinting):
         return controllers.Random(self.seed) if isinstance(self.controller, str) else self.controller
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Settings with a given name: the changed options of the step, by name of the option.
+        """Alternative settings of a given name: values of the changed options of the step, by name of the option.
 
         The result is empty for the name "stepper", which stands for the options of the study itself.
 
         Args:
             name: Name of the settings.
-            given: Settings to check and to return, in place of those in the study. None takes those in the study.
+            given: Settings that are checked and returned in place of the study's. None returns the study's settings of this name.
 
         Raises:
             ValueError: There are no settings of this name, or an option is unknown.
@@ -416,7 +416,7 @@ class Study(metaclass=Hinting):
         Args:
             values: Values of parameters, by name or selector; the others are nominal.
             number: Number of the episode, which determines its initial state, random controls and sensor errors.
-            seed: Seed; None is that of the study.
+            seed: Seed; None keeps the seed of the study.
             setting: Name of the settings.
             record: New folder for a recording, which `stepper view` shows and `stepper.replay` repeats. It has a row for every control
                 period. With a sensor model, it has an environment for every episode of the point.
@@ -467,7 +467,10 @@ def _check_options(given: Mapping[str, Any]) -> None:
 
 @cache
 def _words() -> dict[str, tuple[Any, ...]]:
-    """Allowed words of each option that is a choice among words, by name of the option. None among them stands for the default."""
+    """Allowed values of each option of the step whose values are texts, by name of the option.
+
+    Values include None for options in which None selects a default.
+    """
     hints = get_type_hints(Options) | {"precision": Precision}
     return {name: tuple(word for part in (get_args(hints[name]) or ()) for word in _members(part)) for name in CHOICES}
 
@@ -478,7 +481,10 @@ def _members(part: Any) -> tuple[Any, ...]:
 
 
 def _force_types(model: Model) -> list[str]:
-    """Gain type and bias type of every actuator, on which parameters of gains depend. The digest of a model does not include them."""
+    """Gain type and bias type of every actuator, as one text. The effect of parameters on gains depends on them.
+
+    `Study.identity` includes them separately, because the digest of a model does not.
+    """
     return [f"{actuator.gaintype} {actuator.biastype}" for actuator in map(model.actuator, range(model.nu))]
 
 

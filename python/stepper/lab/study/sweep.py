@@ -119,13 +119,22 @@ class Sweep:
     bisected: tuple[Level, ...] = field(default=())
 
     def levels_of(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Statistics of the outcomes at each value of a parameter, with one of the settings. `parameter=""` gives the nominal point."""
+        """Statistics of the outcomes at each value of a parameter in the sweep.
+
+        Args:
+            parameter: Name of the parameter; an empty string selects the nominal point.
+            setting: Name of the settings with which the episodes ran.
+        """
         return [level for level in self.levels if (level.parameter, level.setting) == (parameter, setting)]
 
     def points(self, parameter: str, setting: str = USUAL) -> list[Level]:
-        """Statistics of the outcomes at all values of a parameter, including values added by bisection, with one of the settings.
+        """Statistics of the outcomes at all values of a parameter: those of the sweep, and those that bisection added.
 
         If the values are numbers, they are in ascending order.
+
+        Args:
+            parameter: Name of the parameter.
+            setting: Name of the settings with which the episodes ran.
         """
         found = self.levels_of(parameter, setting)
         found += [level for level in self.bisected if (level.parameter, level.setting) == (parameter, setting)]
@@ -163,7 +172,7 @@ def sweep(
     Args:
         study: The study; it must have parameters and an outcome.
         journal: Journal of the study. Finished episodes in it are not repeated, and the results of new ones are added.
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all parameters of the study.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
         cliffs: Whether to locate the values at which success ends.
         resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
         tick: Progress callback with a text and the fraction done.
@@ -265,7 +274,14 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
 
 
 def _different(study: Study, rows: Sequence[Row]) -> int:
-    """Number of distinct episodes: all if initial states or controls are random, otherwise the number of different rows."""
+    """Number of episodes that differ from one another.
+
+    With random initial states or controls, all episodes count as different. Otherwise, episodes with equal results count once.
+
+    Args:
+        study: The study.
+        rows: Results of the episodes.
+    """
     if study.qpos_noise or study.qvel_noise or (study.controller == "random" and study.loaded[0].nu):
         return len(rows)
     return len({json.dumps([row["outcomes"], row["certificate"]], sort_keys=True) for row in rows})

@@ -30,9 +30,9 @@ _WEIGHT_FIELDS = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armat
 _LARGEST_STATE = 1e10
 """Bound of positions (m, rad) and velocities (m/s, rad/s) beyond which an episode counts as diverged: mjMAXVAL, at which MuJoCo resets."""
 _RNG_KEY = 2
-"""Third number of the seeds of `World.rng`, after the study's seed and the episode's number.
+"""Last of the three numbers that seed `World.rng`, after the study's seed and the episode's number.
 
-Initial states have the third number 0, and random controls 1, so that all these random numbers are independent.
+Initial states use 0 in its place, and random controls use 1, so that all these random numbers are independent.
 """
 
 
@@ -47,8 +47,8 @@ class Plan:
         precision: "f64" or "f32".
         mujoco: Settings of MuJoCo's step; None selects the engine stepper.
         compiled: `mujoco.MjModel` of the scene, if it has one.
-        sensors: Sensor model; None is ideal sensors.
-        actuators: Actuator model; None is ideal actuators.
+        sensors: Sensor model; None leaves the sensors ideal.
+        actuators: Actuator model; None leaves the actuators ideal.
         threads: Number of threads.
     """
 
@@ -72,7 +72,7 @@ class ParameterValues(dict[str, NDArray[Any]]):
 
 
 CHANGING = frozenset({"step", "reset", "set_state", "randomize", "rollout", "record", "copy_state", "linearize", "view", "save_problem"})
-"""Methods that change a stepper. A world does not have them."""
+"""Names of the methods of `Stepper` that a `World`, the environments of a study, does not offer. Most of them change the stepper."""
 
 
 class World:
@@ -162,7 +162,12 @@ class World:
         raise NotImplementedError
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments without an update of the certificate (`certificate`), unlike `advance`. Benchmarks time this method."""
+        """Step all environments `nstep` times, without an update of the values that `certificate` returns. Benchmarks time this method.
+
+        Args:
+            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            nstep: Number of steps.
+        """
         raise NotImplementedError
 
     def certificate(self) -> dict[str, NDArray[Any]]:
@@ -331,9 +336,9 @@ MUJOCO_SETTINGS = ("integrator", "cone", "solver", "impratio", "noslip_iteration
 _MUJOCO_ENUMS = {"integrator": ("mjtIntegrator", "mjINT_"), "cone": ("mjtCone", "mjCONE_"), "solver": ("mjtSolver", "mjSOL_")}
 """MuJoCo's enumeration, and the prefix of its members, by name of the setting."""
 _MUJOCO_COUNTS = frozenset({"iterations", "noslip_iterations"})
-"""Settings of MuJoCo that are whole numbers."""
+"""Names of MuJoCo's options whose values are whole numbers."""
 _MUJOCO_POSITIVE = frozenset({"impratio", "timestep"})
-"""Settings of MuJoCo that must be above 0."""
+"""Names of MuJoCo's options whose values must be above 0."""
 
 
 class MujocoWorld(World):
@@ -512,7 +517,7 @@ class MujocoWorld(World):
         return out
 
     def energy(self) -> tuple[Array, Array]:
-        """Potential and kinetic energy, (num_envs,) each, J. Bodies that are fixed to the world have none, as in `Stepper.energy`."""
+        """Potential and kinetic energy, (num_envs,) each, J. Bodies that are fixed to the world do not count, as in `Stepper.energy`."""
         found = []
         for data, model in zip(self._now(), self._models, strict=True):
             self._mujoco.mj_energyPos(model, data)

@@ -19,6 +19,11 @@ Env: TypeAlias = str | Task | type[Task]
 def with_autoreset(settings: dict[str, Any], mode: AutoresetMode, library: str) -> dict[str, Any]:
     """Copy of settings of environments, with the autoreset mode that a library needs.
 
+    Args:
+        settings: Arguments of `stepper.envs.StepperVectorEnv`.
+        mode: The autoreset mode.
+        library: Name of the library in the error message.
+
     Raises:
         ValueError: The settings have another mode.
     """

@@ -35,7 +35,7 @@ Policy: TypeAlias = Callable[[Array, np.random.Generator], ArrayLike]
 Call: TypeAlias = tuple[str, tuple[Any, ...]]
 """Name of a method of `_Block`, and its arguments."""
 Results: TypeAlias = list[Any]
-"""Return values of a call, one per block."""
+"""Return values of one method call, one for each block of environments."""
 
 _LOST = (RayActorError, ObjectLostError)
 """Errors that Ray raises if an actor has died, or if the machine that stored its return value is lost."""
@@ -110,6 +110,10 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         """Begins new episodes, like `StepperVectorEnv.reset`.
+
+        Args:
+            seed: Seed or seeds, as in `StepperVectorEnv.reset`.
+            options: Options, as in `StepperVectorEnv.reset`.
 
         Returns:
             Observations (num_envs, n), and infos.

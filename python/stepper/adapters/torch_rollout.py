@@ -87,7 +87,7 @@ def rollout(
 
 
 class _Plan(NamedTuple):
-    """Arguments of `rollout` that are not tensors; `parameters` are the names of the selectors."""
+    """Arguments of `rollout` that are not tensors; `parameters` contains the selectors of the parameters."""
 
     sim: Stepper
     nstep: int

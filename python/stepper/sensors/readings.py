@@ -103,7 +103,7 @@ _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "frame": (tuple(_OBJECTS), FRAMES),
     "scene": ((), SCENE),
 }
-"""Families of sensors, each with two entries.
+"""Families of sensors, such as sensors of joints, each with two entries.
 
 The first is the attributes of `SensorSpec` that may name the measured element. The second maps each MJCF type of the family to its name in
 the Rust library.

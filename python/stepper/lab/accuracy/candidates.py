@@ -115,7 +115,12 @@ def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
 
 
 def pareto(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Indices of the Pareto front, by ascending cost: no other entry is both cheaper and more accurate."""
+    """Indices of the Pareto front, by ascending cost: candidates for which no other is both cheaper and more accurate.
+
+    Args:
+        costs: Cost of each candidate.
+        errors: Error of each candidate, in the same order.
+    """
     front: list[int] = []
     best = math.inf
     for k in sorted(range(len(costs)), key=lambda k: (costs[k], errors[k])):

@@ -62,7 +62,7 @@ class Dot:
 
     @property
     def label(self) -> str:
-        """Label of the line with this point: name of the engine and name of the settings."""
+        """Label of the chart's line to which this point belongs: name of the engine and name of the settings."""
         return f"{self.engine}: {self.setting}"
 
     @property
@@ -97,12 +97,12 @@ class Dot:
 
 
 def front(dots: Sequence[Dot], cost: str, engine: str | None = None) -> list[Dot]:
-    """Pareto front of a chart: points to which no other is both cheaper and more accurate.
+    """Pareto front of a chart: points for which no other point is both cheaper and more accurate.
 
     Args:
         dots: Points of the chart.
         cost: Kind of cost: "alone" or "batch".
-        engine: Name of the engine whose points count; None selects all engines.
+        engine: Name of the engine to which the points must belong; None selects all engines.
     """
     own = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost)) and engine in (None, dot.engine)]
     return [own[k] for k in pareto([getattr(dot, cost) for dot in own], [dot.error for dot in own])]

@@ -103,7 +103,7 @@ def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
 
 
 def _colours(labels: Sequence[str]) -> dict[str, str]:
-    """Colour of each line of the chart, by its label.
+    """Colour of each line of the chart, by label (engine and settings).
 
     Settings that differ only in precision have the same colour, and another line style.
     """
@@ -127,7 +127,7 @@ def _line(label: str) -> str:
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
-    """Draws error against cost into a panel, with a line per label, a marker per time step, and the Pareto front.
+    """Draws error against cost into a panel, with a line for each engine and settings, a marker per time step, and the Pareto front.
 
     Args:
         panel: The panel.
@@ -185,7 +185,15 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
 
 
 def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
-    """Draws bars for the parts of the error (solver, time step, model) at the study's time step, for each label."""
+    """Draws bars for the parts of the error (solver, time step, model) at the study's time step.
+
+    Args:
+        panel: The panel.
+        study: The study.
+        dots: Points of the chart.
+        labels: Labels (engine and settings) that get bars.
+        colours: Unused, because the parts of the error have fixed colours.
+    """
     own = study.options.timestep or float(study.loaded[0].timestep)
     chosen = [min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own)) for label in labels]
     place, there = np.arange(len(chosen)), False
@@ -204,7 +212,14 @@ def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str]
 
 
 def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draws the largest error of an invariant against the time step, with a line per label."""
+    """Draws the largest error of an invariant against the time step, with a line for each engine and settings.
+
+    Args:
+        panel: The panel.
+        name: Name of the invariant.
+        dots: Points of the chart.
+        colours: Colour of each line, by label (engine and settings).
+    """
     for label, colour in colours.items():
         own = [dot for dot in dots if dot.label == label and math.isfinite(dot.invariants[name])]
         x, y = [1e3 * dot.timestep for dot in own], [max(dot.invariants[name], _FLOOR) for dot in own]
@@ -221,7 +236,15 @@ def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) 
 
 
 def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draws differences of an outcome from the converged runs with their intervals, at the study's time step, for each label."""
+    """Draws differences of an outcome from the converged runs, with confidence intervals, at the study's time step.
+
+    Args:
+        panel: The panel.
+        name: Name of the difference, an attribute of `Shift`.
+        study: The study.
+        dots: Points of the chart.
+        colours: Colour of each engine with its settings, by label.
+    """
     own = study.options.timestep or float(study.loaded[0].timestep)
     labels = list(colours)
     for k, label in enumerate(labels):

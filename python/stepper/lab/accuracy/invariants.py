@@ -84,7 +84,7 @@ class _Measured:
 
 
 class Invariants:
-    """Invariants of a study's scene at the nominal point.
+    """Invariants (conserved or bounded quantities) of a study's scene with nominal parameters.
 
     Attributes:
         kinds: Invariants that apply to the scene.

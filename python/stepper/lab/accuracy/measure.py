@@ -97,8 +97,8 @@ def chart_reference(
 ) -> tuple[Distance, Reference]:
     """Reference of a chart, and the definition of errors, which includes the horizon.
 
-    Without a given horizon, it is the time up to which the reference of the median episode is converged. For a closed form, that is the
-    whole episode. The horizon is shorter if the time budget ended the runs of the reference earlier.
+    If `horizon` is None, errors are measured up to the time to which the reference of the median episode is converged. For a closed form,
+    that is the whole episode. The horizon is shorter if the time budget ended the runs of the reference earlier.
 
     Args:
         study: The study.

@@ -25,7 +25,7 @@ _Cut = tuple[str, str, Callable[[Description], None]]
 _NO_FRICTION = 1e-9
 """Ratio of tangential to normal force below which a contact counts as frictionless."""
 _MAX_CONE_USE = 0.9
-"""Largest used fraction of the friction cone at which a contact counts as never sliding."""
+"""Largest used fraction of the friction cone, |f_t| / (mu f_n), at which a contact counts as never sliding."""
 _FRICTION_FACTOR = 2.0
 """Factor by which friction is increased to test contacts that never slide: the motion must not change."""
 _LIMIT_DISTANCE = 0.01

@@ -66,7 +66,7 @@ class Slip:
         self._data = self._mujoco.MjData(compiled)
 
     def speed(self, qpos: Array, qvel: Array, pairs: set[tuple[int, int]]) -> float:
-        """Sum over touching pairs of geoms of the largest sliding speed of their surfaces, m/s.
+        """Sliding speed of the scene, m/s: the largest sliding speed of the surfaces of each pair of touching geoms, summed over the pairs.
 
         Args:
             qpos: Positions, (nq,), m and rad.

@@ -26,7 +26,7 @@ def _phases(values: dict[str, float], form: str) -> str:
 
 
 def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
-    """Rows of the demo's table: label, and function from the results of an engine (`Figures`) to the text of its cell.
+    """Rows of the demo's table: pairs of a label, and a function from the results of an engine to the text of the table's cell.
 
     Args:
         peers: Names of the engines with which speeds are compared.

@@ -30,7 +30,7 @@ LEAST_ERROR = 1e-16
 
 
 def write_csv(path: Path, scene: Scene, rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """Write the rows of a chart as CSV, after comment lines with the scene and the provenance.
+    """Write the points of a chart as rows of a CSV file, after comment lines with the scene and the provenance.
 
     Args:
         path: CSV file.

@@ -20,8 +20,8 @@ class Effort:
     """Number and duration of the measurements.
 
     Attributes:
-        repeats: Number of timed rounds over all cases; the chart shows their median.
-        seconds: Shortest time of a case in a round, s.
+        repeats: Number of rounds. Each round times every engine with all its settings and time steps. The chart shows medians over rounds.
+        seconds: Shortest duration of one measurement in a round, s.
         smallest: Smallest time step, s; smaller ones are left out.
     """
 

@@ -1,7 +1,8 @@
-"""Batches of episodes of a study: points with the same settings are stepped together, and their rows are stored in the journal.
+"""Batches of a study's episodes, which are stepped together, and whose results (rows) are stored in the journal.
 
-A row is the result of one episode. Batches depend only on the points, not on the rows in the journal. After an interruption, an unfinished
-batch is repeated as a whole, and only its missing rows are stored.
+An episode belongs to a point, a set of parameter values with a name of settings. Batches have points with the same settings. They depend
+only on the points, not on the rows in the journal. After an interruption, an unfinished batch is repeated as a whole, and only its missing
+rows are stored.
 """
 
 from __future__ import annotations
@@ -99,12 +100,17 @@ def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
 
 
 def together(study: Study) -> bool:
-    """Whether all episodes of a point must be one batch, because sensor errors depend on the index in the batch."""
+    """Whether all episodes with the same parameter values must be one batch, because sensor errors depend on the index in the batch."""
     return study.sensors is not None or any(p.kind == "sensor" for p in study.parameters.values())
 
 
 def group_of(study: Study, point: Point) -> str:
-    """Key of a point for grouping: points of a study with equal keys can be stepped in one batch."""
+    """Text that tells which points of a study can be stepped in one batch: those with equal texts.
+
+    Args:
+        study: The study.
+        point: Parameter values and name of the settings.
+    """
     shared = {name: value for name, value in point.values.items() if study.parameters[name].kind == "options"}
     fields = model_fields(study.parameters, study.loaded[0], [point.values])
     engine, _, options, _ = options_of(study, point.setting, point.values)
@@ -327,7 +333,7 @@ def run_batch(
 
 
 def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int], **changed: Any) -> list[Row]:
-    """Runs a batch of episodes in new environments, and returns their rows (results), without the keys of the journal.
+    """Runs a batch of episodes in new environments, and returns their rows (results), without the keys under which the journal stores them.
 
     Args:
         study: The study.
@@ -340,7 +346,7 @@ def run_episodes(study: Study, setting: str, values_by_env: Sequence[Values], ep
 
 
 def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Values], episodes: Sequence[int]) -> list[Row]:
-    """Runs a batch of episodes in given environments, and returns their rows (results), without the keys of the journal.
+    """Runs a batch of episodes in given environments, and returns their results as rows, without the keys of rows in the journal.
 
     Args:
         world: Environments, one for each episode.
@@ -362,12 +368,12 @@ def rows_in(world: World, study: Study, setting: str, values_by_env: Sequence[Va
 
 
 def _run(study: Study, batch: _Batch) -> list[Row]:
-    """Runs one batch of episodes, and returns their rows (results), without the keys of the journal."""
+    """Runs one batch of episodes, and returns their rows (results), without the keys under which the journal stores them."""
     return run_episodes(study, batch.setting, [point.values for point, _ in batch.episodes], [e for _, e in batch.episodes])
 
 
 def _rows(study: Study, setting: str, members: Sequence[tuple[Values, int]], world: World, outcomes: Mapping[str, Array]) -> list[Row]:
-    """Rows (results) of finished episodes, without the keys of the journal.
+    """Rows (results) of finished episodes, without the keys under which the journal stores them.
 
     Args:
         study: The study.

@@ -64,7 +64,7 @@ class Recorded:
         self._places: list[int] | None = None
 
     def begin(self, now: World) -> None:
-        """Return to the first row of controls.
+        """Restart the recorded controls at their first row, at the start of a batch of episodes.
 
         Raises:
             ValueError: The actuators of the file differ from those of the model.
@@ -82,7 +82,10 @@ class Recorded:
         self._row = 0
 
     def __call__(self, now: World) -> Array:
-        """Next row of the recorded controls, (nu,) or (num_envs, nu), in the actuators' units."""
+        """Recorded controls of the current control period, (nu,) or (num_envs, nu), in the actuators' units.
+
+        Each call advances by one control period. After the end of the record, the last controls are kept.
+        """
         row: Array = self.ctrl[min(self._row, len(self.ctrl) - 1)]
         self._row += 1
         if self._places is not None:
@@ -190,10 +193,10 @@ class Policy:
 
 
 def find(reference: str, folder: Path) -> Any:
-    """Object of a reference "module:name" or "file.py:name".
+    """Python object that a text names, in the form "module:name" or "file.py:name".
 
     Args:
-        reference: The reference.
+        reference: The text.
         folder: Folder of the study, to which paths of files are relative.
 
     Raises:
@@ -233,7 +236,7 @@ def load_file(path: Path) -> ModuleType:
 
 
 def digest_of(thing: Any) -> str:
-    """SHA-256 of a controller or measure. Controllers with equal digests give equal rows.
+    """SHA-256 of a controller or measure. Controllers with equal digests give equal results.
 
     * Function: its name, file, default arguments, closure variables, and the object of which it is a method. Modules that the file imports
       from the folder of a study are included.

@@ -111,9 +111,9 @@ def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
 
 
 def cliffs_of(sweep: Sweep) -> Any | None:
-    """Figure of the values at which success ends, by settings. It has a panel for each parameter with cliffs in two or more settings.
+    """Figure of the values of parameters at which success ends, by settings.
 
-    It is None if there is no such parameter.
+    The figure has a panel for each parameter that has such a value with two or more settings. The result is None without such a parameter.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -248,7 +248,11 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) 
 
 
 def _axis_values(levels: Sequence[Level]) -> list[Any]:
-    """Parameter values of some levels for an axis of Matplotlib: words or numbers."""
+    """Values of a parameter for an axis of Matplotlib: texts or numbers.
+
+    Args:
+        levels: Statistics at each value of the parameter.
+    """
     return [level.value if isinstance(level.value, str) else float(level.value or 0) for level in levels]
 
 

@@ -1,4 +1,4 @@
-"""Causes of failures, found by repeating a failed episode with one part made ideal at a time. Each such repetition is a trial.
+"""Causes of failures, found by repeating a failed episode with one change at a time, such as ideal sensors (a trial).
 
 The first rule that applies gives the cause:
 
@@ -62,9 +62,9 @@ class Verdict:
     """Cause of the failure of one episode.
 
     Attributes:
-        row: Row of the episode.
+        row: Result of the episode.
         cause: Cause: "physics", "perception", "controller" or "evaluation".
-        rule: Rule that gave the cause.
+        rule: Rule that detected the cause, as a text.
     """
 
     row: Row
@@ -174,7 +174,7 @@ def _repeated(
 
 
 def _key(row: Row, name: str) -> str:
-    """Journal key of the repetition of a failed episode in a trial.
+    """Key under which the journal stores the repetition of a failed episode with the changed settings of a trial.
 
     Args:
         row: Row of the failed episode.

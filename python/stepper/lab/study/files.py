@@ -154,13 +154,24 @@ def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
 
 
 def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Copy of an outcome's table in a study file, with the function in place of a measure "file.py:function"."""
+    """Copy of the table of an outcome in a study file, in which the function replaces its name "file.py:function".
+
+    Args:
+        table: The table.
+        folder: Folder of the study, to which paths of files are relative.
+    """
     measure = table.get("measure", "")
     return table | {"measure": find(measure, folder)} if ":" in measure else table
 
 
 def _part(kind: type[Any], table: Any, place: str) -> Any:
-    """Object of a dataclass, such as `Outcome`, from a table of a study file; `place` names the table in error messages."""
+    """Object of a dataclass, from a table of a study file.
+
+    Args:
+        kind: The class, such as `Outcome`.
+        table: Attributes of the object, by name.
+        place: Name of the table in error messages.
+    """
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
     known = {field.name for field in fields(kind)}

@@ -19,7 +19,7 @@ Made = TypeVar("Made")
 
 
 class WorkerVersionError(ValueError):
-    """A worker of Ray has other versions of stepper, NumPy or MuJoCo than this process, so that its rows could differ."""
+    """A worker of Ray has other versions of stepper, NumPy or MuJoCo than this process, so that its results could differ."""
 
 
 def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:

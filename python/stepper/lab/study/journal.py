@@ -66,7 +66,7 @@ class Journal:
             self._opened = opened.pop_all()
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Write rows, each with its "key", as one transaction, and wait until they are on the disk."""
+        """Write results of episodes (rows), each with its "key", as one transaction, and wait until they are on the disk."""
         lines = [(row["key"], text := json.dumps(row, separators=(",", ":")), zlib.crc32(text.encode())) for row in rows]
         with _explained(self.path), self._file:
             self._file.executemany("INSERT INTO rows VALUES (?, ?, ?)", lines)

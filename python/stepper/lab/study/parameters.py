@@ -48,11 +48,11 @@ COUNTS = {"iterations", "max_contacts"}
 SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
 """Names of the options that can follow "options." in a selector, as in "options.timestep"."""
 LEVELS = 5
-"""Number of values in the sweep of a parameter with low and high."""
+"""Number of values at which a sweep evaluates a parameter with a range, from `low` to `high`."""
 _HEADS = ("sensor", "actuator", "options", "controller")
 """First words of the selectors that name no field of the model, such as "sensor" of "sensor.delay[imu]"."""
 OF_MODEL = frozenset({"field", "sensor", "actuator"})
-"""Kinds of parameters (`Parameter.kind`) whose selectors name elements of the model."""
+"""Types of parameters (values of `Parameter.kind`) whose selectors name elements of the model."""
 
 
 @hint_keywords("stepper.lab.Parameter")
@@ -231,7 +231,7 @@ def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str
 
 
 def _selects(text: str) -> bool:
-    """Whether a text begins with the field of a selector."""
+    """Whether a text begins like a selector: with a field of the model, or with "sensor", "actuator" or "options"."""
     field = text.partition("=")[0].partition("[")[0].strip()
     return field in FIELDS or field in COMPOUNDS or field.partition(".")[0] in _HEADS[:3]
 
@@ -272,7 +272,7 @@ def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values:
 
 
 def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Check that each varied parameter has an effect: parameters that apply after it do not overwrite all numbers that it changes.
+    """Check that each varied parameter has an effect: that later parameters leave at least one of its numbers unchanged.
 
     Args:
         names: Names of the varied parameters.

@@ -249,7 +249,15 @@ def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Poin
 
 
 def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
-    """Outcome of every point, (points,): mean over the episodes of the point; a ValueError if it is not finite or always equal."""
+    """Mean outcome over the episodes of each point of a ranking, (points,).
+
+    Args:
+        study: The study.
+        rows: Results of all episodes, in the order of the points.
+
+    Raises:
+        ValueError: A mean outcome is not finite, or all are equal.
+    """
     name = measured(study)
     if study.decisive is not None:
         values = np.array([row["success"] for row in rows], float)
@@ -286,7 +294,7 @@ def _thirds(study: Study, values: Array, column: Array) -> tuple[tuple[float, ..
 
 
 def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean of outcomes over points, and its 95 % interval.
+    """Mean outcome over all points of a ranking, and its 95 % interval.
 
     Each point is one trial, because only points are independent, not their episodes.
     """
@@ -335,7 +343,7 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
 
 
 def _draw(found: Ranking, path: Path) -> Path:
-    """Draw the indices as bars with intervals, and the outcome in the thirds of each range. The result is the path."""
+    """Draw Sobol indices as bars with intervals, and mean outcomes in the thirds of each parameter's range. Returns the path."""
     figure = require("matplotlib.figure", "to draw a ranking").Figure(
         figsize=(9.0, 1.2 + 0.42 * len(found.ranks)), dpi=130, layout="constrained"
     )

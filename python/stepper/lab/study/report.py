@@ -374,7 +374,7 @@ def _repeated(levels: Sequence[Level]) -> list[str]:
 
 
 def _interval(level: Level) -> str:
-    """Text of the confidence interval of a level's success rate.
+    """Text of the confidence interval of the success rate at one value of a parameter (level).
 
     A level whose episodes repeat one another has no interval; the text is then the number of different episodes.
     """
@@ -429,7 +429,7 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
 
 
 def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
-    """Row of the table of cliffs for a parameter without a cliff; empty without levels.
+    """Row of the report's table of cliffs for a parameter at whose values success does not end. Without levels there is no row.
 
     Args:
         levels: Statistics at the values of the parameter, with one of the settings.

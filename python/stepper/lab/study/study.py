@@ -362,7 +362,7 @@ class Study(metaclass=Hinting):
 
     @cached_property
     def in_force(self) -> dict[str, Any]:
-        """Provenance of the study's rows: `identity`, machine, interpreter, digest of the binary, and `notes`."""
+        """Provenance of the study's results: `identity`, machine, interpreter, digest of the binary, and `notes`."""
         binary = hashlib.sha256(Path(_stepper.__file__).read_bytes()).hexdigest()
         return self.identity | {
             "notes": self.notes,

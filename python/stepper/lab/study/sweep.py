@@ -318,7 +318,7 @@ class _Progress:
 
 
 def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[tuple[Level, Level, float]]:
-    """Neighbouring values of a parameter with a cliff between them, as pairs of levels, and the width at which bisection ends.
+    """Intervals for bisections: pairs of neighbouring values of a parameter between which success ends, and width at which to stop.
 
     The list is empty if the values are counts or words.
 
@@ -336,13 +336,19 @@ def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[
 
 
 def _rounds(one: Level, other: Level, width: float) -> int:
-    """Number of rounds in which a bisection narrows the interval between two levels to a width, in the parameter's unit."""
+    """Number of rounds in which a bisection narrows the interval between two values of a parameter to a given width.
+
+    Args:
+        one: Statistics at one value.
+        other: Statistics at the other value.
+        width: Width at which the bisection stops, in the parameter's unit.
+    """
     apart = abs(float(other.value or 0) - float(one.value or 0))
     return max(1, math.ceil(math.log(apart / width) / math.log(_POINTS_PER_ROUND + 1) - 1e-9)) if apart > width else 0
 
 
 def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _Progress) -> list[tuple[float, list[Row]]]:
-    """Runs the episodes of some points, and returns the fraction of successes and the rows of each point."""
+    """Runs the episodes of some points (sets of parameter values), and returns the fraction of successes and the results at each point."""
     rows = run_points(study, points, journal, progress.of_round)
     n = study.episodes
     cut = [rows[k * n : (k + 1) * n] for k in range(len(points))]
@@ -352,12 +358,12 @@ def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _
 def _bisect(
     study: Study, one: Level, other: Level, width: float, run: Callable[[Sequence[Point]], list[tuple[float, list[Row]]]]
 ) -> tuple[Cliff, Bisected]:
-    """Locates a cliff between two levels by bisection. Each round runs several values at once.
+    """Locates the value of a parameter at which success ends (cliff), by bisection. Each round runs several values at once.
 
     Args:
         study: The study.
-        one: Level at the lower value.
-        other: Level at the higher value.
+        one: Statistics at the lower end of the interval.
+        other: Statistics at the upper end of the interval.
         width: Largest width of the resulting interval, in the parameter's unit.
         run: Function that runs some points and returns the fraction of successes and the rows of each.
 

@@ -86,7 +86,7 @@ class Touching:
 
     @property
     def deciding(self) -> tuple[Pair, ...]:
-        """Pairs with at least a hundredth of the total impulse, or a tenth of the largest force, of all pairs."""
+        """Pairs of geoms with at least a hundredth of the total impulse of all pairs, or a tenth of their largest force."""
         total, peak = sum(pair.impulse for pair in self.pairs), max((pair.peak for pair in self.pairs), default=0.0)
         return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
 

@@ -153,7 +153,7 @@ class World:
         raise NotImplementedError
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments, and update the certificate (largest status flags, residuals and violations of the episode).
+        """Step all environments, and update the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
@@ -292,7 +292,7 @@ class StepperWorld(World):
 
 
 def _default_integrator(sim: Stepper) -> str:
-    """Name of the integrator that a stepper uses if its options have None."""
+    """Name of the integrator that a stepper uses if its option `integrator` is None."""
     if sim.options.contact == "hard":
         return "midpoint"
     return Options.from_model(sim.model).integrator or "euler" if sim.model.requested else "euler"
@@ -332,9 +332,9 @@ def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
 
 
 MUJOCO_SETTINGS = ("integrator", "cone", "solver", "impratio", "noslip_iterations", "iterations", "tolerance", "timestep")
-"""Names of settings with engine="mujoco"."""
+"""Names of the options that settings with engine="mujoco" can have."""
 _MUJOCO_ENUMS = {"integrator": ("mjtIntegrator", "mjINT_"), "cone": ("mjtCone", "mjCONE_"), "solver": ("mjtSolver", "mjSOL_")}
-"""MuJoCo's enumeration, and the prefix of its members, by name of the setting."""
+"""MuJoCo's enumeration of the values of an option, and the prefix of the enumeration's members, by name of the option."""
 _MUJOCO_COUNTS = frozenset({"iterations", "noslip_iterations"})
 """Names of MuJoCo's options whose values are whole numbers."""
 _MUJOCO_POSITIVE = frozenset({"impratio", "timestep"})

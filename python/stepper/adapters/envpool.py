@@ -1,4 +1,4 @@
-"""Interface of EnvPool, `send` and `recv`: some environments step in other threads while the policy acts in the rest.
+"""Interface of EnvPool, `send` and `recv`: some environments step in other threads while the policy computes actions for others.
 
 EnvPool need not be installed.
 """

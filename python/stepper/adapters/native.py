@@ -42,8 +42,8 @@ def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
 
     Raises:
-        TypeError: An environment of another simulator, neither an id nor a task, or unknown arguments.
-        gymnasium.error.Error: An id that is not registered.
+        TypeError: `env` is an environment of another simulator, or neither an id nor a task; or an argument is unknown.
+        gymnasium.error.Error: `env` is an id that is not registered.
     """
     if not isinstance(env, str):
         return StepperVectorEnv(env, num_envs, **settings)

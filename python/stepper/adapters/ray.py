@@ -351,7 +351,10 @@ class _Block:
         self.observation: Array = np.zeros(0)
 
     def reset(self, seed: list[int | None], mask: Array) -> tuple[Array, dict[str, Any]]:
-        """Begins new episodes in the environments of a mask, (n,), and returns observations (n, k) and infos. An empty mask resets none."""
+        """Begins new episodes in the environments of a mask, (n,), and returns observations (n, k) and infos.
+
+        A mask without True entries resets no environment.
+        """
         if not mask.any():
             return self.observation, {}
         self.observation, infos = self.envs.reset(seed=seed, options={"reset_mask": mask})

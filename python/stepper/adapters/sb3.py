@@ -57,7 +57,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
             self.seed(seed)
 
     def reset(self) -> Array:
-        """Begins new episodes, with the seeds set by `seed`, and returns observations, (num_envs, n).
+        """Begins new episodes, with the seeds that the method `seed` has set, and returns observations, (num_envs, n).
 
         Raises:
             ValueError: Options were set; the environments have no options.

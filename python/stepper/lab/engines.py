@@ -223,7 +223,7 @@ class MujocoBatch(MujocoFields):
         return found
 
     def data(self, env: int) -> Any:
-        """Copy of the `MjData` of an environment; its contacts need `contacts=True`."""
+        """Copy of the `MjData` of an environment. It has contacts only if the batch was created with `contacts=True`."""
         return self._batch.get_data(env)
 
 
@@ -244,7 +244,7 @@ def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
 
 
 def configure(model: Any, settings: MujocoEngine | None) -> None:
-    """Write settings into a `mujoco.MjModel` (None keeps them), and disable its sensors."""
+    """Write settings into a `mujoco.MjModel`, and disable its sensors. With None, the model keeps its settings."""
     mujoco = require("mujoco", "to compare stepper with MuJoCo")
     if settings is not None:
         settings.configure(mujoco, model)
@@ -252,7 +252,7 @@ def configure(model: Any, settings: MujocoEngine | None) -> None:
 
 
 class Engine(Protocol):
-    """Engine with its settings, which is one line of a chart."""
+    """Interface of an engine with given settings, for one line of a chart."""
 
     @property
     def engine(self) -> str:

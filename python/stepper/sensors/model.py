@@ -32,7 +32,7 @@ class SensorModel:
 
     @classmethod
     def from_mjcf(cls, model: Model) -> SensorModel:
-        """Transfer functions with the noise, cutoff, delay and interval that the MJCF declares for each sensor."""
+        """Sensor model with the noise, cutoff, delay and interval that the MJCF file of a model declares for each sensor."""
         transfers = {}
         for index, sensor in enumerate(model.sensors):
             cutoff = sensor["cutoff"] if sensor["datatype"] in ("real", "positive") else 0.0
@@ -75,7 +75,7 @@ class SensorModel:
         return out | ({"default": plain(self.default)} if self.default else {})
 
     def transfers(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """Settings of the errors (`Transfer`) of all sensors of a model, as dictionaries for the Rust library; None for ideal sensors.
+        """Transfer functions (errors) of all sensors of a model, as dictionaries for the Rust library; None for ideal sensors.
 
         Arrays in a transfer have one number for each of `num_envs` environments.
 

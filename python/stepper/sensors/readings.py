@@ -236,13 +236,16 @@ def _named(model: Model, what: str, name: str, place: str) -> int:
 
 
 def _index(names: Sequence[str], name: str, kind: str, place: str) -> int:
-    """Index of a name in a list of names; a ValueError if it is missing.
+    """Index of a name in a list of names.
 
     Args:
         names: Names of all elements.
         name: The name.
         kind: Kind of element, for the message.
         place: Beginning of the message.
+
+    Raises:
+        ValueError: The list does not contain the name.
     """
     if name not in names:
         raise ValueError(f"{place}: there is no {kind} {name!r}; the names are: {', '.join(filter(None, names)) or 'none'}")

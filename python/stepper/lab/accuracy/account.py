@@ -242,7 +242,7 @@ _PARTS: tuple[tuple[str, Callable[[Description], None]], ...] = (
     ("drag of air or water", _no_medium),
     ("actuators", _no_actuators),
 )
-"""Removable parts: name and function, in the order of removal."""
+"""Removable parts of a scene, in the order of removal: name of a part, and function that removes it from a description."""
 _REMAINDER = "motion of the bodies"
 """Name of the part of a scene that remains when all removable parts are removed."""
 
@@ -299,7 +299,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
 
 
 def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
-    """Yields the costs of a scene: of the whole, of each removable part, and of what remains without these parts.
+    """Yields the costs of the whole scene, of each removable part, and of the remaining scene without these parts.
 
     Args:
         study: The study.

@@ -91,7 +91,7 @@ def costs(
 
     Args:
         study: The study; its threads are not used.
-        settings: Settings of each case, with the time step.
+        settings: Settings of each timed case, by name, with the time step.
         traces: Recorded run of each case, whose controls are used.
         repeats: Number of rounds.
         seconds: Shortest time of a case in a round, s.

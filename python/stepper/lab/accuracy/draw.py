@@ -77,6 +77,11 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
 def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
     """Draw the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from the converged runs.
 
+    Args:
+        study: The study.
+        dots: Points of the chart.
+        path: The PNG file.
+
     Returns:
         Path of the file; None if there is nothing to draw.
     """

@@ -390,7 +390,7 @@ def _outside(study: Study, m: Any, mujoco: Any) -> str | None:
 
 
 def _on_world(m: Any, mujoco: Any, k: int) -> bool:
-    """Whether actuator k may push against the world: it acts on a free joint, or not on a joint."""
+    """Whether actuator k may push against the world: it acts on a free joint, or on something other than a joint."""
     if m.actuator_trntype[k] != int(mujoco.mjtTrn.mjTRN_JOINT):
         return True
     return bool(m.jnt_type[m.actuator_trnid[k, 0]] == int(mujoco.mjtJoint.mjJNT_FREE))

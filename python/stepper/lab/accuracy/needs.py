@@ -100,7 +100,7 @@ class Bench:
             return math.inf
 
     def saved(self, smaller: Model) -> tuple[float, float]:
-        """Fraction of a batch's processor time that a smaller model saves (the median), and its lower bound."""
+        """Fraction of a batch's processor time that a smaller model saves: median and lower bound."""
         with one_core():
             return saving((self.study, self.settings), (self._study_with(smaller), self.settings), self.trace)
 
@@ -120,7 +120,7 @@ class Bench:
             return error, *saving((self.study, one), (self.study, other), self.trace)
 
     def spare(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
-        """Effect of removing a part of the scene, with the saved time, which is measured here.
+        """Effect of removing a part of the scene. The saved time is measured here; the change of the motion is an argument.
 
         Args:
             cut: Name of the part, reason, and function that removes it.
@@ -244,7 +244,7 @@ def _explicit(whole: Description) -> dict[tuple[int, int], int]:
 
 
 def _meet(model: Model, geoms: tuple[int, int]) -> bool:
-    """Whether two geoms may collide by their masks and bodies, even without an explicit pair."""
+    """Whether two geoms may collide even without an explicit pair, according to their collision masks and bodies."""
     one, other = model.geom(geoms[0]), model.geom(geoms[1])
     masks = (one.contype & other.conaffinity) or (other.contype & one.conaffinity)
     return bool(masks) and _bodies(model, geoms) in pairs_of_bodies(model)

@@ -32,10 +32,13 @@ from stepper.lab.study.study import Study
 
 Array = NDArray[np.float64]
 _FIRST_METHOD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
-"""Contact law and integrator of the first method, whatever the options of the study."""
+"""Contact law and integrator of the first method, for any options of the study."""
 TIGHT: dict[str, Any] = {"tolerance": 1e-9, "iterations": 200, "precision": "f64"}
-"""Settings of a tight solve. Evidence: contacts of a humanoid have rounding errors of about 1e-11 m/s. A tolerance near that uses all
-iterations in most steps and takes twenty times as long."""
+"""Settings of a run with a tight solver tolerance.
+
+Evidence: contacts of a humanoid have rounding errors of about 1e-11 m/s. A tolerance near that uses all iterations in most steps and takes
+twenty times as long.
+"""
 _SECOND_METHODS = {"euler": "Euler's rule", "implicit": "the implicit rule"}
 """Integrators of the second method. The first one that stays finite and finishes in time is used."""
 _MIN_PATIENCE, _PATIENCE_PER_STEP = 2.0, 1e-4

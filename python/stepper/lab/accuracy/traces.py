@@ -223,14 +223,14 @@ def _run_limited(episodes: Sequence[int], study: Study, task: tuple[Mapping[str,
 
 
 def _points(now: World) -> Array:
-    """Points whose distances are errors, (num_envs, n, 3) m: origins of bodies, geoms and sites."""
+    """Points whose distances between two runs are the errors, (num_envs, n, 3) m: origins of bodies, geoms and sites."""
     # The origin of a body does not move when the body turns about it; geoms and sites do.
     return np.concatenate([now.xpos, now.geom_xpos, now.site_xpos], axis=1)
 
 
 @dataclass(frozen=True)
 class Distance:
-    """Definition of the error between two runs, which computes it when called.
+    """Measure of the error between two runs. A call with the two runs computes the error.
 
     It is the largest distance of a body, geom or site (m), or the largest angle of a body (rad), up to a horizon.
 
@@ -243,7 +243,7 @@ class Distance:
     horizon: float
 
     def over_time(self, one: Trace, other: Trace) -> Array:
-        """Largest difference so far after every control period of both runs, (T, episodes), m or rad; infinite if a run is not finite."""
+        """Largest difference of two runs up to the end of each control period, (T, episodes), m or rad; infinite if a run is not finite."""
         seen = min(len(one.time), len(other.time))
         if self.unit == "m":
             apart = np.linalg.norm(one.points[:seen] - other.points[:seen], axis=3)
@@ -269,7 +269,7 @@ class Distance:
 
 
 def _between(a: Array, b: Array) -> Array:
-    """Product conj(a) b of unit quaternions (w, x, y, z), (..., 4)."""
+    """Rotation from a to b as a quaternion: product conj(a) b of unit quaternions (w, x, y, z), (..., 4)."""
     w, v = a[..., :1], -a[..., 1:]
     x, u = b[..., :1], b[..., 1:]
     return np.concatenate([w * x - (v * u).sum(axis=-1, keepdims=True), w * u + x * v + np.cross(v, u)], axis=-1)

@@ -182,7 +182,7 @@ def _load(source: Any) -> tuple[Model, Any]:
 
 
 def _start(model: Model, num_envs: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Initial positions (num_envs, nq), the reference pose, and small random velocities (num_envs, nv), so that episodes differ."""
+    """Reference pose as initial positions (num_envs, nq), and small random initial velocities (num_envs, nv), so that episodes differ."""
     qpos = np.tile(np.asarray(model.qpos0, float), (num_envs, 1))
     return qpos, rng.normal(0.0, 0.01, (num_envs, model.nv))
 

@@ -17,8 +17,8 @@ class Measured:
     Attributes:
         contacts: Mean number of touching contact points per environment.
         penetration: Deepest overlap, m.
-        kinetic_mean: Kinetic energy, mean, J.
-        kinetic_max: Kinetic energy, largest, J.
+        kinetic_mean: Mean kinetic energy of an environment, J.
+        kinetic_max: Largest kinetic energy of an environment, J.
     """
 
     contacts: float

@@ -21,7 +21,7 @@ def length(metres: float) -> str:
 
 
 def _phases(values: dict[str, float], form: str) -> str:
-    """Text of one number per phase ("control", "rest"), with a format such as ".2f"."""
+    """Text with one number for each phase of the race ("control", "rest"), in a format such as ".2f"."""
     return " / ".join(format(value, form) for value in values.values())
 
 

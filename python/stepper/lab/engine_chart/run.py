@@ -134,7 +134,7 @@ def slope(rows: Sequence[Row], floor: float = 1e-11, ceiling: float = 0.3) -> fl
 
 
 def _with_slopes(rows: list[Row]) -> list[Row]:
-    """Copies of the chart's points with `slope`, the order of convergence over the time steps of their engine and setting."""
+    """Copies of the chart's points in which `slope` is the order of convergence of the point's engine and settings."""
     lines: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         lines.setdefault((row.engine, row.setting), []).append(row)

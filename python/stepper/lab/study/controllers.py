@@ -215,7 +215,7 @@ def find(reference: str, folder: Path) -> Any:
 
 
 def load_file(path: Path) -> ModuleType:
-    """Module of a file, imported once. It can import modules of its folder, which becomes the last entry of `sys.path`."""
+    """Python module from a file, imported once. It can import modules of its folder, which becomes the last entry of `sys.path`."""
     path = path.resolve()
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
@@ -455,7 +455,15 @@ class _Digest:
             self._attributes(value, where)
 
     def _attributes(self, value: Any, where: str) -> None:
-        """Adds the attributes of an object, except those that begin with an underscore, to the digest; a TypeError if it has none."""
+        """Adds the attributes of an object to the digest, except those that begin with an underscore.
+
+        Args:
+            value: The object.
+            where: Name of the object in error messages.
+
+        Raises:
+            TypeError: The object has no attributes.
+        """
         state = getattr(value, "state_dict", None)
         if state is not None:
             self.take(dict(state()), f"{where}.state_dict()")

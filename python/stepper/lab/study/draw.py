@@ -59,7 +59,7 @@ def draw(sweep: Sweep, path: Path) -> Path:
 def figure_of(sweep: Sweep) -> Any:
     """Figure of a sweep: per parameter, success rates with Wilson intervals, and below them mean outcomes with standard errors.
 
-    Values of a bisection are drawn without intervals, so that the curve shows the cliff.
+    Values of a bisection are drawn without intervals, so that the curve shows where success ends.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -201,7 +201,7 @@ def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
         panel: The panel.
         sweep: The sweep.
         cliff: The cliff.
-        number: Index of its settings, which determines the colour.
+        number: Index of the cliff's settings, which determines the colour.
     """
     values = [float(level.value or 0) for level in sweep.points(cliff.parameter, cliff.setting)]
     middle, width = (cliff.low + cliff.high) / 2, max(values) - min(values)
@@ -284,11 +284,11 @@ def _line(**style: Any) -> Any:
 
 
 def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[float], list[float]]:
-    """Values and lengths of error bars (below and above) for a panel of a sweep.
+    """Heights of the points in a panel of a sweep, and lengths of their error bars below and above.
 
     Args:
         levels: Statistics at the values of a parameter.
-        shares: Whether the values are success rates, instead of mean outcomes.
+        shares: Whether the heights are success rates, instead of mean outcomes.
     """
     if shares:
         y = [level.share for level in levels]

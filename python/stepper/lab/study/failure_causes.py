@@ -139,15 +139,15 @@ _TRIALS: tuple[tuple[str, Callable[[dict[str, Any]], dict[str, Any]], str, str],
 )
 """Trials, which are repetitions of a failed episode with changed settings.
 
-Each has a name and a function from the settings of the episode to the changed settings. If the repetition succeeds, the last two are
-the cause of the failure and the rule.
+An entry has the name of the trial, and a function from the settings of the episode to the changed settings. The last two texts are the
+cause of the failure and the rule, if the repetition succeeds.
 """
 
 
 def _repeated(
     study: Study, rows: Sequence[Row], journal: Journal, name: str, change: Callable[[dict[str, Any]], dict[str, Any]]
 ) -> list[Row]:
-    """Rows of the given episodes, repeated with changed settings.
+    """Results (rows) of given episodes, which are repeated with changed settings.
 
     Args:
         study: The study.

@@ -160,7 +160,7 @@ def measure_of(text: str) -> Measure:
 
 
 class Watch:
-    """Accumulator of the outcomes of a batch of episodes. It is created at the start; call `record` after every control period.
+    """Accumulator of the outcomes of a batch of episodes. Create it at the start, and call `record` after every control period.
 
     Its memory does not grow with the length of an episode.
     """

@@ -37,7 +37,7 @@ Values = Mapping[str, Value]
 """Values of a study's parameters by name."""
 
 ROWS_FROM_NOTHING = ("jnt_stiffness", "dof_frictionloss")
-"""Fields of a model for which a value of 0 leaves out a row of the constraints when the model is compiled.
+"""Fields of a model that add a constraint at compilation only if their value is above 0.
 
 If any environment of a batch has a positive value, the model is compiled with the largest value. Each environment gets its value later.
 """
@@ -298,7 +298,7 @@ def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], mod
 
 
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Raise ValueError if the model does not have what a parameter selects; the message has the parameter's name."""
+    """Raise ValueError if a parameter selects an element or number that the model does not have; the message has the parameter's name."""
     for name, parameter in parameters.items():
         try:
             if parameter.kind == "field":
@@ -341,7 +341,7 @@ def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
 
 
 def _rows(parameter: Parameter, model: Model) -> list[int]:
-    """Indices of the model's elements that a parameter of the kind "field" changes."""
+    """Indices of the model's elements that a parameter changes, if its selector names a field of the model."""
     return rows_of(model, FIELDS[parameter.parsed.field].element, parameter.parsed.elements, _where(parameter))
 
 
@@ -386,7 +386,7 @@ def model_fields(parameters: Mapping[str, Parameter], model: Model, values_by_en
     """Fields of a model that the parameters change, with a row for each set of values: (n, *shape), in the field's unit.
 
     Raises:
-        ValueError: The model does not have what a parameter selects.
+        ValueError: A parameter selects an element or number that the model does not have.
     """
     made: dict[str, Array] = {}
     for name, parameter in parameters.items():

@@ -1,4 +1,4 @@
-"""Points of a study: sets of parameter values, each with a name of settings."""
+"""Points of a study: sets of parameter values, each with the name of the settings for its episodes."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class Report:
 
     Attributes:
         study: The study, with the settings that the report added.
-        sweep: Levels, cliffs and table of the sweep.
+        sweep: Result of the sweep: statistics at each value of a parameter, values at which success ends, and table of the episodes.
         verdicts: Causes of the failures; empty for `sweep`.
         document: The report as a document.
         files: Files that were written.
@@ -242,7 +242,11 @@ def _observation(study: Study) -> list[Section]:
 
 
 def _transfer_words(own: dict[str, Any] | None) -> str:
-    """Text with the entries of a sensor's transfer function that differ from those of an ideal sensor."""
+    """Text with the entries of a sensor's transfer function that differ from those of an ideal sensor; "ideal" if none differ.
+
+    Args:
+        own: Entries by name; None for an ideal sensor.
+    """
     ideal = Transfer()._row(1)
     entries = (
         []
@@ -391,7 +395,7 @@ def _picture(found: Sweep, folder: Path) -> Path | None:
 
 
 def _level_row(study: Study, level: Level) -> list[Any]:
-    """Row of the table of perturbations: statistics at one value of a parameter."""
+    """Row of the report's table on the effects of parameters: statistics at one value of a parameter."""
     parameter = study.parameters.get(level.parameter)
     shares = [level.successes, level.share, _interval(level)] if study.decisive else []
     point = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
@@ -404,7 +408,7 @@ def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Sectio
     Args:
         found: The sweep.
         folder: Folder of the picture.
-        searched: Whether cliffs were searched.
+        searched: Whether the sweep searched for cliffs.
     """
     if found.study.decisive is None:
         return []
@@ -483,7 +487,7 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
 
 
 def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
-    """Rows of the journal with nominal values of all parameters and one of the settings, by number of the episode."""
+    """Results (rows) of the episodes with nominal values of all parameters and with given settings, by number of the episode."""
     nominal = nominal_of(found.study, setting)
     return {row["episode"]: row for row in found.table.rows if row["setting"] == setting and row["parameters"] == nominal}
 

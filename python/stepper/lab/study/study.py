@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
 """Function of a `World` and a list of one random number generator per environment.
 
-It returns qpos (num_envs, nq), m and rad, and qvel (num_envs, nv), m/s and rad/s.
+It returns the initial qpos (num_envs, nq), m and rad, and qvel (num_envs, nv), m/s and rad/s.
 """
 
 Exact = Callable[[World, Array], tuple[Any, Any]]

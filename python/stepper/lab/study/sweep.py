@@ -222,7 +222,7 @@ def sweep(
 
 
 def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
-    """Point of a study with one parameter at a value and all others nominal.
+    """Point of a study: a given value of one parameter, and nominal values of all others.
 
     Args:
         study: The study.

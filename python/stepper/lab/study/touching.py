@@ -36,7 +36,8 @@ class Pair:
         peak: Largest total normal force, N.
         friction: Coefficient of sliding friction of the pair.
         used: Largest ratio of total tangential to total normal force.
-        slides: Fraction of the normal impulse during which that ratio is at its bound, `friction`.
+        slides: Fraction of the normal impulse that acts while the ratio of total tangential to total normal force is at its bound,
+            `friction`.
         cone: Largest used fraction of the friction cone by a single contact, |f_t| / (mu f_n), without contacts whose normal force is below
             a thousandth of the peak.
         twists: Largest torsional or rolling friction torque of a contact, N m.
@@ -92,7 +93,11 @@ class Touching:
 
 
 def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
-    """Sliding friction of the explicit pairs of a `mujoco.MjModel`, by their geoms, the lower index first; empty for None."""
+    """Sliding friction of the explicit contact pairs of a model, by their geoms, the lower index first.
+
+    Args:
+        compiled: The `mujoco.MjModel`. None gives an empty result.
+    """
     if compiled is None:
         return {}
     pairs = np.sort(np.stack([compiled.pair_geom1, compiled.pair_geom2], axis=1), axis=1)
@@ -162,7 +167,7 @@ def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:
 
     Args:
         model: Model of the scene.
-        compiled: `mujoco.MjModel` of the scene, or None.
+        compiled: `mujoco.MjModel` of the scene. With None, the result has no explicit pairs, and exclusions have no effect.
     """
     may = pairs_of_bodies(model)
     if compiled is not None:

@@ -28,7 +28,10 @@ Array = NDArray[np.float64]
 _WEIGHT_FIELDS = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
 """Fields of `Stepper.randomize` that determine the inverse weights of MuJoCo's contact law."""
 _LARGEST_STATE = 1e10
-"""Bound of positions (m, rad) and velocities (m/s, rad/s) beyond which an episode counts as diverged: mjMAXVAL, at which MuJoCo resets."""
+"""Absolute value of a position (m, rad) or velocity (m/s, rad/s) above which an episode counts as diverged.
+
+MuJoCo resets an environment at the same value (mjMAXVAL).
+"""
 _RNG_KEY = 2
 """Last of the three numbers that seed `World.rng`, after the study's seed and the episode's number.
 
@@ -89,7 +92,7 @@ class World:
         timestep: Time step, s.
         time: Time since the start of the episode, (num_envs,) s.
         senses: Whether a sensor was read.
-        ideal: Whether this run has ideal sensors whatever the study's sensor model, as in charts, tuning and diagnoses of failures.
+        ideal: Whether this run has ideal sensors even if the study has a sensor model, as in charts, tuning and diagnoses of failures.
             Controllers that simulate sensor errors themselves, such as a field of view, must then leave them out.
         last_ctrl: Last return value of the controller: controls (num_envs, nu) or (nu,), or None if it kept the previous controls.
         parameters: Values of the study's parameters by name: (num_envs,), numbers or texts.

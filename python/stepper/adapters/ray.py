@@ -415,7 +415,7 @@ class _Pickler(cloudpickle.CloudPickler):  # type: ignore[misc]
 
 
 class _Unpickler(pickle.Unpickler):
-    """Unpickler that inserts `model` for the references to it that `_Pickler` wrote."""
+    """Unpickler that puts `model` in place of the references that `_Pickler` has written instead of the model."""
 
     def __init__(self, file: io.BytesIO, model: Model):
         super().__init__(file)

@@ -130,7 +130,7 @@ def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *
 
     Args:
         ground: Study, reference and time budget.
-        points: Runs of all settings at all time steps, with their errors.
+        points: Runs of all settings with all lengths of the time step, with their errors.
         invariants: Invariants of the scene.
         quick: Whether to measure with fewer repeats.
         report_progress: Progress callback.
@@ -166,11 +166,11 @@ def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *
 
 
 def _dot(ground: ChartBasis, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
-    """Errors, costs and outcomes of one point of a chart, a run of some settings at one time step, as numbers.
+    """Errors, costs and outcomes of one point of a chart (a run of some settings with a given time step), as numbers.
 
     Args:
         ground: Study, reference and time budget.
-        point: Run of some settings at a time step, with its errors.
+        point: Run of some settings with a given time step, with its errors.
         cost: Microseconds of one core for a simulated second, alone and in a batch; None if not measured.
         kept: Errors of invariants by name, (episodes,) each.
     """

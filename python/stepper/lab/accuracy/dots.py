@@ -1,4 +1,4 @@
-"""Points of a chart: errors, costs, invariants and outcomes of some settings at one time step."""
+"""Points of a chart: errors, costs, invariants and outcomes of some settings with a given time step."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from stepper.lab.accuracy.candidates import pareto
 from stepper.lab.accuracy.distributions import Shift
 
 CAUSES = {"solver": "solver", "step": "time step", "model": "model"}
-"""Causes of an error, as words for tables and pictures, by the attribute of `Dot` with the part of the error from that cause."""
+"""Causes of an error, as words for tables and pictures. Keys are the attributes of `Dot` with the part of the error from a cause."""
 
 
 @dataclass(frozen=True)
 class Dot:
-    """Point of a chart: settings at one time step. Errors are medians over episodes, in the unit of the distance (m or rad).
+    """Point of a chart: settings with a given time step. Errors are medians over episodes, in the unit of the distance (m or rad).
 
     Attributes:
         engine: "stepper", "MuJoCo" or "rapier".

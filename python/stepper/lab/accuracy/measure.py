@@ -67,7 +67,7 @@ class ChartBasis:
 
 @dataclass(frozen=True)
 class Point:
-    """Run of some settings at a time step, with its errors.
+    """Run of some settings with a given time step, with its errors.
 
     Attributes:
         line: Line of the chart, with the settings.
@@ -123,7 +123,7 @@ def chart_reference(
 def measure(
     ground: ChartBasis, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[str, float], None]
 ) -> tuple[list[Point], list[str], dict[str, Reference]]:
-    """Run all lines of a chart at all time steps.
+    """Run all lines of a chart with all lengths of the time step.
 
     Args:
         ground: Study, episodes, reference and time budget of the chart.
@@ -184,7 +184,7 @@ def _law(line: Line) -> str:
 
 
 def _solved_key(line: Line, dt: float) -> str:
-    """Text that identifies a line of the chart at one time step, apart from solver settings.
+    """Text that identifies a line of the chart with a given time step, apart from solver settings.
 
     Lines with equal texts share the run with a tight solver tolerance.
 
@@ -198,7 +198,7 @@ def _solved_key(line: Line, dt: float) -> str:
 def _runs(
     ground: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
 ) -> list[tuple[Trace | None, str]] | str:
-    """Runs of one line of the chart at all time steps.
+    """Runs of one line of the chart with all lengths of the time step.
 
     Args:
         ground: Study, episodes, reference and time budget of the chart.
@@ -295,7 +295,7 @@ def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Ref
 def _point(
     ground: ChartBasis, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
 ) -> Point:
-    """Point of the chart from the runs of a line at a time step.
+    """Point of the chart from the runs of a line with a given time step.
 
     Args:
         ground: Study, episodes, reference and time budget of the chart.

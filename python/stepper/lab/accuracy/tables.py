@@ -28,7 +28,7 @@ class ChartData:
 
     Attributes:
         ground: Study, reference and time budget.
-        points: Runs of all settings at all time steps.
+        points: Runs of all settings with all lengths of the time step.
         dots: The same points as numbers (errors, costs, outcomes), in the same order.
         skipped: Settings that could not be run, with the reasons.
         laws: Converged run with the contact law of each line of the chart, by label of the line.

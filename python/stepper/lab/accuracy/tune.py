@@ -236,7 +236,7 @@ def tune(
 
 @dataclass
 class _Case:
-    """Candidate settings at one time step, with the result of their run.
+    """Candidate settings with a given time step, and the result of their run.
 
     Attributes:
         name: Name of the settings.

@@ -37,7 +37,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Row:
-    """Point of a chart: error and cost of an engine with some settings at one time step.
+    """Point of a chart: error and cost of an engine with given settings and a given time step.
 
     Attributes:
         scene: Name of the scene.
@@ -64,7 +64,7 @@ class Row:
 
 @dataclass
 class _Case(Timed):
-    """Run of an engine on a scene with one time step, and its error. The method `measure` times it.
+    """Run of an engine on a scene with a given time step, with its error. The method `measure` times the run.
 
     Attributes:
         engine: The engine with its settings.
@@ -145,8 +145,8 @@ def _with_slopes(rows: list[Row]) -> list[Row]:
 def sweep(scene: Scene, effort: Effort | None = None, progress: Callable[[float], None] | None = None) -> list[Row]:
     """Run every engine of a scene at every time step, and measure errors and times.
 
-    A run makes all its steps in one call, so that the overhead of Python is negligible. Rounds over all cases are interleaved, so that
-    other load of the machine affects all cases equally. Call it inside `stepper.shared.machine.one_core()`.
+    A run makes all its steps in one call, so that the overhead of Python is negligible. Every round times all engines, settings and time
+    steps, so that other load of the machine affects all of them equally. Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
         scene: The scene.

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 class Episodes:
     """Selected episodes of a study with the same parameter values, which can be run, recorded or viewed.
 
-    With a sensor model, sensor errors depend on the index in a batch. All episodes of the point are then stepped, so that the selected ones
-    have the same errors as in the tables.
+    With a sensor model, sensor errors depend on the index in a batch. All episodes with these parameter values are then stepped, so that
+    the selected ones have the same errors as in the tables.
 
     Args:
         study: The study.

@@ -154,7 +154,7 @@ def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
 
 
 def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Copy of the table of an outcome in a study file, in which the function replaces its name "file.py:function".
+    """Copy of the table of an outcome in a study file, with the measure function instead of its name "file.py:function".
 
     Args:
         table: The table.

@@ -110,8 +110,8 @@ def kind(field: str, remedy: str = "") -> type[ReadOnly]:
     """Subclass of the read-only array type `ReadOnly` for one attribute, with its error message for attempts to write to it.
 
     Args:
-        field: Name of the attribute, as "qpos".
-        remedy: Advice at the end of the message: the call that sets the values. "" takes `remedy_of(field)`.
+        field: Name of the attribute, such as "qpos".
+        remedy: Advice at the end of the message: the call that sets the values. "" uses the advice of `remedy_of(field)`.
     """
     message = (
         f"{field} is a read-only copy, and writing to it would change nothing: {remedy or remedy_of(field)}. Its copy() can be written to"
@@ -120,7 +120,7 @@ def kind(field: str, remedy: str = "") -> type[ReadOnly]:
 
 
 def remedy_of(field: str) -> str:
-    """Remedy for an attempt to write an array of a stepper or a field of a model: the call that sets it, as the end of a message."""
+    """End of the error message for writing to a read-only array of a stepper or a model: the call that sets the values of `field`."""
     return (
         _REMEDIES.get(field)
         or f"model.replace({field}=...) makes a model with other values, sim.randomize(...) sets values per environment"
@@ -128,7 +128,10 @@ def remedy_of(field: str) -> str:
 
 
 def kind_of_environments(field: str) -> type[ReadOnly]:
-    """Subclass of `ReadOnly` for the values of one field in `Stepper.randomized`, with the error message for writes to it."""
+    """Subclass of the read-only array type `ReadOnly` for one field in `Stepper.randomized`.
+
+    Writing to such an array raises an error whose message names the call `Stepper.randomize`.
+    """
     return kind(field, _OF_ENVIRONMENTS.format(field))
 
 
@@ -150,9 +153,10 @@ def not_assigned(owner: type, name: str) -> AttributeError:
 
 
 def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeError:
-    """Error for an attribute that a class does not have. The hint is its present name, the class that has it, or similar names.
+    """Error for an attribute that a class does not have, with a hint.
 
-    `more` are names of attributes that instances have and the class does not.
+    The hint is the current name of the attribute, the class that has the attribute, or similar names. `more` are the names of further
+    attributes, which only the instances have.
     """
     hint = _place_of(owner, name) or did_you_mean(name, {*dir(owner), *more})
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint}")
@@ -165,7 +169,7 @@ def _public_name(owner: type) -> str:
 
 
 def _place_of(owner: type, name: str) -> str:
-    """Hint to the present name of an attribute, or to the class that has it, as the end of a message; "" if there is no hint."""
+    """End of an error message about a missing attribute: its current name, or the class that has it. "" if neither is known."""
     other = NEW_NAMES.get(owner.__name__, {}).get(name)
     if other is not None:
         return f"; did you mean {other}?" if _CALL.fullmatch(other) else f"; use {other}"
@@ -180,15 +184,18 @@ def _place_of(owner: type, name: str) -> str:
 
 
 def no_root_attribute(name: str, known: Iterable[str]) -> Exception:
-    """Error for a name that the package `stepper` does not have. The hint is its present place, or similar names."""
+    """Error for a name that the package `stepper` does not have, with a hint: the submodule or call to use instead, or similar names.
+
+    `known` are the names that the package has.
+    """
     return _absent("stepper", name, f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else "", known)
 
 
 def no_name(module: str, name: str, known: Iterable[str]) -> Exception:
-    """Error for a name that a submodule does not have. The hint is its present name, or similar names.
+    """Error for a name that a submodule does not have, with a hint: the current name, or similar names.
 
     Args:
-        module: Name of the submodule, as "stepper.envs".
+        module: Name of the submodule, such as "stepper.envs".
         name: The absent name.
         known: Names that the submodule has.
     """
@@ -204,9 +211,9 @@ def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exceptio
     statement by the name of the frame three calls above.
 
     Args:
-        module: Name of the module, as "stepper".
+        module: Name of the module, such as "stepper".
         name: The absent name.
-        hint: End of the message, as "; use stepper.lab"; "" is similar names among `known`.
+        hint: End of the message, such as "; use stepper.lab". With "", the message lists similar names from `known`.
         known: Names that the module has.
     """
     hint = hint or did_you_mean(name, known)
@@ -217,7 +224,10 @@ def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exceptio
 
 
 class Hinting(type):
-    """Metaclass for hints at missing class attributes, as `Options.of`: the AttributeError has the present name or similar names."""
+    """Metaclass whose classes raise an AttributeError with a hint for a missing class attribute, such as `Options.of`.
+
+    The hint is the current name of the attribute, or similar names.
+    """
 
     if not TYPE_CHECKING:  # Type checkers read the attributes from the stub.
 
@@ -226,11 +236,11 @@ class Hinting(type):
 
 
 def present_keyword(call: str, name: str) -> str:
-    """Present name of a keyword argument from an earlier version or another library; "" if there is none.
+    """Current name of a keyword argument that has another name in an earlier version or another library; "" if none is known.
 
     Args:
-        call: Name of the call, as "Stepper.reset".
-        name: The keyword.
+        call: Name of the call, such as "Stepper.reset".
+        name: The other name.
     """
     return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 
@@ -240,10 +250,10 @@ class WrongArgumentError(TypeError):
 
 
 def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
-    """Error message for an unknown keyword argument. The hint is its present name, similar names, or all keywords.
+    """Error message for an unknown keyword argument, with a hint: its current name, similar names, or all keywords.
 
     Args:
-        call: Name of the call, as "Stepper.reset".
+        call: Name of the call, such as "Stepper.reset".
         name: The unknown keyword.
         known: Keywords that the call takes.
     """
@@ -283,13 +293,13 @@ def hint_keywords(call: str) -> Callable[[type[T]], type[T]]:
 
 
 def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> str:
-    """Error message for an unknown field. The hint is the call that sets it, fields with similar names, or a list of all fields.
+    """Error message for an unknown field of a model, with a hint: the call that sets it, similar names, or where all fields are listed.
 
     Args:
-        where: Call or argument with the name: "Stepper.randomize", "wrt".
+        where: Function or argument to which the user gave the name, such as "Stepper.randomize" or "wrt".
         name: The unknown name.
-        known: Names that the call takes.
-        listed: Call or page that lists these names: "help(stepper.Stepper.randomize)".
+        known: Names of the fields that the function accepts.
+        listed: Command or page that lists these fields, such as "help(stepper.Stepper.randomize)".
     """
     hint = did_you_mean(name, known) or f"; {listed} lists the fields"
     if name in (other := NEW_NAMES.get(where, {})):
@@ -307,9 +317,9 @@ def unknown(kind: str, name: str, names: list[str]) -> str:
     """Error message for a name that no element of the model has.
 
     Args:
-        kind: Kind of element, as "joint".
+        kind: Kind of element, such as "joint".
         name: The unknown name.
-        names: Names of all elements of this kind; "" for an element without a name.
+        names: Names of all elements of this kind. Elements without a name are "".
     """
     known = [other for other in names if other]
     if not known:

@@ -24,7 +24,7 @@ class Options(metaclass=Hinting):
     Out-of-range values raise `ValueError` when a `Stepper` is made with them.
 
     Attributes:
-        timestep: Time step, s; None is the model's.
+        timestep: Time step, s; None uses the model's.
         contact: Law of constraint forces, for contacts, limits, dry friction and equalities.
 
             * "hard": rigid, Signorini's condition and Coulomb's cone, each step solved to the tolerance.
@@ -32,8 +32,8 @@ class Options(metaclass=Hinting):
               solmix, margins, impratio and cone. Newton's method solves the convex problem, in at most `iterations` steps. The residual is
               the velocity in m/s that the remaining imbalance of forces causes in a step. `solver`, `stabilization` and restitution have
               no effect. docs/explanation/mujoco_law.md lists what agrees with MuJoCo, and how closely.
-        integrator: Time integrator. None is "midpoint" with hard contact. With contact="mujoco", None is the integrator of the model's
-            source, or "euler" for models without a source.
+        integrator: Time integrator. None selects "midpoint" with hard contact. With contact="mujoco", None selects the integrator of the
+            model's source, or "euler" for models without a source.
 
             * "midpoint": Moreau's rule, second order in smooth motion. Springs, dampers and servos follow the implicit midpoint rule. It is
               stable for any stiffness and keeps the energy of linear springs. Oscillations much faster than the time step decay slowly. A
@@ -62,8 +62,8 @@ class Options(metaclass=Hinting):
             contact (docs/development/decisions/bounds.md). A step that reaches the bound sets NOT_CONVERGED in `status`, and
             `Stepper.worst_row` names the constraint with the largest residual. `Stepper.iterations` counts sweeps and Newton steps,
             `Stepper.newton_steps` Newton steps alone.
-        tolerance: Natural-map residual at which the solver stops, m/s. None is 1e-6, and 1e-4 with precision="f32". With
-            contact="mujoco", None is the smaller of that default and 0.6 % of the velocity that gravity adds in a step, but at least
+        tolerance: Natural-map residual at which the solver stops, m/s. None uses 1e-6, and 1e-4 with precision="f32". With
+            contact="mujoco", None uses the smaller of that default and 0.6 % of the velocity that gravity adds in a step, but at least
             1e-6. The relative error of contact forces at rest then does not grow with shorter steps.
         stabilization: Method that removes overlap: "baumgarte" (a velocity bias), "split" (a second solve that moves positions only) or
             "none".
@@ -71,7 +71,7 @@ class Options(metaclass=Hinting):
         slop: Overlap that is not corrected, m (rad for hinge limits).
         max_correction_speed: Fastest correction of overlap, m/s.
         restitution_threshold: Approach speed below which a touching contact rests instead of bouncing, m/s.
-        max_contacts: Capacity for contacts of one environment; None is the model's default. Contacts beyond it are left out, and `status`
+        max_contacts: Capacity for contacts of one environment; None uses the model's default. Contacts beyond it are left out, and `status`
             has CONTACTS_FULL.
     """
 

@@ -31,7 +31,7 @@ RENAMED = {
     "Moment": {"memory": "episode_state", "rest": "default_qpos"},
     "stepper.envs": {"Quantity": "Observation", "Draws": "Rng"},
 }
-"""Present names of methods and attributes of tasks, by class or module and earlier name."""
+"""Current names of methods and attributes of tasks: for each class or module, a table from the earlier name to the current one."""
 
 _TASKS = {
     "tasks": (
@@ -152,7 +152,10 @@ NEW_NAMES: dict[str, dict[str, str]] = {
     "StepperEnv": _ENVIRONMENT,
     "StepperVectorEnv": _ENVIRONMENT,
 }
-"""Present names of attributes, by class or module and by the name in an earlier version, MuJoCo or Gymnasium."""
+"""Current names of attributes: for each class or module, a table from other names to the names in stepper.
+
+Other names are those of earlier versions, MuJoCo and Gymnasium.
+"""
 PLACES = {
     "actuators": ("PID", "DCMotor"),
     "derivatives": ("Kink", "Linearization"),
@@ -210,7 +213,7 @@ ROOT_NAMES = {
     "Task": "stepper.envs.Task",
     "wrappers": "those of gymnasium.wrappers.vector",
 }
-"""Present places of names that are not in `stepper` itself: earlier names, and those of MuJoCo and Gymnasium."""
+"""Replacements for names that are not in the package `stepper` itself: earlier names, and names of MuJoCo and Gymnasium."""
 
 
 EARLIER_SELECTORS = {
@@ -222,7 +225,10 @@ EARLIER_SELECTORS = {
     "kd": "actuator_kv[{}]", "delay": "actuator.delay[{}]", "bias": "sensor.bias[{}]", "scale": "sensor.scale[{}]",
     "lag": "sensor.delay[{}]",
 }  # fmt: skip
-"""Present selectors of parameters, by the name of the parameter in earlier versions; {} stands for the selected elements."""
+"""Current selectors of parameters, such as "body_mass[{}]", by the name of the parameter in earlier versions.
+
+{} stands for the names of the selected elements.
+"""
 
 
 NEW_KEYWORDS = {
@@ -237,9 +243,9 @@ NEW_KEYWORDS = {
     "contact": "options=stepper.Options(contact=...)",
     "observation": "sensordata",
 }  # fmt: skip
-"""Present keyword arguments, by the keyword in an earlier version, MuJoCo or Gymnasium.
+"""Current keyword arguments, by the keyword in an earlier version, MuJoCo or Gymnasium.
 
-Error messages have this hint only for calls that take the present keyword.
+Error messages give the current keyword as a hint, but only for functions that have this keyword.
 """
 NEW_KEYWORDS_OF = {
     "Stepper.set_state": {"cold": "keep_warmstart, its opposite: cold=True is keep_warmstart=False"},

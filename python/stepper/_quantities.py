@@ -35,8 +35,8 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
 
     Args:
         now: A `Stepper`, a `stepper.envs.Moment` or a `World` of a study, which have the same attributes.
-        name: Name of the quantity, as "xpos".
-        of: Name or index of an element, or several; None is all elements.
+        name: Name of the quantity, such as "xpos".
+        of: Name or index of an element, or several; None selects all elements.
 
     Raises:
         ValueError: An unknown quantity.

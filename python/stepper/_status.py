@@ -61,7 +61,7 @@ class Status(IntFlag):
     * contact="mujoco": equalities are soft, and the load is large"""
 
     def __str__(self) -> str:
-        """Names of the set flags, as "Status.INFEASIBLE | Status.DEEP". Bits without a name follow as one number."""
+        """Names of the set flags, such as "Status.INFEASIBLE | Status.DEEP". Bits without a name follow as one number."""
         names = [f"Status.{flag.name}" for flag in self]
         rest = int(self) & ~sum(Status)
         return " | ".join([*names, *([str(rest)] if rest else [])]) or "Status.OK"

@@ -23,7 +23,7 @@ def application(*, escaped: bool = True) -> Typer:
     """Typer application with all commands. It is created in a function, because Typer is an optional package.
 
     Args:
-        escaped: Whether brackets of help texts, as in geom_friction[floor], are escaped for Rich, which takes them for markup.
+        escaped: Whether brackets of help texts, such as those in geom_friction[floor], are escaped for Rich, which takes them for markup.
     """
     typer = require("typer", "for the command line")
     app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)

@@ -52,7 +52,7 @@ def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
     Args:
         path: File of the study.
         ray: Whether to run on Ray; False keeps the setting of the study.
-        seed: Seed; None is that of the study.
+        seed: Seed; None uses the seed of the study.
     """
     study = Study.from_file(path)
     print(f"{study.name}: seed {study.seed}, of the study" if seed is None else f"{study.name}: seed {seed}", file=sys.stderr, flush=True)

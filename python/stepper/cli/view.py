@@ -158,7 +158,7 @@ def _refuse(what: str, kind: str, **given: object) -> None:
 
     Args:
         what: Argument of the command: a path or an environment id.
-        kind: Kind of source, as "a recording", on which these options have no effect.
+        kind: Kind of source, such as "a recording", on which these options have no effect.
         **given: Values of the options.
     """
     for name, value in given.items():
@@ -181,7 +181,7 @@ def _play(folder: Path, options: ViewOptions, rerun: Path | None) -> None:
 
 
 Simulation = tuple[Stepper, "Callable[[], Any] | None", "Callable[[], Any]"]
-"""Triple of a stepper to show, a function that makes a step (None is `Stepper.step`), and a function that resets the stepper."""
+"""Triple of a stepper to show, a function that makes a step (None selects `Stepper.step`), and a function that resets the stepper."""
 
 
 def _model(file: str, options: ViewOptions) -> Simulation:

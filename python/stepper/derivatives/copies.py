@@ -57,7 +57,7 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
 
     Args:
         sim: The stepper.
-        ctrl: Controls, (num_envs, nu) or (nu,); None is those of the last step.
+        ctrl: Controls, (num_envs, nu) or (nu,); None uses the controls of the last step.
         blocks: Quantities with respect to which derivatives are computed. The snapshot contains the parameters among them.
 
     Raises:
@@ -132,7 +132,7 @@ def parts_of(
         blocks: Quantities to perturb.
         stencil: Displacements of these quantities.
         tolerance: Residual at which the solver of the copies stops, m/s.
-        envs: Slice of the environments; None is all.
+        envs: Slice of the environments; None selects all environments.
     """
     begin, end = (0, nominal.num_envs) if envs is None else (envs.start, envs.stop)
     levels, points, columns = stencil.offsets.shape[1:]
@@ -303,9 +303,9 @@ def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Steppe
     # sensors do not matter, because only ideal readings are differentiated.
 
     def memory_of(own: Any) -> Any:
-        """Copy of a sensor or actuator model for the environments of the new stepper.
+        """Copy of the sensor or actuator model `own` for the new stepper that `_stepper` creates.
 
-        Its drives or transfer functions have delays and filters as long as any in the stepper `sim`.
+        Delays and filters in the copy are as long as the longest ones in the stepper `sim`.
         """
         named = {name: _widest(part, sim, len(index)) for name, part in own.named.items()}
         return type(own)(named, default=_widest(own.default, sim, len(index)))
@@ -319,10 +319,10 @@ def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Steppe
 
 
 def _widest(part: Any, sim: Stepper, count: int) -> Any:
-    """Copy of a drive or of a sensor's transfer for `count` environments, with delays and filters as long as any in the stepper `sim`.
+    """Copy of an actuator's drive or a sensor's transfer function for `count` environments, with the longest delays and filters in `sim`.
 
-    The first environment has the largest parameters and the longest delay of all environments, and the others have the smallest. The result
-    thus has every part (delay, lag, integral) that any environment of `sim` has. Other values are returned unchanged.
+    The first environment has the largest parameters and the longest delay of all environments of `sim`, and the others have the smallest.
+    The copy thus has every part (delay, lag, integral) that any environment of `sim` has. Objects of other types are returned unchanged.
     """
     if not is_dataclass(part) or isinstance(part, type):
         return part
@@ -331,11 +331,14 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
     longest = int(np.argmax(total))
 
     def widest(value: Any, *, delays: bool) -> Any:
-        """Array (count,) with the largest number of an array first, and the smallest elsewhere; single numbers do not change.
+        """Values of one attribute for the `count` new environments: the largest value in the first one, the smallest in the others.
+
+        A single number is returned unchanged.
 
         Args:
-            value: Attribute of the drive or transfer, such as an array (num_envs,).
-            delays: Whether the first number is that of the environment with the longest total delay, instead of the largest.
+            value: Attribute of the drive or transfer function, with a value for each environment of `sim`.
+            delays: Whether the first new environment gets the value from the environment with the longest total delay, instead of the
+                largest value.
         """
         if isinstance(value, tuple):
             return tuple(widest(end, delays=False) for end in value)

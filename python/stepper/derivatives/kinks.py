@@ -76,7 +76,8 @@ class RowGroup:
 
     Attributes:
         rows: Range of the rows.
-        least_slope: Smallest divisor for relative differences between slopes, SI units. It applies to columns whose slopes are all smaller.
+        least_slope: Lower bound of the divisor in relative differences between slopes (derivatives), SI units. Columns whose slopes are
+            all smaller are compared relative to this bound.
     """
 
     rows: slice
@@ -102,7 +103,7 @@ class KinkDetector:
 
     Args:
         sim: Stepper of the copies; row e * count + k is copy k of environment e, and copy 0 is nominal.
-        stencil: Displacements of the copies.
+        stencil: Displacements of the perturbed numbers in the copies, from the nominal values.
         nstep: Number of steps.
 
     Attributes:
@@ -192,7 +193,7 @@ class _JointData:
 
     Attributes:
         limited: Index in qpos, index in qvel and index of the joint, for every slide and hinge with limits.
-        rubbing: Indices of the degrees of freedom with dry friction.
+        rubbing: Indices of the degrees of freedom that have dry friction (`dof_frictionloss` above 0).
         ranges: Limits of all joints, (njnt, 2), rad or m.
     """
 

@@ -34,7 +34,10 @@ SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_g
 ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm"})
 """Parameters (field names) whose zeros cannot be perturbed, because 0 means that the model lacks the property, such as a spring."""
 OF_AXES = frozenset({"dof_damping", "dof_armature"})
-"""Parameters (field names) whose zeros cannot be perturbed for free and ball joints, whose axes must all have one value."""
+"""Parameters (field names) whose zeros cannot be perturbed at free and ball joints.
+
+All degrees of freedom of such a joint must have the same value, so that perturbing one of them is not allowed.
+"""
 
 
 def step_of(tolerance: float) -> float:
@@ -134,7 +137,9 @@ class Stencil:
 
 
 def blocks_of(model: Model, wrt: Sequence[str]) -> list[Block]:
-    """Perturbed quantities for the names in `wrt`, in their order.
+    """Quantities to perturb for finite differences, one `Block` for each name in `wrt`, in the order of the names.
+
+    Names are "qpos", "qvel", "act", "ctrl" and selectors of parameters, such as "geom_friction[floor]".
 
     Raises:
         TypeError: `wrt` is a string, or an entry is not a string.
@@ -165,9 +170,9 @@ def _check_names(argument: str, names: Sequence[str], example: str) -> None:
     """Raises an error unless an argument is a sequence of names without repetition.
 
     Args:
-        argument: Name of the argument, for the message.
-        names: Its value.
-        example: Valid value, for the message.
+        argument: Name of the argument, for the error message.
+        names: Value of the argument, which is checked.
+        example: Valid value, for the error message.
     """
     if isinstance(names, str) or not all(isinstance(name, str) for name in names):
         remedy = f"({names!r},)" if isinstance(names, str) else example
@@ -177,7 +182,10 @@ def _check_names(argument: str, names: Sequence[str], example: str) -> None:
 
 
 def _block(model: Model, name: str, argument: str) -> Block:
-    """Perturbed quantity of a name such as "qpos" or "geom_friction[floor]"; `argument` is the user's argument with it, for messages."""
+    """Quantity to perturb, by a name such as "qpos" or "geom_friction[floor]".
+
+    `argument` is the name of the user's argument that contains the name, for error messages.
+    """
     selector = parse(name, argument)
     field, whole = selector.field, selector.elements is None and selector.columns is None
     sizes = {"qpos": model.nv, "qvel": model.nv, "act": model.na, "ctrl": model.nu}
@@ -203,12 +211,12 @@ def _block(model: Model, name: str, argument: str) -> Block:
 
 
 def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Mask of the numbers of a parameter that cannot be perturbed while they are 0, (places,) bool.
+    """Mask of the numbers in a parameter array that cannot be perturbed while they are 0, (k,) bool.
 
     Args:
         model: The model.
-        field: Name of the parameter.
-        places: Indices of the numbers in the flattened parameter.
+        field: Name of the parameter array, such as "body_mass".
+        places: Indices of the k numbers in the flattened array.
     """
     if field in OF_AXES:
         joints = (model.joint(k) for k in range(model.njnt))

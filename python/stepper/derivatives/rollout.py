@@ -107,13 +107,13 @@ class Rollout:
         order, its steps are linearized and the gradient is propagated to the state before them.
 
         Args:
-            qpos: Gradient of the function with respect to `self.qpos`, (T, num_envs, nq); None is zero.
-            qvel: Gradient with respect to `self.qvel`, (T, num_envs, nv); None is zero.
-            act: Gradient with respect to `self.act`, (T, num_envs, na); None is zero.
-            sensors: Gradient with respect to `self.sensors`, (T, num_envs, nsensordata); None is zero.
+            qpos: Gradient of the function with respect to `self.qpos`, (T, num_envs, nq); None means zero.
+            qvel: Gradient with respect to `self.qvel`, (T, num_envs, nv); None means zero.
+            act: Gradient with respect to `self.act`, (T, num_envs, na); None means zero.
+            sensors: Gradient with respect to `self.sensors`, (T, num_envs, nsensordata); None means zero.
             smoothing: Settings for derivatives that are averaged over random displacements, for gradients across kinks. None uses the
                 derivatives of the actual steps.
-            undetermined: Action if a step has no derivative, as at some kinks (docs/how-to/derivatives.md). With "raise", it is an error.
+            undetermined: Action if a step has no derivative, which happens at some kinks (docs/how-to/derivatives.md). "raise" raises it.
                 With "zero", the gradients of the environment are 0, and its flag in `Gradients.undetermined` is set.
             **settings: `step`, `tolerance`, `centered`, `extrapolate` and `method` of `linearize`.
 
@@ -211,15 +211,15 @@ class Rollout:
         return states
 
     def _pull(self, part: Linearization, name: str, adjoint: Array, reading: Array | None) -> Array:
-        """Gradient with respect to an input of the steps with one control: a part of the state before them, the control or a parameter.
+        """Gradient with respect to one input of the steps in which one control is held, by the chain rule: (num_envs, *columns).
 
-        The shape is (num_envs, *columns), as in `Linearization.blocks`.
+        The input is a part of the state before the steps, the control, or a parameter of the model. `columns` is its shape.
 
         Args:
-            part: Linearization of the steps.
-            name: Name of the input in `wrt`.
+            part: Linearization of these steps.
+            name: Name of the input: "qpos", "qvel", "act", "ctrl" or the name of a parameter.
             adjoint: Gradient with respect to the state after the steps, (num_envs, n).
-            reading: Gradient with respect to the sensor readings after the steps, (num_envs, nsensordata); None is zero.
+            reading: Gradient with respect to the sensor readings after the steps, (num_envs, nsensordata); None means zero.
         """
         n = len(adjoint)
         block = part.blocks[name].reshape(n, adjoint.shape[1], *np.shape(part.blocks[name])[1 + (self._plant.num_envs is not None) :])
@@ -271,7 +271,7 @@ def rollout(
         ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
         nstep: Number of steps for which each control is held.
         parameters: Names of parameters with respect to which `vjp` computes gradients, in the format of `wrt` of `linearize`.
-        every: Number of controls between two checkpoints; None is the square root of T, which takes the least memory. `vjp` repeats the
+        every: Number of controls between two checkpoints; None uses the square root of T, which takes the least memory. `vjp` repeats the
             steps of each control once.
         sensors: Whether to compute readings of ideal sensors.
 

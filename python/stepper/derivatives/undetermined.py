@@ -49,12 +49,12 @@ def first_undetermined(part: Linearization, needed: Bools, control: int, model: 
 
 
 def _coordinate(model: Model, name: str, column: int) -> str:
-    """Text for a perturbed number, with its joint or actuator, such as "qvel[3] (joint 'knee')".
+    """Name of a perturbed coordinate for an error message, with the joint or actuator, such as "qvel[3] (joint 'knee')".
 
     Args:
         model: The model.
-        name: Name of the quantity in `wrt`, as "qvel".
-        column: Index of the number in this quantity.
+        name: Name of the perturbed quantity, such as "qvel".
+        column: Index of the coordinate in this quantity.
     """
     if name in ("qpos", "qvel"):
         joint = max((model.joint(k) for k in range(model.njnt)), key=lambda joint: joint.dofadr if joint.dofadr <= column else -1)

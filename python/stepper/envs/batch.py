@@ -30,12 +30,12 @@ class Batch:
     Args:
         task: The task.
         num_envs: Number of environments.
-        contact: Contact law: "mujoco" is `Options.from_model(model)`, "hard" is `Options()`; None is `task.contact`.
+        contact: Contact law: "mujoco" is `Options.from_model(model)`, "hard" is `Options()`; None selects `task.contact`.
         options: Options of the step, in place of those of `contact`.
         precision: "f64" or "f32".
-        threads: Number of threads; 0 is all cores that this process may use. The bits are the same for any number.
-        dtype: Scalar type of observations; None is that of `precision`.
-        max_episode_steps: Number of actions after which an episode is truncated; None is no limit.
+        threads: Number of threads; 0 uses all cores that this process may use. The bits are the same for any number.
+        dtype: Scalar type of observations; None selects the type that `precision` names.
+        max_episode_steps: Number of actions after which an episode is truncated; None means no limit.
         model: Model of the scene; None calls `task.model()`.
 
     Raises:
@@ -256,7 +256,7 @@ class Batch:
 
         Args:
             action: Actions, (num_envs, n) float64, in the units of the task; n is nu unless the task has `action_bounds`.
-            begins: Environments that are reset instead and ignore their action, (num_envs,) bool; None is no environment.
+            begins: Environments that are reset instead and ignore their action, (num_envs,) bool; None means no environment.
 
         Returns:
             rewards: (num_envs,) float64.
@@ -332,15 +332,15 @@ class Batch:
         return infos_of(self.task, self._now, self.num_envs)
 
     def observation_array(self, out: Array | None = None) -> Array:
-        """Uninitialised array for the observations of all environments, (num_envs, n): `out` if it is given, otherwise a new one.
+        """Array for the observations of all environments, (num_envs, n), whose values are not set: `out`, or a new array if `out` is None.
 
         Raises:
-            ValueError: An `out` of another shape or type.
+            ValueError: `out` has another shape or scalar type.
         """
         return output_array((self.num_envs, *self.observation_space.shape), self.dtype, out)
 
     def observation(self, out: Array | None = None) -> Array:
-        """Observations of all environments, (num_envs, n), written to `out`, an array from `observation_array`; None is a new array."""
+        """Observations of all environments, (num_envs, n), in the array `out` (from `observation_array`) or, with None, in a new array."""
         out = self.observation_array() if out is None else out
         for row, columns in self._rows:
             value = row.read(self._now)

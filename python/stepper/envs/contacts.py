@@ -17,7 +17,7 @@ def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | N
     Args:
         now: View of the batch after a step, the argument of `Task.reward`.
         geoms: Names of the n geoms.
-        against: Names of the geoms on the other side of the contacts that count; None is any geom.
+        against: Names of the geoms on the other side of the contacts that count; None counts contacts with any geom.
 
     Raises:
         KeyError: An unknown geom.

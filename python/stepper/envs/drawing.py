@@ -63,8 +63,8 @@ def camera_settings(
     Args:
         width: Width of a picture in pixels.
         height: Height of a picture in pixels.
-        camera_id: Index of a camera; None for `camera_name` or the default.
-        camera_name: Name of a camera; None for `camera_id` or the default.
+        camera_id: Index of a camera; None selects `camera_name` or the default.
+        camera_name: Name of a camera; None selects `camera_id` or the default.
         camera_config: Settings of a free camera.
 
     Returns:

@@ -49,10 +49,10 @@ def _register(name: str, steps: int | None, arguments: dict[str, Any], threshold
     """Registers an environment with Gymnasium, unless the name is registered already.
 
     Args:
-        name: Id of the environment, as "stepper/Hopper-v5".
-        steps: Number of actions per episode; None is no limit.
+        name: Id of the environment, such as "stepper/Hopper-v5".
+        steps: Number of actions per episode; None means no limit.
         arguments: Arguments of `StepperEnv` and `StepperVectorEnv`.
-        threshold: Return at which the task counts as solved; None is undefined.
+        threshold: Return at which the task counts as solved; None means undefined.
     """
     if name not in registry:
         register(

@@ -28,11 +28,11 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
     Args:
         task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For a class or a name, `arguments` go to its constructor.
-        contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None is `task.contact`.
+        contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None selects `task.contact`.
         options: Options of the step, which replace `contact`.
         precision: "f64" or "f32".
-        dtype: Scalar type of observations, float64 or float32; None is that of `precision`.
-        max_episode_steps: Number of actions after which an episode is truncated; None is no limit. With `gymnasium.make`, the wrapper
+        dtype: Scalar type of observations, float64 or float32; None selects the type that `precision` names.
+        max_episode_steps: Number of actions after which an episode is truncated; None means no limit. With `gymnasium.make`, the wrapper
             `TimeLimit` truncates instead.
         render_mode: "rgb_array" for pictures by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists the requirements.
         width: Width of a picture in pixels.

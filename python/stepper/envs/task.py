@@ -24,7 +24,7 @@ from stepper.shared.streams import Rng, Streams
 
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]
-"""Arrays (num_envs, ...) by name, as terms of a reward or entries of an info dict."""
+"""Arrays (num_envs, ...) by name, such as terms of a reward or entries of an info dict."""
 Contact: TypeAlias = Literal["mujoco", "hard"]
 """Contact law: MuJoCo's soft contact, or hard contact."""
 Camera: TypeAlias = Mapping[str, Any]
@@ -108,7 +108,7 @@ class Moment:
         """Fixes the value of a quantity in this view of the batch, for example a value from the middle of the step.
 
         Args:
-            name: Name of the quantity, as "xpos". Reading `now.xpos` then gives this value instead of the one at the end of the step.
+            name: Name of the quantity, such as "xpos". Reading `now.xpos` then gives this value instead of the one at the end of the step.
             value: Value, (num_envs, ...), in the unit of the quantity.
         """
         self.__dict__[name] = self._kept[name] = value
@@ -123,7 +123,7 @@ class Moment:
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
-        """New view of the batch after the same step, which reads all quantities again.
+        """New view of all environments after the same step. It takes no values from this view, but reads them from the stepper.
 
         `action` are the actions of the step, (num_envs, n).
         """
@@ -131,7 +131,9 @@ class Moment:
         return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
 
     def reread(self, changed: Array) -> Moment:
-        """New view of the batch after a change of the stepper, which reads all quantities again. This view expires.
+        """New view of all environments after a reset or change of the stepper. It reads all quantities from the stepper again.
+
+        This view expires: quantities that it has not read yet raise RuntimeError.
 
         Args:
             changed: Environments that were reset or set, (num_envs,) bool. Their action and velocity become zero. In the others, values of
@@ -201,8 +203,8 @@ class Observation:
     Attributes:
         name: Name of the row. Without `func` it is a quantity of `Stepper`: "qpos", "qvel", "xpos".
         func: Function of a `Moment` that computes the row, (num_envs, ...), in place of a quantity of `Stepper`.
-        columns: Columns of the flattened quantity (num_envs, n) that are observed; None is all.
-        clip: Lower and upper bound of the observed values; None is no bound.
+        columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
+        clip: Lower and upper bound of the observed values; None means no bound.
         noise: Half width of uniform noise, which is added before `clip`. Its random numbers are those of `Moment.rng`.
         unit: Unit of a row with `func`, for tables of observations; empty for numbers without a unit.
     """
@@ -266,7 +268,7 @@ class Task(ABC):
     lamp: ClassVar[bool] = True
     """Whether pictures of a scene without a light get an added light. It is False in Gymnasium's tasks, to reproduce its pictures."""
     carried: ClassVar[tuple[str, ...]] = ()
-    """Names in `episode_state` whose values persist into the next episode, as the level of a curriculum, until a reset with a seed."""
+    """Names in `episode_state` whose values persist into the next episode, such as the level of a curriculum, until a reset with a seed."""
     frame_skip: int
     """Number of time steps per action."""
 
@@ -281,14 +283,14 @@ class Task(ABC):
         """Model of the scene."""
 
     def sensors(self) -> SensorModel | None:
-        """Sensor model (noise, delay, bias), for tasks that observe `now.sensordata`; None is ideal sensors.
+        """Sensor model (noise, delay, bias), for tasks that observe `now.sensordata`; None means ideal sensors.
 
         Its random numbers depend on the seed of an environment and on its index in the batch.
         """
         return None
 
     def actuators(self) -> ActuatorModel | None:
-        """Actuator model between controls and forces: motors with curves, lags, delays; None is ideal actuators."""
+        """Actuator model between controls and forces: motors with curves, lags, delays; None means ideal actuators."""
         return None
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:

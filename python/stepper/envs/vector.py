@@ -37,12 +37,12 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             * "NEXT_STEP": at the next call of `step`, which ignores the action.
             * "SAME_STEP": within the step that ends the episode; "final_obs" and "final_info" of the infos have its last observation.
             * "DISABLED": only at `reset(options={"reset_mask": mask})`.
-        contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None is `task.contact`.
+        contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None selects `task.contact`.
         options: Options of the step, which replace `contact`.
         precision: "f64" or "f32".
-        threads: Number of threads; 0 is all cores that this process may use. The bits are the same for any number.
-        dtype: Scalar type of observations, float64 or float32; None is that of `precision`.
-        max_episode_steps: Number of actions after which an episode is truncated; None is no limit. `gymnasium.make_vec` passes the
+        threads: Number of threads; 0 uses all cores that this process may use. The bits are the same for any number.
+        dtype: Scalar type of observations, float64 or float32; None selects the type that `precision` names.
+        max_episode_steps: Number of actions after which an episode is truncated; None means no limit. `gymnasium.make_vec` passes the
             registered limit.
         episode_statistics: Whether infos of ended episodes have "episode": return "r", length "l" and duration "t" in s, in the format of
             Gymnasium's `RecordEpisodeStatistics`.
@@ -152,8 +152,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
                 numbers of an environment. All random numbers of an environment follow from its seed. None continues the present ones.
             options: May contain Gymnasium's "reset_mask", (num_envs,) bool with at least one True: the environments to start.
             envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
-                None is all; an empty selection does nothing. With indices, a sequence of seeds has k entries in their order.
-            out: Array for the observations, (num_envs, n) of their type; None is a new one.
+                None selects all environments; an empty selection does nothing. With indices, a sequence of seeds has k entries in the
+                order of the indices.
+            out: Array for the observations, (num_envs, n) of their type; None allocates a new one.
 
         Returns:
             Observations of all environments (num_envs, n), and infos of the started ones.
@@ -188,7 +189,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task.
-            out: Array for the observations, (num_envs, n) of their type; None is a new one.
+            out: Array for the observations, (num_envs, n) of their type; None allocates a new one.
 
         Returns:
             Observations (num_envs, n), rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
@@ -255,8 +256,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         Args:
             qpos: Positions, (num_envs, nq) or (nq,), m and rad; None keeps them. Or an `EnvState`, whose row i belongs to environment i.
             qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None keeps them. Leave it out with a state.
-            envs: Environments to change, a boolean mask (num_envs,) or integer indices (k,), each once; None is all. With indices,
-                positions and velocities have a row for each index, in their order.
+            envs: Environments to change, a boolean mask (num_envs,) or integer indices (k,), each once; None selects all environments.
+                With indices, positions and velocities have one row per index, in the order of the indices.
 
         Returns:
             Observations, (num_envs, n).

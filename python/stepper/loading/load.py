@@ -99,7 +99,7 @@ def _read(
         strict: Whether elements that stepper does not support are errors.
         package_dirs: Folders to search for meshes of a URDF.
         urdf: The parsed source, if it is a URDF.
-        actuators: Kind of actuator that the joints of a URDF get; None is no actuators.
+        actuators: Kind of actuator that the joints of a URDF get; None means no actuators.
     """
     _mujoco()
     compiled = compile_source(source, package_dirs)

@@ -1,4 +1,4 @@
-"""Evaluation of a policy: its returns in episodes of an environment, and a test whether those in two environments are equivalent."""
+"""Evaluation of a policy: returns in episodes of an environment, and a test whether its mean returns in two environments are equivalent."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def evaluate(
 
 
 def is_native(env: str) -> bool:
-    """Whether an id belongs to an environment on stepper: a task of `stepper.envs`, or one that the user registered."""
+    """Whether the environment with the id `env` is simulated by stepper: a task of `stepper.envs`, or a task that the user registered."""
     gymnasium = require("gymnasium", "to evaluate policies")
     importlib.import_module("stepper.envs")  # The import registers the environments.
     spec = gymnasium.registry.get(import_env(env))
@@ -209,7 +209,7 @@ def is_native(env: str) -> bool:
 
 
 def _has_only_vector_environment(env: str) -> bool:
-    """Whether an id in Gymnasium's registry has a vector environment and no single one."""
+    """Whether Gymnasium's registry has only a vector environment, and no single environment, for the id `env`."""
     spec = require("gymnasium", "to evaluate policies").registry.get(import_env(env))
     return spec is not None and spec.entry_point is None and spec.vector_entry_point is not None
 

@@ -350,8 +350,8 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
     """Trains a policy, evaluates it, and films it if `--film` is given.
 
     Args:
-        words: Arguments of the command line; None is those of the process.
-        prog: Name of the command in the help text; None is the name of the file.
+        words: Arguments of the command line; None uses the arguments of the process.
+        prog: Name of the command in the help text; None uses the name of the file.
     """
     given = vars(arguments(prog).parse_args(words))
     env, out, episodes, video, copy = (given.pop(name) for name in ("env", "out", "evaluate", "film", "copy"))

@@ -187,7 +187,7 @@ def settings_of(env: str, given: Mapping[str, Any]) -> Settings:
     """Settings for an environment from options of the command line by name; options that are None have their defaults.
 
     Raises:
-        ValueError: A value of the option --values is not NAME=VALUE, or NAME is the name of another option, as "num_envs".
+        ValueError: A value of the option --values is not NAME=VALUE, or NAME is the name of another option, such as "num_envs".
     """
     options = {name: value for name, value in given.items() if value is not None}
     if "values" in options:

@@ -57,13 +57,13 @@ class Failures:
     def count(
         self, row: int, fields: dict[str, np.ndarray[Any, Any]], faults: np.ndarray[Any, Any], saturation: np.ndarray[Any, Any]
     ) -> None:
-        """Counts the failures in one row of a recording.
+        """Counts the failures in one recorded call of `step`.
 
         Args:
-            row: Number of the row.
-            fields: Arrays of the row, as in `stepper.recording.format.FIELDS`.
-            faults: Numbers of clipped and lost samples, (num_envs, nsensor, 2) counts, from `Stepper.sensor_faults`.
-            saturation: Counts or flags of saturated actuators, (num_envs, nu), from `Stepper.actuator_saturation`.
+            row: Index of the recorded call.
+            fields: Recorded arrays of the call, by the names in `stepper.recording.format.FIELDS`.
+            faults: Number of clipped and number of lost samples of each sensor, (num_envs, nsensor, 2), from `Stepper.sensor_faults`.
+            saturation: Number of saturated steps, or a flag, for each actuator, (num_envs, nu), from `Stepper.actuator_saturation`.
         """
         ctrl = fields["ctrl"]
         faults, saturation = faults.reshape(len(ctrl), -1, 2), saturation.reshape(len(ctrl), -1)
@@ -104,8 +104,9 @@ class Failures:
     def summary(self) -> list[dict[str, Any]]:
         """All failures that occurred, one dictionary per kind.
 
-        Entries are "cause", "what" (the kind), "meaning", "count" (over all calls of `step` and environments) and "first" (pairs of row and
-        environment). Failures of sensing also have "readings", the number per sensor; saturation has "steps", the number per actuator.
+        Keys are "cause", "what" (the kind), "meaning", "count" (over all calls of `step` and all environments) and "first". The latter is
+        a list of pairs: index of the recorded call, index of the environment. Failures of sensing also have "readings", the number of
+        failed readings of each sensor. Saturation has "steps", the number of saturated steps of each actuator.
         """
         found = [
             {"cause": cause, "what": what, "meaning": CAUSES[cause, what], "count": count, "first": self._first[cause, what]}

@@ -93,7 +93,7 @@ class Recorder:
 
         Args:
             sim: The stepper.
-            envs: Argument of `randomize`: mask or indices of the environments; None is all.
+            envs: Argument of `randomize`: mask or indices of the environments; None selects all environments.
             fields: Arguments of `randomize` with parameters by name; None as a value stands for the model's value.
         """
         chosen, order = np.zeros(sim.num_envs or 1, dtype=bool), selected(envs, sim.num_envs or 1)

@@ -83,7 +83,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
     Args:
         path: Folder that `Stepper.record` wrote.
         model: Model that the recorded one must equal; None skips this check.
-        threads: Number of threads; None is as recorded. Results do not depend on it.
+        threads: Number of threads; None uses the recorded number. Results do not depend on it.
         tick: Function that is called with "replay" and the fraction of the rows that are done.
 
     Raises:
@@ -119,7 +119,7 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
         folder: Folder of the recording.
         head: Contents of its run.json.
         model: Model that must equal the recorded one; None skips this check.
-        threads: Number of threads; None is as recorded.
+        threads: Number of threads; None uses the recorded number.
     """
     with reading(folder / MODEL):
         own = Model.from_file(folder / MODEL)
@@ -148,7 +148,7 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
 
     Args:
         sim: Stepper in the state before the row.
-        kind: Kind of the row, as "step".
+        kind: Kind of the row, such as "step".
         arrays: Arguments and recorded results of the row.
         row: Index of the row.
         step: Index of the call of `step`.

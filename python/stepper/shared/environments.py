@@ -50,7 +50,7 @@ def unknown_id(error: Exception, env: str, known: Iterable[str]) -> str:
 
     Args:
         error: Gymnasium's error.
-        env: The unknown id, possibly without namespace or version, as "HalfCheetah".
+        env: The unknown id, possibly without namespace or version, such as "HalfCheetah".
         known: Ids in Gymnasium's registry.
     """
     ours = {name.rpartition("/")[2].rpartition("-v")[0].lower(): name for name in known if name.startswith("stepper/")}

@@ -41,7 +41,7 @@ class Field:
     """Field of a model: an array that `Model.replace` can change.
 
     Attributes:
-        name: Name in MuJoCo's vocabulary, as "geom_friction".
+        name: Name in MuJoCo's vocabulary, such as "geom_friction".
         element: Kind of element that has one row of the array: "body", "geom", "pair", "joint", "tendon", "equality", "actuator", "dof" or
             "coordinate". Rows of the last two are selected by joint. It is "" for fields of the whole model.
         shape: Shape as text: "(ngeom, 3)"; "" for a single number.
@@ -64,7 +64,7 @@ def _field(name: str, shape: str, quantity: str, unit: str, per_environment: boo
     """Entry of the table of fields.
 
     Args:
-        name: Name in MuJoCo's vocabulary, as "geom_friction".
+        name: Name in MuJoCo's vocabulary, such as "geom_friction".
         shape: Shape as text: "(ngeom, 3)".
         quantity: Description of the quantity.
         unit: Unit.
@@ -77,15 +77,15 @@ def _field(name: str, shape: str, quantity: str, unit: str, per_environment: boo
 FIELDS: dict[str, Field] = {row[0]: _field(*row) for row in _stepper.fields()}
 """Fields of a model (arrays that `Model.replace` can change) by name."""
 RANDOMIZED: dict[str, str] = {name: field.element for name, field in FIELDS.items() if field.per_environment}
-"""Kind of element of each field that `Stepper.randomize` takes, by name of the field, as "geom" for "geom_friction"."""
+"""Kind of element of each field that `Stepper.randomize` takes, by name of the field, for example "geom" for "geom_friction"."""
 
 
 @dataclass(frozen=True)
 class Compound:
-    """Parameter of an element that is stored as a number in one or more fields of the model, as the stiffness of a servo.
+    """Parameter of an element that is stored as a number in one or more fields of the model, such as the stiffness of a servo.
 
     Attributes:
-        element: Kind of the elements that have it, as "actuator".
+        element: Kind of the elements that have it, such as "actuator".
         parts: Field, column and sign of each number: a value v of the parameter sets field[element, column] = sign * v.
         quantity: Description of the quantity.
         unit: Unit.
@@ -116,9 +116,9 @@ def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collect
 
     Args:
         model: The scene.
-        field: A field of geoms, as "geom_friction".
+        field: A field of geoms, such as "geom_friction".
         geoms: Indices of the geoms whose values change.
-        pairs: Indices of the contact pairs whose field, as "pair_friction", changes too. These pass the check.
+        pairs: Indices of the contact pairs whose field, such as "pair_friction", changes too. These pass the check.
         remedy: Remedy for the error message, with {pair} where the label of the pair belongs.
 
     Raises:

@@ -68,7 +68,7 @@ def os_error_message(error: OSError) -> str:
 
 
 def _absent(file: Path, what: str) -> str:
-    """Text of the error for a missing file; `what` is the kind of file, as "model"."""
+    """Text of the error for a missing file; `what` is the kind of file, such as "model"."""
     kind = what if what == "file" else f"{what} file"
     place = "" if file.is_absolute() else f" in {Path.cwd()}"
     return f"there is no {kind} {str(file)!r}{place}; check the name, or give its full path"

@@ -56,7 +56,7 @@ def require(module: str, purpose: str, extra: str = "") -> ModuleType:
     Args:
         module: Dotted name of the module.
         purpose: Purpose, which ends the sentence "<module> is needed ..." of the error message: "to draw charts".
-        extra: Extra of the package stepper-sim that contains the module, as "cli". With "" the remedy is the command in `INSTALL`.
+        extra: Extra of the package stepper-sim that contains the module, such as "cli". With "" the remedy is the command in `INSTALL`.
 
     Returns:
         The module.

@@ -35,7 +35,7 @@ def each_task(
         run: The function.
         shared: Arguments of all calls, which Ray stores once.
         cases: Last argument of each call.
-        **options: Options of Ray for a task, as num_cpus=2.
+        **options: Options of Ray for a task, such as num_cpus=2.
 
     Yields:
         Index of a case and the return value of its call, in the order in which the calls end.

@@ -48,8 +48,8 @@ class Selector:
 
     Attributes:
         field: Name of the field.
-        elements: Names, patterns and indices of elements; None is all.
-        columns: Column indices of each element's row; for a field of the whole model, indices of its numbers. None is all.
+        elements: Names, patterns and indices of elements; None selects all elements.
+        columns: Column indices of each element's row; for a field of the whole model, indices of its numbers. None selects all columns.
     """
 
     field: str
@@ -69,7 +69,7 @@ class Selector:
 
 
 def _global(field: str) -> bool:
-    """Whether a field belongs to the whole model, as "gravity", and not to its elements."""
+    """Whether a field belongs to the whole model, such as "gravity", and not to its elements."""
     return field in FIELDS and not FIELDS[field].element
 
 
@@ -285,7 +285,7 @@ def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, o
 
 
 def rows_of(model: Model, kind: str, items: Sequence[Item] | None, where: str = "selector") -> list[int]:
-    """Indices of elements of a kind ("geom", "joint", "dof") by names, patterns and indices; None is all.
+    """Indices of elements of a kind ("geom", "joint", "dof") by names, patterns and indices; None selects all elements.
 
     Raises:
         ValueError: An item matches no element.
@@ -355,7 +355,7 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
     Args:
         sim: The stepper.
         values: Values by selector; None restores the model's value.
-        envs: Boolean mask (num_envs,) or indices (n,); None is all.
+        envs: Boolean mask (num_envs,) or indices (n,); None selects all environments.
         fields: Complete arrays by name of the field.
 
     Returns:
@@ -456,7 +456,7 @@ def conflict(where: str, one: object, other: object, field: str, differ: str = "
         one: First selector or name.
         other: Second selector or name.
         field: Name of the field.
-        differ: Values that the two set, as "to 1 and to 2", for the message; "" leaves them out.
+        differ: Values that the two set, such as "to 1 and to 2", for the message; "" leaves them out.
     """
     numbers = f"number of {field} {differ}" if differ else f"number of {field}"
     return ValueError(

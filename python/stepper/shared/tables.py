@@ -57,7 +57,7 @@ def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
     """Copy of a mapping of names to objects of the class `kind`, after a check of all values.
 
     Args:
-        given: The mapping; None is an empty one.
+        given: The mapping; None means an empty one.
         default: Default object, which is checked but not returned; None if there is none.
         kind: Class of the objects.
         what: Kind of object, for the message.
@@ -124,7 +124,7 @@ def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, An
         name: Name of the parameter, for the error message.
         value: A number, or an array (num_envs,).
         num_envs: Number of environments.
-        envs: Mask (num_envs,) or indices of the environments whose values are returned; None is all.
+        envs: Mask (num_envs,) or indices of the environments whose values are returned; None selects all environments.
 
     Raises:
         ValueError: The shape is not (), (1,) or (num_envs,).

@@ -40,10 +40,10 @@ class Episode:
         readings: Readings at the end of each period, by channel: (T, dim) or (T,), in the channel's unit; NaN means not measured. A channel
             is the name of a sensor, or "qpos", "qvel", "act", "qpos:JOINT" or "qvel:JOINT".
         period: Control period, s; a whole multiple of the time step.
-        qpos, qvel, act: Initial state: (nq,) m and rad, (nv,) m/s and rad/s, (na,). None is the model's reference pose, zero velocity
+        qpos, qvel, act: Initial state: (nq,) m and rad, (nv,) m/s and rad/s, (na,). None uses the model's reference pose, zero velocity
             and zero activation.
         start_std: Standard deviations of the initial position (as a displacement in the degrees of freedom, m and rad) and velocity (m/s
-            and rad/s), each a number or (nv,). `identify` then estimates the initial state too. None is an exact initial state.
+            and rad/s), each a number or (nv,). `identify` then estimates the initial state too. None means an exact initial state.
         applied: Applied forces and mocap poses in each period by name, (T, ...), with the shapes of `Stepper.xfrc_applied` and others.
         name: Name of the episode in error messages.
         notes: Assumptions that were made when a file was read; `identify` adds them to its warnings.
@@ -147,7 +147,7 @@ def episodes_of(
     Args:
         data: An episode, a path of a recording, CSV or npz file, or a list of these.
         model: Model with the sensors, joints and actuators of the measurements.
-        channels: Names of the channels to use from files. None is all sensors of a recording, and all channels of a log.
+        channels: Names of the channels to use from files. None selects all sensors of a recording, and all channels of a log.
         columns: New names of columns of a CSV file, or of arrays of an npz file: {"Fx [N]": "wrist_force[0]"}.
         start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel).
 
@@ -179,7 +179,7 @@ def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dic
     Args:
         path: Path of the file or recording.
         model: Model with the sensors, joints and actuators of the measurements.
-        channels: Names of the channels to use; None is all.
+        channels: Names of the channels to use; None selects all channels.
         columns: New names of columns of a CSV file, or of arrays of an npz file.
         start: Initial state of logs whose first row does not have it; None if no log needs one.
     """
@@ -247,7 +247,7 @@ def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequenc
         path: Path of the log, for messages.
         table: Columns by name, (rows,) or (rows, dim) each. "time", "ctrl" and applied forces are removed from it.
         model: Model of the measurements.
-        channels: Names of the channels to use; None is all.
+        channels: Names of the channels to use; None selects all channels.
         start: Initial state, if the first row does not have it: name of a keyframe, or (qpos, qvel); None uses the first row.
 
     Returns:
@@ -299,7 +299,7 @@ def _of_recording(path: Path, model: Model, channels: Sequence[str] | None) -> l
     Args:
         path: Folder of the recording.
         model: Model with the sensors of the recording.
-        channels: Names of the sensors whose readings are used; None is all named sensors.
+        channels: Names of the sensors whose readings are used; None selects all named sensors.
     """
     episodes = []
     for segment in segments(path):

@@ -70,7 +70,7 @@ def design(
         actuators: Known attributes of the drives, as in `identify`.
         draws: Number of samples from the distribution of `found`, in addition to the estimate.
         step: Half width of the finite differences, as in `identify`.
-        threads: Number of threads; 0 is all cores.
+        threads: Number of threads; 0 uses all cores.
         seed: Seed of the samples.
 
     Returns:

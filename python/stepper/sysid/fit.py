@@ -77,7 +77,7 @@ def identify(
         model: Model with the known parameters.
         data: Measurements: `Episode`s, paths of recordings, CSV or npz files, or several of these.
         parameters: Unknown parameters: `FitParameter`s, or texts like "body_mass[box]" and "geom_friction[floor,box][0]=0.1..2".
-        options: Options of the step; None is hard contact. The default tolerance is 1e-9 m/s.
+        options: Options of the step; None selects hard contact. The default tolerance is 1e-9 m/s.
         actuators: Actuator model of the robot, with the known attributes of its drives.
         noise: Standard deviations of channels by name, each a number or (dim,), in the channel's unit. The noise of other channels is
             estimated from the residuals.
@@ -88,9 +88,9 @@ def identify(
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
-        threads: Number of threads; 0 is all cores.
+        threads: Number of threads; 0 uses all cores.
         seed: Seed of the Sobol sequence of starts.
-        channels: Names of the channels to use from files. None is all sensors of a recording, and all channels of a log.
+        channels: Names of the channels to use from files. None selects all sensors of a recording, and all channels of a log.
         columns: New names of columns of files, by heading: {"Fx [N]": "wrist_force[0]"}.
         start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel), m, rad, m/s and rad/s.
         tick: Progress callback, called with the name of a search and the used fraction of its evaluations. Most searches end early.

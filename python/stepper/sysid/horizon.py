@@ -49,15 +49,15 @@ COST_TOLERANCE = 0.01
 SETTLED_CHANGE = 0.1
 """Largest change of a parameter, in standard deviations, at which the Gauss-Newton steps end."""
 SETTLED_STEP = 0.5
-"""Length of a Gauss-Newton step, in standard deviations, up to which an estimate is settled although shortened steps raise the cost."""
+"""Length of a Gauss-Newton step up to which the iteration counts as converged even if no step lowers the cost, in standard deviations."""
 MAX_CHANGE = 0.5
 """Largest change of a parameter by one Gauss-Newton step, in units of the parameter's scale."""
 UNCERTAIN_FRICTION = 0.1
 """Standard deviation of log(friction) above which a new hypothesis is tried, in which an object that slips at the estimate sticks."""
 HELD_START = 2.0
-"""Difference between the first log(friction) in the search for a hypothesis with a sticking object and the present estimate.
+"""Difference between the current estimate of log(friction) and the larger value at which the search for a sticking object starts.
 
-It is large enough that the first friction holds the object.
+It is large enough that the object sticks at the first value.
 """
 HELD_RANGE = 0.5
 """Half width of the range of log(friction), around the estimate, in which the smallest friction that holds an object is searched.
@@ -190,10 +190,11 @@ class Horizon:
         return other
 
     def _best_start(self, j: int, friction: float) -> Array:
-        """Start point of a search with another friction. One other parameter has the value that explains the window best.
+        """Start point of a search in which one friction has another value. One further parameter has the value that fits the window best.
 
-        An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. So the function simulates
-        several values of each parameter other than frictions, within `SPREAD` standard deviations of its mean before the window.
+        An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. So the method simulates
+        several values of each parameter that is no friction. They lie within `SPREAD` standard deviations of the parameter's mean before
+        the window of recent samples.
 
         Args:
             j: Index of the friction in the parameter vector theta.
@@ -268,11 +269,12 @@ class Horizon:
         return np.maximum(self._problem.low, [self._bound(j) for j in range(self._problem.n)])
 
     def _points(self) -> tuple[Array, Directions, Array]:
-        """Points x to simulate for derivatives and for comparisons of frictions.
+        """Vectors of unknowns to simulate, for derivatives at the estimate and for comparisons of the estimated frictions with others.
 
         Returns:
-            Points (count, n + states): the estimate, points above and below it, and points with other values of friction. Then the
-            directions of the finite differences, and the widths of differences above and below along single coordinates, (n + states, 2).
+            points: Vectors, (count, n + states): the estimate, vectors above and below it, and vectors with other values of friction.
+            directions: Directions of the finite differences.
+            spans: Distances from the estimate to the vectors above and below it along each coordinate, (n + states, 2).
         """
         problem, m, n = self._problem, len(self._problem.dofs), self._problem.n
         h = np.concatenate([STEP * problem.scale, np.full(m, POSITION_STEP), np.full(m, STEP)])

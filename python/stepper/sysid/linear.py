@@ -29,11 +29,11 @@ class Directions:
         covariance: Covariance of x, (n, n).
         local: Smallest half widths of finite differences, (n,), in the unit of x.
         clearance: Distance from x to its nearest bound, (n,), in the unit of x; infinite without bounds.
-        apart: Indices of the numbers in x that are varied one at a time, by their half width in `local`. The directions of the other
-            numbers are columns of a root of their conditional covariance.
-        leading: Indices of numbers in x, such as frictions, that do not change along the directions of the other numbers. Otherwise a
-            step of a mass would also change a correlated friction, and could make a held object slip. The derivative with respect to
-            the mass would then include the effect of the slip.
+        apart: Indices of the components of x that are varied one at a time, each by its half width in `local`. The directions of the
+            other components are the columns of a square root of their conditional covariance.
+        leading: Indices of components of x, such as frictions, that do not change along the directions of the other components.
+            Otherwise a change of a mass would also change a correlated friction, and an object that sticks could slip. The derivative
+            with respect to the mass would then include the effect of the slip.
 
     Attributes:
         columns: Directions, (n, n), one per column.

@@ -83,14 +83,15 @@ class Tracker:
         period: Time between samples, s: a whole number of time steps.
         window: Length of the window of recent samples that are simulated again at each update, s.
         drift: Standard deviation of the random change of each parameter in one second: a number, or (n,). For a positive quantity it is
-            the change of the logarithm; for others it is in units of the parameter's scale. 0 is a constant parameter. None is 0.02
+            the change of the logarithm; for others it is in units of the parameter's scale. 0 is a constant parameter. None uses 0.02
             for friction and 0 for other parameters. (A window overestimates the information about friction when sliding begins.)
-        moving: Names of the joints whose state is uncertain; None is all. Each of their degrees of freedom needs four environments.
+        moving: Names of the joints whose state is uncertain; None selects all joints. Each degree of freedom of these joints needs four
+            environments.
         state_noise: Standard deviations of the random change of positions (m or rad) and velocities (m/s or rad/s) in one second. It
             accounts for errors of the model.
         options: Options of the step; the default tolerance is 1e-9 m/s.
-        threads: Number of threads; 0 is all cores.
-        qpos, qvel: Initial state, (nq,) m and rad, (nv,) m/s and rad/s; None is the model's reference pose, and zero velocity.
+        threads: Number of threads; 0 uses all cores.
+        qpos, qvel: Initial state, (nq,) m and rad, (nv,) m/s and rad/s; None uses the model's reference pose, and zero velocity.
         start_std: Standard deviations of the initial positions (m or rad) and velocities (m/s or rad/s).
 
     Raises:

@@ -36,8 +36,8 @@ class Kind:
         quantity: Name of the quantity.
         excite: Advice for a motion that determines the quantity, with {0} for the names of the elements.
         log: Whether theta is the logarithm of the value, so that the value stays positive.
-        bounds: Default bounds of the value. None is `REACH` for logarithms, and no bounds for others.
-        columns: Columns of the field that contain the value; None is those of the selector.
+        bounds: Default bounds of the value. None selects `REACH` for logarithms, and no bounds for others.
+        columns: Columns of the field that contain the value; None uses the columns of the selector.
         scaled: Field and columns that are multiplied by the same factor as the value.
     """
 
@@ -97,9 +97,9 @@ class FitParameter:
         selector: Selector of the numbers, of one of the kinds in `stepper.sysid.KINDS`: "body_mass[box]", "geom_friction[floor,box][0]",
             "actuator_kp[hip]", "dof_damping[left_*]". Several elements share one parameter, and keep the ratios that they have in the
             model.
-        start: Value at which the search starts, in the unit of the kind; None is the model's value.
-        bounds: Lowest and highest value. None is a thousandth to a thousand times the start for positive quantities, and the bounds of the
-            kind for others.
+        start: Value at which the search starts, in the unit of the kind; None uses the model's value.
+        bounds: Lowest and highest value. None allows a thousandth to a thousand times the start for positive quantities. For others,
+            None uses the bounds of the kind.
         prior: Mean and standard deviation of prior knowledge, for example from a data sheet or scales. For positive quantities the
             standard deviation is relative.
 

@@ -31,9 +31,9 @@ class Problem:
         sigma: Standard deviations of the noise of the columns of all channels, (width,).
         dofs: Degrees of freedom whose state is uncertain.
         low, high, scale: Bounds and scales of the parameters, (n,).
-        kinked: Indices of the frictions in theta. While nothing slides, the readings do not depend on a friction.
-        drift: Standard deviations of the random change of parameters in a second, (n,).
-        gained: Standard deviations of the random change of parameters and states in a period, (n + states,).
+        kinked: Indices of the friction parameters in the parameter vector. While nothing slides, the readings do not depend on friction.
+        drift: Standard deviation of the random change of each parameter in one second, (n,).
+        gained: Standard deviation of the random change of each parameter and state coordinate in one period, (n + states,).
         period: Time between samples, s.
         length: Number of samples in a window.
     """

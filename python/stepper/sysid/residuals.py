@@ -69,10 +69,11 @@ class Residuals:
         self.count = sum(int(mask.sum()) for mask in self.masks)
 
     def shifted(self, shift: int) -> Residuals:
-        """Residuals of the same episodes and noise, with the readings shifted in time by one row relative to the controls.
+        """Residuals of the same episodes and noise, with the readings shifted in time by one control period relative to the controls.
 
         Args:
-            shift: `LATE` (1) compares the reading of row k + 1 with the prediction of row k; `EARLY` (-1) compares that of row k - 1.
+            shift: `LATE` (1) compares the prediction for control period k with the reading of period k + 1, `EARLY` (-1) with the
+                reading of period k - 1.
         """
         out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
         out.sigma = self.sigma
@@ -101,7 +102,7 @@ class Residuals:
 
         Args:
             points: Vectors x, (n + starts,) each: n parameters, then the uncertain coordinates of the initial states.
-            step: Half width of the central differences; None is that of the constructor.
+            step: Half width of the central differences; None uses the constructor's half width.
         """
         width = max((len(s) for s in self._starts if s is not None), default=0)
         asked = [self._around(x, self.step if step is None else step, width) for x in points]
@@ -139,9 +140,10 @@ class Residuals:
         return max((len(s) for s in self._starts if s is not None), default=0)
 
     def _around(self, x: Array, step: float, width: int) -> tuple[Array, Array]:
-        """Points to simulate for central differences of the predicted readings around a vector x of unknowns.
+        """Vectors to simulate for central differences of the predicted readings around a vector x of unknowns.
 
-        Coordinate k of the initial state is displaced in all episodes at once, because the episodes are independent.
+        The unknowns are n parameters and the uncertain coordinates of the initial states. A simulation displaces the k-th uncertain
+        coordinate of all episodes at once, because the episodes are independent.
 
         Args:
             x: The vector, (n + starts,): n parameters, then the uncertain coordinates of the initial states.
@@ -149,8 +151,9 @@ class Residuals:
             width: Largest number of uncertain coordinates of the initial state in any episode.
 
         Returns:
-            Array with one row per simulated point: n parameters, `width` displacements that the initial states of all episodes share,
-            and the initial states of x. Then the distances from x to the points above and below it, (n + width, 2).
+            rows: Array with one row per simulation: n parameters, `width` displacements of the initial states of all episodes, and the
+                coordinates of the initial states in x.
+            spans: Distances from x to the displaced values above and below, (n + width, 2).
         """
         rows = np.zeros((1 + 2 * (self.n + width), self.n + width))
         rows[:, : self.n] = x[: self.n]

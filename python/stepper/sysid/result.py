@@ -89,7 +89,7 @@ class Identification:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Labels of the values, (n,), as "body_mass[box]"."""
+        """Labels of the values, (n,), such as "body_mass[box]"."""
         return tuple(label for block in self.blocks for label in block.labels)
 
     @property

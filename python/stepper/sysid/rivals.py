@@ -26,38 +26,39 @@ FLAT = 0.01
 KINKED = (*(f"{field}_friction[{column}]" for field in ("geom", "pair") for column in range(3)), "dof_frictionloss")
 """Kinds of friction parameters. While nothing slides, the readings do not depend on them."""
 OTHERS = (-0.5, -0.15, 0.15, 0.5)
-"""Offsets of compared frictions from the estimate, as logarithms."""
+"""Differences of log(friction) between compared values and the estimate."""
 NEAR = 2.5
-"""Distance of the two nearest compared frictions from the estimate, in standard deviations."""
+"""Distance from the estimated log(friction) to the two nearest compared values, in standard deviations of the estimate."""
 NEAREST = 0.005
-"""Smallest distance of the two nearest compared frictions from the estimate, as a logarithm."""
+"""Lower bound of the distance from the estimated log(friction) to the two nearest compared values."""
 ABOVE_BOUND = 0.02
-"""Distance above a friction's lower bound at which one value is compared with the estimate, as a logarithm.
+"""Difference of log(friction) between the lower bound of a friction and a value that is compared with the estimate.
 
-If the readings exclude that value, it becomes the new lower bound.
+If the readings exclude this value, it becomes the new lower bound.
 """
 CLOSE = 0.025
-"""Largest gap between neighbouring compared frictions that an excluded range can contain, as a logarithm.
+"""Largest difference of log(friction) between two neighbouring compared values in a range that the readings exclude.
 
-At the onset of slip, minima of the cost are 0.05 wide, so that a wider gap could hide one.
+At the onset of slip, minima of the cost are 0.05 wide, so that two values farther apart could have a minimum between them.
 """
 OTHERS_PER_FRICTION = len(OTHERS) + 3
 """Number of values compared with the estimate of each friction: at fixed offsets, two near the estimate, one above the lower bound."""
 BETTER = 1.0
-"""Difference of costs above which one friction explains the readings better than another.
+"""Difference of two costs (sums of squares, see the module) above which the friction with the lower cost explains the readings better.
 
-A larger friction is a rival of the estimate if its cost is lower by more than this.
+A larger friction whose cost is lower than the estimate's cost by more than this is a rival (an alternative) of the estimate.
 """
 LOWER = 0.0
-"""Decrease of the cost above which a smaller friction is a rival of an undetermined estimate.
+"""Decrease of the cost (sum of squares, see the module) above which a smaller friction is a rival of an undetermined estimate.
 
+A rival is another friction that explains the readings equally well, so that it becomes a second hypothesis.
 At equal costs, the hypothesis with the smaller friction gets a weight of about 3 %. This is the fraction of the prior in which the object
 slips a little.
 """
 EXCLUDED = 12.0
-"""Excess over the lowest cost (3.5 standard deviations) above which the readings exclude a friction.
+"""Increase of the cost (sum of squares, see the module) over its minimum above which the readings exclude a friction: 3.5 std.
 
-A smaller friction is a rival of a determined estimate if its cost is lower by more than this.
+A smaller friction whose cost is lower than the estimate's cost by more than this is a rival (an alternative) of a determined estimate.
 """
 LEAST_GAIN = 0.01
 """Relative gain of information about a friction in a window below which `share_of` accepts the derivatives without a check."""
@@ -188,8 +189,9 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
 
 
 def truncated_normal(low: float) -> tuple[float, float, float]:
-    """Ends of the 95 % interval of a standard normal distribution truncated below `low`, and the probability of values above `low`.
+    """95 % interval (lower end, upper end) of a standard normal distribution that is cut off below `low`, and the probability above `low`.
 
+    `low` is in standard deviations from the mean. The probability is that of the distribution before it was cut off.
     The probability is at least 1e-9, where the quantiles are still accurate.
     """
     share = max(_NORMAL.cdf(-low), 1e-9)

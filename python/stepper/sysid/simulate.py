@@ -240,7 +240,7 @@ class Simulator:
         Args:
             theta: Parameter vectors, (count, n).
             starts: Displacements of the initial positions (count, nv), m and rad, and velocities (count, nv), m/s and rad/s, for each
-                episode; None is 0.
+                episode; None means 0.
         """
         # Variants that differ only in parameters of sensors share one simulation, because these do not change the motion.
         moving = np.array([block.parameter.kind not in READING for block in self.blocks for _ in range(block.size)])
@@ -273,7 +273,7 @@ class Simulator:
         Args:
             theta: Parameter vectors, (count, n).
             group: Indices of the episodes, with equal steps per period and equal kinds of applied forces.
-            starts: Displacements of the initial positions and velocities of each episode; None is 0.
+            starts: Displacements of the initial positions and velocities of each episode; None means 0.
 
         Returns:
             Predictions by episode, (count, T, width); number of time steps with flags of `UNTRUSTED`; number of all time steps.
@@ -314,7 +314,7 @@ class Simulator:
             variants: Parameter values of all variants.
             part: Indices of the variants to simulate.
             group: Indices of the episodes.
-            starts: Displacements of the initial positions and velocities of each episode; None is 0.
+            starts: Displacements of the initial positions and velocities of each episode; None means 0.
             out: Predictions by episode, (count, T, width), which are changed in place.
 
         Returns:
@@ -416,9 +416,9 @@ def _rollout(sim: Stepper, ctrl: Array, nstep: int, *, fields: list[str], applie
 
 
 def _delayed(y: Array, steps: Array) -> Array:
-    """Readings y, (count, T, dim), delayed by `steps` rows, (count,), with linear interpolation.
+    """Readings y, (count, T, dim), delayed by `steps` samples, (count,), with linear interpolation between samples.
 
-    Before the delay has passed, the value is that of the first row.
+    Until the delay has passed, the value is the first sample.
     """
     at = np.clip(np.arange(y.shape[1]) - steps[:, None], 0, None)
     low = np.minimum(at.astype(int), y.shape[1] - 1)

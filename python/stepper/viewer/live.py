@@ -44,7 +44,7 @@ def scene_for(model: Model, source: Any) -> Scene:
 
     Args:
         model: The model.
-        source: Source of the model, as for `stepper.load`; None is the source from which the model was loaded.
+        source: Source of the model, as for `stepper.load`; None uses the source from which the model was loaded.
     """
     scene = scene_of(model, looks_of(model, source))
     if scene.missing:
@@ -71,13 +71,13 @@ class View:
 
     Args:
         sim: The stepper.
-        envs: Number of environments to show, or a list of indices; None is all, up to 16.
-        source: Source of the model, as for `stepper.load`, with colours and meshes. None is the source from which this process loaded the
+        envs: Number of environments to show, or a list of indices; None selects all environments, but at most 16.
+        source: Source of the model, as for `stepper.load`, with colours and meshes. None uses the source from which this process loaded the
             model. If that is unknown, colours are plain, and meshes and height fields are not drawn.
         host: Address of the server; the default accepts connections from this machine only.
         port: Port of the server; if it is in use, the next free one.
-        spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
-        reset: Function that the button "reset" calls; None is `sim.reset()`.
+        spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
+        reset: Function that the button "reset" calls; None selects `sim.reset()`.
 
     Raises:
         LooksError: The source belongs to another model.
@@ -163,7 +163,7 @@ class View:
         """Steps and shows the simulation until the view is closed or Ctrl-C is pressed.
 
         Args:
-            advance: Function that makes one step. None is `sim.step` with controls from sliders, one slider per actuator for all
+            advance: Function that makes one step. None selects `sim.step` with controls from sliders, one slider per actuator for all
                 environments.
         """
         step = self._sliders() if advance is None else advance

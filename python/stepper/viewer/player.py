@@ -28,11 +28,11 @@ class Player:
 
     Args:
         path: Folder that `Stepper.record` wrote.
-        envs: Number of environments to show, or a list of indices; None is all, up to 16.
-        source: Source of the recorded model, with colours and meshes; None is the file that is named in the recording, if it still exists.
+        envs: Number of environments to show, or a list of indices; None selects all environments, but at most 16.
+        source: Source of the recorded model, with colours and meshes; None uses the file that the recording names, if it still exists.
         host: Address of the server; the default accepts connections from this machine only.
         port: Port of the server; if it is in use, the next free one.
-        spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
+        spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -145,7 +145,7 @@ def recorded_scene(run: RecordedRun, source: Any = None) -> Scene:
 
     Args:
         run: The recording.
-        source: Source of the model; None is the file that is named in the recording, or no source if that cannot be read.
+        source: Source of the model; None uses the file that is named in the recording, or no source if that cannot be read.
     """
     if source is None and run.source is not None:
         try:

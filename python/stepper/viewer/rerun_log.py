@@ -40,7 +40,7 @@ class RerunLog:
     Args:
         sim: The stepper.
         path: File to write; an existing one is replaced.
-        envs: Number of environments to log, or a list of indices; None is all, up to 4.
+        envs: Number of environments to log, or a list of indices; None selects all environments, but at most 4.
         source: Source of the model, as for `stepper.viewer.View`.
 
     Raises:
@@ -82,7 +82,7 @@ def log_rerun(
     Args:
         recording: Folder that `Stepper.record` wrote.
         path: File to write; an existing one is replaced.
-        envs: Number of environments to log, or a list of indices; None is all, up to 4.
+        envs: Number of environments to log, or a list of indices; None selects all environments, but at most 4.
         source: Source of the recorded model, as for `stepper.viewer.Player`.
         tick: Function that is called with "log" and the fraction of the frames that were written.
 
@@ -219,7 +219,7 @@ class _Writer:
 
 
 def _body_paths(model: Model, env: int) -> list[str]:
-    """Paths in the log of all bodies of an environment, as "env_0/torso"."""
+    """Paths in the log of all bodies of an environment, such as "env_0/torso"."""
     return [f"env_{env}/world"] + [f"env_{env}/{_path_part(model.body(b).name or f'body_{b}')}" for b in range(1, model.nbody)]
 
 

@@ -133,7 +133,7 @@ def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes,
     """Meshes that draw a geom; empty if its mesh is unknown. A capsule has three, other geoms have one.
 
     Args:
-        kind: Type of the geom, as "capsule".
+        kind: Type of the geom, such as "capsule".
         g: Index of the geom.
         looks: `mujoco.MjModel` with the visual meshes; None if it is unknown.
 

@@ -35,7 +35,7 @@ class Window:
         count: Number of environments to show.
         host: Address of the server; "0.0.0.0" also accepts connections from other machines.
         port: Port of the server; if it is in use, the next free one.
-        spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
+        spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
         title: Title of the page.
     """
 
@@ -122,19 +122,20 @@ class Window:
     def on_pull(self, respond: Callable[[str, int, int, Array], None]) -> None:
         """Registers a function that is called while the user drags a geom with Ctrl: `respond(phase, row, geom, place)`.
 
-        `phase` is "start", "update" or "end", `row` the row of the environment, and `place` the position of the pointer, (3,), m, in the
-        coordinates of the environment.
+        `phase` is "start", "update" or "end". `row` is the index of the environment among those shown, and `geom` the index of the geom.
+        `place` is the position of the pointer, (3,), m, in the coordinates of the environment.
         """
         for part, handle in zip(self.scene.parts, self._parts, strict=True):
             self._listen(part, handle, respond)
 
     def _listen(self, part: Part, handle: Any, respond: Callable[[str, int, int, Array], None]) -> None:
-        """Registers a callback for dragging instances of a mesh with Ctrl and the left mouse button.
+        """Registers a function that is called while the user drags a geom with Ctrl and the left mouse button.
 
         Args:
-            part: The instances.
-            handle: Handle of viser for these instances.
-            respond: Function of the phase ("start", "update", "end"), environment row, geom index and pointer position (3,), m.
+            part: Mesh that draws one or more geoms, with the index of the geom of each of its copies.
+            handle: Handle of viser for the copies of the mesh in all environments.
+            respond: Function `respond(phase, row, geom, place)`. The phase is "start", "update" or "end". The row is the index of the
+                environment among those shown. The place is the position of the pointer in this environment, (3,), m.
         """
 
         # An asynchronous callback receives the phases in order.
@@ -177,14 +178,14 @@ class Window:
         self._pulls = server.scene.add_arrows("/scene/pull", np.zeros((1, 2, 3), np.float32), _PULL_COLOUR, **arrow)
 
     def _add(self, k: int, part: Part, place: Array, quat: Array, scale: Array) -> Any:
-        """Adds the instances of a mesh in all environments to the scene of the browser, and returns their handle.
+        """Adds all copies of one mesh, in all environments, to the scene in the browser, and returns viser's handle of these copies.
 
         Args:
-            k: Index of the part.
-            part: The instances in one environment.
-            place: Positions, (n, 3), m.
-            quat: Orientations, (n, 4), quaternions (w, x, y, z).
-            scale: Scales of the mesh's axes, (n, 3).
+            k: Index that makes the name in the scene unique.
+            part: The mesh, with the colour of each of its copies in one environment.
+            place: Positions of the n copies in all environments, (n, 3), m.
+            quat: Orientations of the copies, (n, 4), quaternions (w, x, y, z).
+            scale: Scale factors of the copies along the axes of the mesh, (n, 3).
         """
         colours = np.round(255 * np.tile(part.rgba, (self.count, 1))).astype(np.uint8)
         return self.server.scene.add_batched_meshes_simple(

@@ -31,7 +31,7 @@ class SuiteTask(Task):
     file: ClassVar[str]
     """Name of the task's model file in dm_control's suite."""
     episode_steps: ClassVar[int | None] = 1000
-    """Number of actions per episode: dm_control's time limit divided by the time per action. None is no limit."""
+    """Number of actions per episode: dm_control's time limit divided by the time per action. None means no limit."""
 
     def model(self) -> Model:
         """Model of the scene, loaded once from the file that the attribute `file` names."""
@@ -178,7 +178,10 @@ def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
 def randomize_without_overlap(
     model: Model, qpos: Array, rng: Rng, randomize: Callable[[Model, Array, Rng], None] = randomize_joints
 ) -> None:
-    """Draw joint positions into qpos, (n, nq), m and rad, with `randomize`; repeat it for rows in which geoms overlap."""
+    """Draw random joint positions into qpos, (n, nq), m and rad, with the function `randomize`, until no geoms overlap.
+
+    The function is called again for those of the n configurations in which geoms overlap.
+    """
     again = np.ones(len(qpos), dtype=bool)
     while again.any():
         some = qpos[again]

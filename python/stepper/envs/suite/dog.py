@@ -95,7 +95,10 @@ class Dog(SuiteTask):
         return reward
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: standing, with a random heading and velocity; the ball flies towards the middle from a random place."""
+        """Initial states: standing, with a random heading and velocity.
+
+        If the task is to fetch, the ball flies from a random place near the wall towards the middle of the arena.
+        """
         model = self.model()
         root = model.joint("root")
         qpos[:, root.qposadr + 3 : root.qposadr + 7] = about_vertical(rng.uniform(0.0, 2.0 * np.pi, 1)[:, 0])

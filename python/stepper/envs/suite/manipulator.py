@@ -15,7 +15,7 @@ from stepper.shared.rotations import matrices
 from stepper.shared.streams import Rng
 
 _PROPS = {"ball", "target_ball", "cup", "peg", "target_peg", "slot"}
-"""Names of the bodies in dm_control's file that are objects, targets or receptacles. Each task keeps only those that it uses."""
+"""Names of the objects, targets and receptacles, which are bodies in dm_control's file. A task removes the bodies that it does not use."""
 _CLOSE = 0.01
 """Distance within which two sites count as together, m."""
 _IN_HAND, _IN_TARGET = 0.1, 0.1

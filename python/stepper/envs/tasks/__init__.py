@@ -20,7 +20,7 @@ TASKS: dict[str, type[Task]] = {
         Walker2d,
     )
 }
-"""Gymnasium's MuJoCo tasks: class by name, as "HalfCheetah"."""
+"""Gymnasium's MuJoCo tasks: class by name, such as "HalfCheetah"."""
 
 __all__ = [
     "TASKS",

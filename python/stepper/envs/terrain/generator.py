@@ -153,7 +153,7 @@ class Terrain:
             spec: The scene, which is changed in place.
             name: Name of the height field and of its geom; boxes are called "terrain_0" and so on.
             boxes: Whether to add boxes instead of a height field.
-            **attributes: Attributes of the geoms, as friction, rgba or contype.
+            **attributes: Attributes of the geoms, such as friction, rgba or contype.
 
         Raises:
             ValueError: `boxes` is set, and a kind of terrain does not consist of boxes.

@@ -86,8 +86,8 @@ def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str)
     Args:
         gain: Parameters of the gain.
         bias: Parameters of the bias.
-        gain_type: Name of the type of gain in the Rust library, as "Fixed".
-        bias_type: Name of the type of bias, as "Affine".
+        gain_type: Name of the type of gain in the Rust library, such as "Fixed".
+        bias_type: Name of the type of bias, such as "Affine".
     """
     return {"gain": gain, "bias": bias, "force_model": {"gain": gain_type, "bias": bias_type, "disabled": False}}
 

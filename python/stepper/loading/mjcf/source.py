@@ -72,7 +72,7 @@ class Source:
         """Adds an element to the list `omitted` of elements that stepper does not simulate.
 
         Args:
-            kind: Kind of the element, as "actuator".
+            kind: Kind of the element, such as "actuator".
             name: Name of the element.
             reason: Reason why it is left out.
             changes_motion: Whether the motion differs from MuJoCo's without it.

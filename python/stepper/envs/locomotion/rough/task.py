@@ -114,7 +114,7 @@ class RoughTask(Task):
     RUNNING: ClassVar[Mapping[str, float]]
     """Tolerances of joint angles for commands to run, in the format of `STANDING`."""
     steepest: ClassVar[float | None] = None
-    """Cosine of the largest tilt of the base. An episode terminates at a larger tilt; None is no limit."""
+    """Cosine of the largest tilt of the base. An episode terminates at a larger tilt; None means no limit."""
     carried = (*TerrainCurriculum.carried, "steps")
 
     terrain: Terrain = ROUGH

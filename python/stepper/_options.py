@@ -62,9 +62,10 @@ class Options(metaclass=Hinting):
             contact (docs/development/decisions/bounds.md). A step that reaches the bound sets NOT_CONVERGED in `status`, and
             `Stepper.worst_row` names the constraint with the largest residual. `Stepper.iterations` counts sweeps and Newton steps,
             `Stepper.newton_steps` Newton steps alone.
-        tolerance: Natural-map residual at which the solver stops, m/s. None uses 1e-6, and 1e-4 with precision="f32". With
-            contact="mujoco", None uses the smaller of that default and 0.6 % of the velocity that gravity adds in a step, but at least
-            1e-6. The relative error of contact forces at rest then does not grow with shorter steps.
+        tolerance: Residual at which the solver stops, m/s: the error of the contact conditions, expressed as a velocity (natural map).
+            None uses 1e-6, and 1e-4 with precision="f32". With contact="mujoco", None uses the smaller of that default and 0.6 % of
+            the velocity that gravity adds in a step, but at least 1e-6. The relative error of contact forces at rest then does not
+            grow with shorter steps.
         stabilization: Method that removes overlap: "baumgarte" (a velocity bias), "split" (a second solve that moves positions only) or
             "none".
         baumgarte: Fraction of the overlap beyond the slop that is removed per step, 0 to 1.

@@ -264,4 +264,4 @@ NEW_KEYWORDS_OF = {
         "of": "selector, as 'geom_friction[floor,box][0]'",
     },
 }
-"""Present keyword arguments that apply to one call only, by name of the call and by the earlier keyword."""
+"""Current keyword arguments of single functions: for each function, a table from the earlier keyword to the current one."""

@@ -149,10 +149,10 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
 
 
 def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
-    """Uninitialised array (...) of a shape and scalar type for a result in any unit: `out` if it is given, otherwise a new array.
+    """Array for a result, (...) in any unit, whose values are not set yet: `out` if it is given, otherwise a new array.
 
     Raises:
-        ValueError: An `out` of another shape or scalar type.
+        ValueError: `out` has another shape or scalar type than required.
     """
     if out is None:
         return np.empty(shape, dtype)
@@ -162,7 +162,7 @@ def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array
 
 
 def copied(values: Array, out: Array | None) -> Array:
-    """Copy of an array of any shape, in the same unit, in the array `out` if that is given.
+    """Copy of an array (...) in its unit, stored in `out` if it is given, otherwise in a new array.
 
     Raises:
         ValueError: `out` has another shape or scalar type.
@@ -173,10 +173,12 @@ def copied(values: Array, out: Array | None) -> Array:
 
 
 def given_out(values: Array, out: Array | None) -> Array:
-    """The array `values` itself, (...), in its unit, or its copy in `out` if that is given.
+    """Array for a method with the argument `out`: `values` itself if `out` is None, otherwise `out`, filled with the values.
+
+    Both have any shape (...) and the same unit.
 
     Raises:
-        ValueError: An `out` of another shape or scalar type.
+        ValueError: `out` has another shape or scalar type than `values`.
     """
     return values if out is None else copied(values, out)
 

@@ -13,9 +13,9 @@ class Status(IntFlag):
     NOT_CONVERGED = 1
     """The solver's residual was above the tolerance. `Stepper.residual` is the residual, `Stepper.worst_row` the constraint, and
     `Stepper.save_problem` writes the problem to a file. If the residual is above 0.01 m/s (and above ten times the tolerance), the step
-    does not let impulses increase the kinetic energy, and limits joint velocities to one radian per step. The step takes the same
-    measures, and sets this flag, if bodies are jammed by large impulses that cancel each other. There, even a small residual leaves
-    the energy uncertain."""
+    does not let impulses increase the kinetic energy, and limits joint velocities to one radian per step. The step does the same, and
+    sets this flag, if large impulses that cancel each other jam a body. In this case, even a small residual can mean a large error of
+    the energy."""
     NON_FINITE = 2
     """A step gave a state that is not finite. The environment keeps its last finite state, and its time does not advance."""
     CONTACTS_FULL = 4
@@ -24,7 +24,7 @@ class Status(IntFlag):
     """The time step is too long for the motion; use a shorter one. There are four cases:
 
     First, a joint turns too far in one step: by half a radian while inertial forces accelerate it further, or by half a revolution from
-    impulses. (Levers in a jam do this.) The step then leaves out centrifugal and gyroscopic forces and limits joint velocities to one
+    impulses. (A jammed lever can do this.) The step then leaves out centrifugal and gyroscopic forces and limits joint velocities to one
     radian per step. Its kinetic energy increases by no more than the work done. integrator="euler" has no such check and continues until
     NON_FINITE.
 

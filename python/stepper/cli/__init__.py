@@ -1,4 +1,4 @@
-"""The command line: one command, one file, whose `register` adds it to the application with its options."""
+"""Command line of stepper. Each command has a file, whose function `register` adds the command and its options to the application."""
 
 from stepper.cli.app import main
 

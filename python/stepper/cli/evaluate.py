@@ -35,9 +35,9 @@ def evaluate(
     """Evaluates a policy: prints its mean return with a confidence interval.
 
     The command first lists the differences between this environment and the environment in which the policy was trained. With --against,
-    the policy also runs in a second environment from the same initial states, and the command tests whether the mean returns are
-    equivalent. --values sets arguments of both environments. --info also prints the mean of an entry of the info dict. --film also films
-    an episode.
+    the policy also runs in a second environment from the same initial states. The command then tests whether the mean returns are
+    equivalent. The option --values sets arguments of both environments. With --info, the command also prints the mean of an entry of the
+    info dict. With --film, it also films an episode.
 
     Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --film half_cheetah.mp4
 

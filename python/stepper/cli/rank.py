@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting: str, ray: bool, seed: int | None) -> None:
     """Ranks the parameters of a study by their influence on an outcome: Sobol indices with confidence intervals.
 
-    All parameters vary together over their ranges. The same command continues a stopped run from its finished rows.
+    All parameters vary together over their ranges. The same command continues a stopped run after the last stored result.
 
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """

@@ -26,11 +26,11 @@ def sweep(
     seed: int | None,
     values: Sequence[str] = (),
 ) -> None:
-    """Varies each parameter of a study over its range, one at a time. Results are success rates with Wilson intervals, and cliffs.
+    """Varies the parameters of a study over their ranges, one parameter at a time, and prints success rates and cliffs.
 
-    A cliff is a parameter value at which episodes change from success to failure; bisection locates it. With --parameter, the command
-    varies only the named parameters. --values sets nominal values of the others. The same command continues a stopped run from its
-    finished rows.
+    Success rates have Wilson confidence intervals. A cliff is a parameter value at which episodes change from success to failure; bisection
+    locates it. With --parameter, the command varies only the named parameters. --values sets nominal values of other parameters. The same
+    command continues a stopped run after the last stored result.
 
     Example: stepper sweep examples/studies/tray.toml
 

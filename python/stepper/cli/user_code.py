@@ -13,9 +13,9 @@ _PACKAGES = {"site-packages", "dist-packages"}
 
 
 def error_in_user_code(error: BaseException) -> str:
-    """Error message for an exception that a file of the user raised or caused: file, line, text, and the calls that led there.
+    """Error message for an exception in a file of the user: file, line, text of the exception, and the lines of the user's calls.
 
-    The message is "" if no file of the user is involved.
+    The message is "" if no file of the user is in the traceback.
     """
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _is_of_user(frame.filename)]
     if isinstance(error, SyntaxError) and error.filename is not None and _is_of_user(error.filename):

@@ -38,7 +38,8 @@ MODELS = (".xml", ".urdf", ".mjb")
 class ViewOptions(NamedTuple):
     """Options of the command `stepper view` for all kinds of sources.
 
-    Fields have the names of the options, except `looks`. This is the option --model, a model file with the meshes and colours to show.
+    Fields have the names of the options, with one exception: the field `looks` has the value of the option --model. This is a model file
+    with the meshes and colours to show.
     """
 
     envs: int
@@ -144,7 +145,7 @@ def _result(study: Study, outcomes: dict[str, float], *, lost: bool) -> str:
 
 
 def _refuse_study_options(what: str, of_study: StudyOptions) -> None:
-    """Raises ValueError if an option is given that only studies have."""
+    """Raises ValueError if the user gave an option that only applies to studies. `what` is the source to show, for the message."""
     for name, value in of_study._asdict().items():
         if value not in (None, ()):
             kinds, is_none = (
@@ -154,12 +155,12 @@ def _refuse_study_options(what: str, of_study: StudyOptions) -> None:
 
 
 def _refuse(what: str, kind: str, **given: object) -> None:
-    """Raises ValueError if one of the options `given`, by name, is not None.
+    """Raises ValueError if the user gave an option that has no effect on this kind of source.
 
     Args:
-        what: Argument of the command: a path or an environment id.
-        kind: Kind of source, such as "a recording", on which these options have no effect.
-        **given: Values of the options.
+        what: Source to show: a path or the id of an environment.
+        kind: Kind of the source, such as "a recording".
+        **given: Values of the options without effect, by name; None for an option that the user did not give.
     """
     for name, value in given.items():
         if value is not None:
@@ -181,7 +182,7 @@ def _play(folder: Path, options: ViewOptions, rerun: Path | None) -> None:
 
 
 Simulation = tuple[Stepper, "Callable[[], Any] | None", "Callable[[], Any]"]
-"""Triple of a stepper to show, a function that makes a step (None selects `Stepper.step`), and a function that resets the stepper."""
+"""Type of a simulation to show: a stepper, a function that advances it (None selects `Stepper.step`), and a function that resets it."""
 
 
 def _model(file: str, options: ViewOptions) -> Simulation:

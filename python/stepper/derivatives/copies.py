@@ -170,7 +170,8 @@ def _part(
         sim: The original stepper.
         nominal: State of all its environments.
         blocks: Quantities to perturb.
-        offsets: Displacements of their columns, (environments, levels, points, columns); each gives one copy.
+        offsets: Displacements of the columns (perturbed numbers), (environments, levels, points, columns), as in `Stencil.offsets`. Each
+            displacement gives one copy.
         envs: Slice of the environments.
         tolerance: Residual at which the solver of the copies stops, m/s.
         kept: Steppers to reuse, by number of copies and tolerance.
@@ -273,12 +274,12 @@ def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | N
 
 
 def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np.int64], moved: Array) -> None:
-    """Displaces the columns of a block in some copies of every environment; arrays in `fields` change in place.
+    """Displaces the numbers of one perturbed quantity in some copies of every environment; arrays in `fields` change in place.
 
     Args:
         model: The model.
-        fields: Arrays (environments, copies, size) by field.
-        block: Field and columns to displace.
+        fields: Arrays (environments, copies, size) by name of the quantity.
+        block: The perturbed quantity, with the indices of its numbers.
         copy: Index of the copy for each displacement, (n,).
         moved: Displacements, (environments, n), in tangent coordinates for qpos.
     """
@@ -354,7 +355,7 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
 
 
 def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:
-    """Sets the per-environment parameters of copies to those of their environments, and the perturbed parameters to `flat`.
+    """Sets the per-environment parameters of copies to the values in the original environments, and the perturbed parameters to `flat`.
 
     Args:
         copies: Stepper of the copies.

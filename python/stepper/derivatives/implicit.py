@@ -151,7 +151,7 @@ def _product(
 def _combined(
     last: dict[str, NDArray[Any]], slopes: Array, causes: NDArray[np.uint32], steps: list[dict[str, NDArray[Any]]], width: Array
 ) -> dict[str, NDArray[Any]]:
-    """Derivatives over one or more steps with flags and residuals, as arrays by name: "slopes" (num_envs, 1, columns, rows) and others.
+    """Arrays for a `Linearization`, by name: derivatives "slopes" (num_envs, 1, columns, rows), kink flags, residuals and the end state.
 
     Args:
         last: Result of `Stepper._differentiate` for the last step.

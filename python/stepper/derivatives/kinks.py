@@ -158,9 +158,9 @@ class KinkDetector:
         return positions
 
     def compare_slopes(self, changes: Array, slopes: Array, groups: Sequence[RowGroup], noise: float) -> None:
-        """Sets the flag `Kink.SLOPE` in the last step's causes for columns whose two one-sided slopes differ too much.
+        """Sets the flag `Kink.SLOPE` of the last step for columns whose slopes (derivatives) above and below the nominal value differ.
 
-        Such a column has a kink, whatever its cause. With one stencil point per column, this does nothing.
+        Such a column has a kink of unknown cause. If columns are displaced to one side only, the method does nothing.
 
         Args:
             changes: Results after all steps minus the nominal results, (num_envs, levels, points, columns, n). Levels, points and columns

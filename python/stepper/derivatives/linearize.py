@@ -265,7 +265,7 @@ def _result(
             "width", "noise", the nominal state, and fields of `Linearization`.
         width: Half width of the differences for coordinates of order 1.
         tolerance: Residual to which copies were solved, m/s.
-        order: Order of the differences' error, for Richardson's extrapolation; 0 is no extrapolation.
+        order: Order of the differences' error, for Richardson's extrapolation; 0 means no extrapolation.
         sensors: Whether the slopes have rows for sensor readings.
     """
     single = sim.num_envs is None

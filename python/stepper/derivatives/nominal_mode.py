@@ -85,9 +85,9 @@ class Readings:
 
 
 def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
-    """Pairs of an environment and a column for all columns with kinks.
+    """Environments and columns of their derivative matrices that must be differentiated again, because their difference crossed a kink.
 
-    Their displacements have the stencil's width and WIDTHS - 1 smaller ones.
+    Each column is displaced by the half width of the first difference, and by WIDTHS - 1 smaller half widths.
 
     Args:
         flagged: Mask of the columns with kinks, (num_envs, columns).
@@ -102,11 +102,12 @@ def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
 
 
 def slopes_of(readings: Readings, offsets: Array, groups: Sequence[RowGroup]) -> tuple[Array, Bools, Bools]:
-    """Slopes (derivatives) of the nominal mode, which is the set of active constraints of the unperturbed step.
+    """Derivatives of columns in the nominal mode, which is the set of active constraints of the unperturbed step.
 
-    A finite difference is valid if its copies (on both sides or on one) are in the nominal mode, and a quarter of its width gives the
-    same slope. The result for a pair is its widest valid difference. If none is valid, the result is the slope of another mode. It is
-    the widest difference that is equal on both sides and at a quarter of its width, or 0 if there is none.
+    Each column of an environment (a pair) has finite differences of several widths. A difference is valid if its copies are in the
+    nominal mode and the difference of a quarter of its width has the same slope. The result for a pair is the slope of the widest valid
+    difference. If none is valid, it is the slope of the widest difference that has equal slopes on both sides and at a quarter of its
+    width. If there is no such difference, the result is 0.
 
     Args:
         readings: Results of the displaced copies.

@@ -19,19 +19,19 @@ from stepper.derivatives.nominal_mode import WIDTHS, Pairs, Readings
 from stepper.derivatives.perturbations import Array, Block, Stencil
 
 SAME_STEP = 1e-6
-"""Largest difference between the velocities after a step with two methods of stabilization, m/s or rad/s.
+"""Largest difference between the velocities after two steps that differ only in the method of stabilization, m/s or rad/s.
 
-For contacts at rest, derivatives are computed with a stabilization that is smooth there, in place of the stepper's. They are used only if
-velocities differ by no more than this. The value is the default tolerance of the solver.
+For contacts at rest, derivatives are computed with a stabilization that is smooth at rest, in place of the stabilization of the stepper.
+These derivatives are used only if the velocities differ by no more than this. The value is the default tolerance of the solver.
 """
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Callable that steps displaced copies for pairs of an environment and a column, and yields the results.
+    """Callable that steps copies of environments in which one number (a column of the derivative matrix) is displaced.
 
-    For bodies at rest it can use Baumgarte stabilization with factor 1 and no slop. Gaps and overlaps then behave alike, so that the step
-    is smooth there.
+    It yields the results for pairs of an environment and a column. For bodies at rest it can use Baumgarte stabilization with factor 1 and
+    no slop. Gaps and overlaps then behave alike, so that the step is smooth for contacts at rest.
 
     Attributes:
         sim: The stepper; it does not change.
@@ -52,10 +52,10 @@ class Reader:
     sensors: bool
 
     def __call__(self, pairs: Pairs, at_rest: bool) -> Iterator[tuple[Pairs, Readings]]:
-        """Yields results of displaced copies, for some pairs of an environment and a column at a time.
+        """Steps copies of environments with one displaced number each, and yields the results for some pairs at a time.
 
         Args:
-            pairs: Pairs and their displacements.
+            pairs: Pairs of an environment and a displaced number (column of the derivative matrix), with the displacements.
             at_rest: Whether to use Baumgarte stabilization with factor 1 and no slop, for which contacts at rest are smooth. It exists
                 for hard contact only; with another contact law the generator yields nothing.
         """
@@ -70,7 +70,10 @@ class Reader:
             yield some, self._read(some, options)
 
     def _read(self, pairs: Pairs, options: Options) -> Readings:
-        """Steps the displaced copies of some pairs of an environment and a column with the given options, and returns the results."""
+        """Steps copies of environments in which one number (a column of the derivative matrix) is displaced, and returns the results.
+
+        Each pair of an environment and a column has copies with several displacements. All copies use the same options of the step.
+        """
         offsets = pairs.offsets.reshape(len(pairs), -1)
         copies, ctrl = copies_of(self.sim, self.nominal, self.blocks, pairs, options)
         # Every copy is a separate column here, displaced to one side.

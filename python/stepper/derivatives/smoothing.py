@@ -71,8 +71,8 @@ def smoothed(
         **settings: Other arguments of `linearize`.
 
     Returns:
-        Linearization whose derivatives are means over the samples that have a derivative. Flags of kinks are those of all samples
-        together, and distances are the smallest. `errors` is empty. The state is that of the first sample.
+        Linearization whose derivatives are means over the displacements (samples) at which the steps have a derivative. It has the kink
+        flags of all samples, and the smallest kink distance of any sample. `errors` is empty, and the state is that of the first sample.
     """
     nominal, model, count = nominal_of(sim, ctrl, ()), sim.model, smoothing.samples
     n, half = nominal.num_envs, smoothing.samples // 2

@@ -33,9 +33,9 @@ def first_undetermined(part: Linearization, needed: Bools, control: int, model: 
 
     Args:
         part: Linearization of the steps in which one control of a rollout is held.
-        needed: Mask of the environments for which the derivative is needed, because the backward pass has a nonzero gradient there,
-            (num_envs,). The others get no error.
-        control: Index of the control.
+        needed: Mask of the environments that need the derivative, (num_envs,), because their gradient in the backward pass is not zero.
+            Other environments get no error.
+        control: Index of this control in the rollout.
         model: The model.
     """
     errors: dict[int, UndeterminedDerivative] = {}

@@ -99,7 +99,7 @@ class Batch:
         return self._now
 
     def clear_last_step(self) -> None:
-        """Replaces the view `now` of the environments by one with zero actions and velocities, as before the first step."""
+        """Replaces the view `now` of all environments by a view with zero actions and velocities, as it is before the first step."""
         self._now = self._moment(np.zeros((self.num_envs, self._actions)))
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
@@ -174,15 +174,17 @@ class Batch:
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def _on_reset(self, mask: Array, rng: Rng) -> None:
-        """Calls the hook `Task.on_reset` for the environments of a mask (num_envs,).
+        """Calls the hook `Task.on_reset` for environments that start an episode.
+
+        The first time that only some environments start an episode, it also checks that the hook changes no data of the others.
 
         Args:
             mask: Environments that start an episode, (num_envs,) bool.
             rng: Random number generator of these environments.
 
         Raises:
-            ValueError: `on_reset` returned a value, changed rows of `episode_state` of environments outside the mask, or removed an array.
-                Rows are checked once, at the first reset that leaves out some environments.
+            ValueError: The hook returned a value, removed an array from `episode_state`, or changed values in `episode_state` of
+                environments outside the mask.
         """
         first = not self._tested_resets and not mask.all()
         before = {name: np.array(self._episode_state[name]) for name in self._initial} if first else {}
@@ -319,7 +321,10 @@ class Batch:
         return reward, terminated, truncated, terms
 
     def _check_rewards(self, reward: Array, action: Array) -> None:
-        """Raises ValueError if a reward (num_envs,) is not finite; the message has the environment's row of `action`, (num_envs, n)."""
+        """Raises ValueError if a reward (num_envs,) is not finite. The message contains the environment and its action.
+
+        `action` are the actions of all environments, (num_envs, n).
+        """
         if not _all_finite(reward):
             env = np.flatnonzero(~np.isfinite(reward))[0]
             raise ValueError(

@@ -59,10 +59,10 @@ def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vecto
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
-    """Autoreset mode from a member of Gymnasium's enum, its name or its value.
+    """Gymnasium's `AutoresetMode` from the argument `mode`: an `AutoresetMode`, or its name or value as text, in upper or lower case.
 
     Raises:
-        ValueError: An unknown mode.
+        ValueError: The mode is unknown.
     """
     text = (mode.name if isinstance(mode, AutoresetMode) else str(mode)).lower()
     found = next((each for each in AutoresetMode if text in (each.name.lower(), each.value.lower())), None)

@@ -104,7 +104,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         """Start a new episode.
 
         Args:
-            seed: Seed of all random numbers of the environment; None continues the present random numbers.
+            seed: Seed of all random numbers of the environment; None continues the current stream of random numbers.
             options: Must be None or empty, because there are no options.
 
         Returns:

@@ -16,7 +16,7 @@ from stepper.shared.fields import APPLIED
 Array = NDArray[Any]
 
 _DECISIVE = ("task", "precision")
-"""Settings that explain the differences of all others. If one of them differs, the error message lists only this setting."""
+"""Settings on which other settings depend. If one of these differs, the error message lists only this difference."""
 _LISTED = 3
 """Largest number of differing settings that an error message lists."""
 

@@ -32,7 +32,7 @@ Camera: TypeAlias = Mapping[str, Any]
 
 
 _OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocity", "_streams", "_kept", "_end", "_expired")
-"""Attributes of a `Moment` that are pickled with it. Its other attributes are quantities of the stepper, which can be read again."""
+"""Names of the attributes of a `Moment` that are pickled. Other attributes are quantities, which can be read from the stepper again."""
 
 
 class Moment:
@@ -360,15 +360,21 @@ class Task(ABC):
         """
 
     def healthy(self, now: Moment) -> Array | None:
-        """Whether the state of each environment lets its episode continue, (num_envs,) bool; None if all do. Read it as `now.healthy`."""
+        """Whether the episode of each environment may continue, (num_envs,) bool. None means that all episodes may continue.
+
+        Other methods of a task read the result as `now.healthy`, which is computed once per step.
+        """
         return None
 
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each episode is terminated, (num_envs,) bool; None if no episode is. By default it is the negation of `healthy`."""
+        """Whether each episode is terminated, (num_envs,) bool. None means that no episode is terminated. The default negates `healthy`."""
         return None if now.healthy is None else ~now.healthy
 
     def truncated(self, now: Moment) -> Array | None:
-        """Whether each episode is truncated without failure, for example outside a terrain, (num_envs,) bool; None if no episode is."""
+        """Whether each episode is truncated without failure, (num_envs,) bool, for example because the robot left the terrain.
+
+        None means that no episode is truncated.
+        """
         return None
 
     def position(self, now: Moment) -> Array | None:

@@ -21,7 +21,7 @@ _METHODS = {
 }
 """Names of the arguments of each method of a task, without `self`."""
 Table = list[tuple[Observation, slice]]
-"""Rows of a task's table of observations, each with the slice of its columns in the observation."""
+"""Type of the list of a task's observed quantities (`Observation`), each with the slice of its columns in the observation array."""
 
 
 def check_methods(task: Task) -> None:
@@ -156,10 +156,10 @@ def _width(kind: str, row: Observation, now: Moment) -> int:
 
 
 def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
-    """Rewards (num_envs,) and terms of a task.
+    """Rewards (num_envs,) and entries for the info dict from `Task.reward`, after a check.
 
     Raises:
-        ValueError: `Task.reward` does not return both, or one has another shape.
+        ValueError: `Task.reward` does not return a pair of rewards and entries, or the shape of an array is wrong.
     """
     result: Any = task.reward(now)
     if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], Mapping)):

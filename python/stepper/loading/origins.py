@@ -55,7 +55,7 @@ class _Entry:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """Data of the model by which entries are compared. Loading another model with equal data replaces this entry."""
+        """Key that identifies the model: names, counts, sizes and poses. A later model with an equal key replaces this entry."""
         return self.structure, self.places
 
 

@@ -123,9 +123,10 @@ def _without_prefix(prefixes: tuple[str, ...], name: str) -> str:
 
 
 def _candidates(name: str, folders: _SearchFolders) -> Iterator[Path]:
-    """Yields possible paths of a mesh in the order of the search.
+    """Yields possible paths of a mesh file in the order of the search.
 
-    Names with a package are searched in the packages, other names in the folders of the file and then in the given ones.
+    A name such as "package://robot/mesh.stl" is searched in package folders. Any other relative name is searched in the folder of the URDF,
+    and then in the folders of the argument `package_dirs`.
     """
     if name.startswith(_PACKAGE):
         package, _, rest = _without_prefix(_PACKAGE, name).partition("/")

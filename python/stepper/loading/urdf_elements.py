@@ -79,7 +79,10 @@ LEFT_OUT: dict[str, str] = {
 
 _UNKNOWN = "is not supported, and not read"
 _DRIVES = ("URDF transmission", "URDF ros2_control")
-"""Kinds of left-out elements for which the argument `actuators` of `load` is a substitute. The reason for leaving them out names it."""
+"""Kinds of URDF elements that stepper leaves out and for which the argument `actuators` of `load` is a substitute.
+
+If the argument is None, the reason for leaving such an element out suggests the argument.
+"""
 _MUJOCO_ELEMENTS = frozenset({"robot/mujoco"})
 """Elements that MuJoCo's compiler reads and checks, and that are therefore never listed."""
 _MOVABLE = ("continuous", "revolute", "prismatic")
@@ -151,8 +154,8 @@ def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
 
     Args:
         urdf: The URDF.
-        actuators: Argument `actuators` of `load`. If it is None, the reasons for left-out elements suggest this argument where it is a
-            substitute.
+        actuators: Argument `actuators` of `load`. If it is None, the reasons for leaving out transmissions and ros2_control elements
+            suggest to set it.
     """
     if urdf.root is None:
         reason = "the XML is not well-formed, so that unsupported elements cannot be listed; correct the file"

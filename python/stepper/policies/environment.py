@@ -76,7 +76,7 @@ def _of_stepper(base: Any) -> Description:
 
 
 def _of_mujoco(base: Any) -> Description:
-    """Settings of a MuJoCo environment of Gymnasium, without a digest of its model, which could not be compared with one of stepper."""
+    """Settings of a MuJoCo environment of Gymnasium. They contain no digest of the model, because stepper's models have other digests."""
     option = base.model.opt
     integrators = ("euler", "rk4", "implicit", "implicitfast", "discrete")
     return {

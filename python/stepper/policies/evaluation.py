@@ -99,7 +99,8 @@ class Comparison:
     def verdict(self) -> str:
         """Result of the equivalence test, from the confidence interval of the difference of mean returns.
 
-        It is "equivalent" if the interval lies within +-`bound`, "different" if it lies outside, and otherwise "open".
+        The result is "equivalent" if the interval lies within +-`bound`, and "different" if the interval lies completely outside. If the
+        interval overlaps an end of this range, the test does not decide, and the result is "open".
         """
         low, high = self.interval
         if -self.bound < low and high < self.bound:
@@ -181,7 +182,7 @@ def evaluate(
         episodes: Number of episodes, at least 2.
         seed: Seed of the first episode; episode k has the seed `seed + k`.
         starts: Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s. None draws them from the seeds.
-        infos: Keys of infos with one number per environment; the result has their means over each episode.
+        infos: Keys of the info dict whose values are one number per environment. The result has the mean of each over every episode.
         tick: Function that is called with the environment's id and the fraction of the work that is done.
         **settings: Arguments of the environment.
 
@@ -189,7 +190,7 @@ def evaluate(
         Results of the episodes.
 
     Raises:
-        ValueError: An unknown environment, setting or info, or fewer than two episodes.
+        ValueError: The environment, a setting or a key of the info dict is unknown, or there are fewer than two episodes.
         MissingPackageError: Gymnasium is not installed.
     """
     if episodes < 2:

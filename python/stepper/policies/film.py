@@ -68,8 +68,8 @@ def film(
         file: Video file, mp4; an existing file is replaced.
         actions: Number of actions to film; fewer if the episode ends earlier.
         seed: Seed of the episode.
-        tick: Function of the film's name and the fraction that is done, called after each action. The fraction is of `actions`, or of the
-            episode's time limit if that is shorter. At the end of the episode it is 1.
+        tick: Function that is called after each action with the name of the film and the completed fraction. The fraction is the number of
+            filmed actions divided by `actions`, or by the episode's time limit in actions if that is smaller. At the end it is 1.
         **settings: Arguments of the environment.
 
     Returns:

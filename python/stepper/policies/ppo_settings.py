@@ -32,8 +32,8 @@ class Settings:
         env: Id of an environment in Gymnasium's registry.
         seed: Seed of all random numbers.
         steps: Number of environment steps.
-        contact: Contact law of environments on stepper, "mujoco" or "hard"; empty is the default of the task.
-        precision: Precision of environments on stepper, "f64" or "f32".
+        contact: Contact law of environments that stepper simulates, "mujoco" or "hard"; an empty text selects the default of the task.
+        precision: Precision of environments that stepper simulates, "f64" or "f32".
         num_envs: Number of environments that step in parallel.
         horizon: Number of steps of each environment between two updates.
         epochs: Number of passes over the samples of an update.
@@ -94,7 +94,7 @@ class Settings:
         return cls(env=env, **{**TASKS.get(env.rpartition("/")[2], {}), **given})
 
     def environment(self) -> dict[str, Any]:
-        """Arguments for the creation of the environment: `values`, and contact and precision if it is on stepper."""
+        """Arguments for the creation of the environment: `values`; for an environment that stepper simulates also contact and precision."""
         given = {"contact": self.contact, "precision": self.precision} if is_native(self.env) else {}
         return {name: value for name, value in given.items() if value} | dict(self.values)
 

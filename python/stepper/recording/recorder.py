@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 
 class Recorder:
-    """Writes the calls and results of a `Stepper` to a folder; a context manager. `Stepper.record` creates it, and `close` ends it.
+    """Writer of the calls and results of a `Stepper` to a folder; a context manager. `Stepper.record` creates it, `close` completes it.
 
     Args:
         sim: The stepper, without another recorder.
         path: New or empty folder.
-        chunk: Size of the rows in memory at which a file is written, bytes.
-        note: Remark for run.json.
+        chunk: Size of the recorded calls in memory at which they are written to a file, bytes.
+        note: Remark of the user, which is stored in the file run.json.
 
     Raises:
         FileExistsError: The folder is not empty.
@@ -38,7 +38,7 @@ class Recorder:
 
     Attributes:
         path: Folder of the recording.
-        rows: Number of rows recorded so far.
+        rows: Number of calls recorded so far.
         failures: Counts of failures so far.
     """
 
@@ -63,9 +63,10 @@ class Recorder:
         self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
 
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
-        """Records a call of `step` with controls (num_envs, nu). The stepper calls it after the steps.
+        """Records a call of `Stepper.step` with controls (num_envs, nu). The stepper calls this method after the steps.
 
-        `applied` has the arrays of `APPLIED`, in that order; None for arrays that were never set.
+        `applied` contains applied forces, mocap poses and active equalities, in the order of the names in `APPLIED`. Arrays that the
+        user never set are None.
         """
         if not all(_same(now, before) for now, before in zip(applied, self._applied, strict=True)):
             self._applied = [None if now is None else now.copy() for now in applied]
@@ -78,7 +79,10 @@ class Recorder:
         self._count("step", sum(value.nbytes for value in row.values()))
 
     def reset(self, _sim: Stepper, **arguments: Any) -> None:
-        """Records a call of `Stepper.reset` with its arguments. A reset clears applied forces, so that the next ones are recorded again."""
+        """Records a call of `Stepper.reset` with its arguments.
+
+        A reset clears applied forces. The next call of `step` therefore records the applied forces again, even if they are as before.
+        """
         self._applied = [None] * len(APPLIED)
         self._add("reset", **arguments)
 
@@ -89,12 +93,13 @@ class Recorder:
         self._add("set_state", **arguments)
 
     def randomize(self, sim: Stepper, *, envs: Any = None, fields: dict[str, Any] | None = None) -> None:
-        """Records a call of `Stepper.randomize`, with only the rows of changed environments.
+        """Records a call of `Stepper.randomize`, with the values of the changed environments only.
 
         Args:
             sim: The stepper.
             envs: Argument of `randomize`: mask or indices of the environments; None selects all environments.
-            fields: Arguments of `randomize` with parameters by name; None as a value stands for the model's value.
+            fields: Arrays of parameters by name of the field, as given to `randomize`. A None in place of an array restores the value of
+                the model.
         """
         chosen, order = np.zeros(sim.num_envs or 1, dtype=bool), selected(envs, sim.num_envs or 1)
         chosen[order] = True
@@ -106,7 +111,7 @@ class Recorder:
         self._add("randomize", envs=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
 
     def close(self) -> None:
-        """Writes the remaining rows and marks the recording as complete. The stepper can be used further, without recording."""
+        """Writes the calls that are still in memory, and marks the recording as complete. The stepper then runs without recording."""
         if self._sim.recorder is self:
             self._sim.recorder = None
             self._flush(closed=True)
@@ -118,14 +123,14 @@ class Recorder:
         self.close()
 
     def _add(self, kind: str, **arguments: Any) -> None:
-        """Adds a row for a call other than `step`: its kind, and its arguments as arrays, which are copied."""
+        """Adds a recorded call other than `step`: the kind of call, and copies of its arguments as arrays."""
         # Copy, because the caller may change the arrays later.
         arrays = {name: np.array(value) for name, value in arguments.items()}
         self._others |= {f"{len(self._kinds)}/{name}": value for name, value in arrays.items()}
         self._count(kind, sum(value.nbytes for value in arrays.values()))
 
     def _count(self, kind: str, nbytes: int) -> None:
-        """Counts a new row of `nbytes` bytes, and writes a file if the rows in memory exceed the size `chunk`."""
+        """Counts a new recorded call of `nbytes` bytes, and writes a file if the recorded calls in memory exceed the size `chunk`."""
         self._kinds.append(KINDS.index(kind))
         self.rows += 1
         self._bytes += nbytes
@@ -133,20 +138,20 @@ class Recorder:
             self._flush()
 
     def _clear(self) -> None:
-        """Discards the recorded rows that are still in memory."""
+        """Removes the recorded calls from memory."""
         self._kinds: list[int] = []
         self._steps: dict[str, list[np.ndarray[Any, Any]]] = {name: [] for name in FIELDS}
         self._others: dict[str, np.ndarray[Any, Any]] = {}
         self._bytes = 0
 
     def _flush(self, *, closed: bool = False) -> None:
-        """Writes the rows in memory, if any, and run.json."""
+        """Writes the recorded calls in memory (if there are any) to a new .npz file, and updates the file run.json."""
         if self._kinds:
             self._write_rows()
         write_header(self.path, self._header | {"closed": closed, **self._so_far()})
 
     def _write_rows(self) -> None:
-        """Writes the rows in memory to the next .npz file."""
+        """Writes the recorded calls in memory to the next .npz file, and removes them from memory."""
         stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
         final = self.path / f"{len(self._files):05d}.npz"
         with atomic_write(final) as file:
@@ -158,7 +163,7 @@ class Recorder:
         self._clear()
 
     def _so_far(self) -> dict[str, Any]:
-        """Entries of run.json for the files that were written so far: rows, files and failures."""
+        """Entries of run.json that change during the recording: number of stored calls, list of files, and failures so far."""
         rows = sum(int(file["rows"]) for file in self._files)
         return {"rows": rows, "files": self._files, "failures": self.failures.summary()}
 

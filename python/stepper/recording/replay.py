@@ -84,7 +84,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
         path: Folder that `Stepper.record` wrote.
         model: Model that the recorded one must equal; None skips this check.
         threads: Number of threads; None uses the recorded number. Results do not depend on it.
-        tick: Function that is called with "replay" and the fraction of the rows that are done.
+        tick: Function that is called with "replay" and the fraction of the recorded calls that were repeated.
 
     Raises:
         TypeError, ValueError: `model` or `threads` is invalid.
@@ -183,7 +183,10 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
 
 
 def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
-    """Sets the parameters in a row of a recording in a stepper. `arrays` have rows of the changed environments only."""
+    """Sets the recorded parameters of environments in a stepper.
+
+    `arrays` are the arrays of one recorded call of `Stepper.randomize`, by name. They contain values of the changed environments only.
+    """
     rows = {name.removeprefix("randomized/"): values for name, values in arrays.items() if name.startswith("randomized/")}
     n = sim.num_envs or 1
     mask = arrays.get("envs", np.full(n, True))
@@ -200,7 +203,7 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:
-    """Compares the present state of a stepper with the recorded result of a step.
+    """Compares the current state of a stepper with the recorded result of a step.
 
     Args:
         sim: The stepper after the step.

@@ -20,7 +20,7 @@ READ = ("qpos", "qvel", "act", "sensordata")
 
 @dataclass(frozen=True)
 class Segment:
-    """Part of a recording: consecutive calls of `step` without a reset, a call of `set_state` or a change of parameters between them.
+    """Part of a recording with consecutive calls of `Stepper.step`. No reset, `set_state` or change of parameters lies between these calls.
 
     Attributes:
         model: The recorded model.
@@ -78,7 +78,7 @@ def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
 
 
 def _state(sim: Stepper) -> dict[str, np.ndarray[Any, Any]]:
-    """Present qpos, qvel and act of a stepper by name, (num_envs, ...) float64."""
+    """Current qpos, qvel and act of a stepper by name, (num_envs, ...) float64."""
     n = sim.num_envs or 1
     return {name: np.asarray(getattr(sim, name), np.float64).reshape(n, -1) for name in ("qpos", "qvel", "act")}
 

@@ -7,7 +7,10 @@ import time
 from collections.abc import Callable
 
 Tick = Callable[[str, float], None]
-"""Callback with a text that names the present work, and the completed fraction (0 to 1). It is never called during a time measurement."""
+"""Type of a progress callback. Its arguments are a text that names the work in progress, and the completed fraction (0 to 1).
+
+It is not called while computing time is measured.
+"""
 _LONGEST_PAUSE = 30.0
 """Longest time between two lines of progress, s."""
 
@@ -33,12 +36,14 @@ def progress_lines() -> Tick:
 
 
 def _remaining(done: float, made: float, seconds: float) -> str:
-    """Text with the estimated remaining time of a call; empty without progress, or below a second.
+    """Text with the estimated remaining time of a long computation, such as ", 40 s left".
+
+    The text is empty if the remaining time is unknown (no progress yet) or below one second.
 
     Args:
         done: Fraction of the work that is done.
-        made: Fraction that was done since the first report.
-        seconds: Time since the first report, s.
+        made: Fraction of the work that was done since the first progress report.
+        seconds: Time since the first progress report, s.
     """
     left = (1.0 - done) * seconds / made if made > 0 else 0.0
     if left < 1.0:

@@ -250,10 +250,10 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
 
 
 def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selector, where: str) -> NDArray[np.int64]:
-    """Columns of an array of indices, (..., columns). A single column gives no axis, several columns give one.
+    """Selected columns of an array of indices, (..., columns). If there is a single column, the last axis is absent.
 
     Args:
-        index: The array.
+        index: Array of indices into a flattened field, (..., all columns).
         columns: Columns to select.
         selector: Selector with the columns, for messages.
         where: Name of the argument with the selector, for messages.
@@ -269,13 +269,13 @@ def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selecto
 
 
 def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, one: bool) -> NDArray[np.int64]:
-    """Indices of degrees of freedom or coordinates of some joints, selected by the columns of a selector.
+    """Indices of the degrees of freedom or coordinates that a selector with columns selects, such as "dof_damping[root][2]".
 
     Args:
-        rows: Range of rows of each joint. An int (a row without joint) is an error.
-        selector: Selector, whose columns count from the first row of each joint.
-        where: Name of the argument with the selector, for messages.
-        one: Whether the result has no axis for joints.
+        rows: Range of the degrees of freedom (or coordinates) of each selected joint. A single index instead of a range is an error.
+        selector: Selector, whose columns count from the first degree of freedom (or coordinate) of each joint.
+        where: Name of the argument with the selector, for error messages.
+        one: Whether the selector selects a single joint by name, so that the result has no axis for joints.
     """
     if any(isinstance(own, int) for own in rows):
         raise ValueError(f"{where} has '{selector}': an index is one row of {selector.field}; leave out the columns, or name a joint")
@@ -299,13 +299,16 @@ def _flat(chosen: Iterable[Iterable[int | range]]) -> list[int]:
 
 
 def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any], bool]:
-    """Rows of a field that an item of a selector selects, and whether the item is an index or an exact name, not a pattern.
+    """Elements that a name, pattern or index in a selector selects, and whether it is an index or an exact name, not a pattern.
 
     Args:
         model: The model.
-        kind: Kind of row: "geom", "dof", ... For "dof" and "coordinate" the rows of a joint are one range.
+        kind: Kind of element: "geom", "joint", "dof", "coordinate" and others.
         item: Name, pattern or index.
         where: Beginning of error messages.
+
+    Returns:
+        Indices of the elements; for "dof" and "coordinate" a range of indices for each joint. Then the boolean.
     """
     labels = _labels(model, kind)
     if isinstance(item, int):
@@ -333,9 +336,10 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
 
 
 def _labels(model: Model, kind: str) -> list[list[str]]:
-    """Texts by which a selector can name each element of a kind. The first is the name, "" if there is none.
+    """Texts by which a selector can name each element of a kind.
 
-    Geoms can also be named "body/geom", and contact pairs "geom/geom".
+    The first text is the name of the element, or "" if the element has no name. Further texts are "body/geom" for geoms, and "geom/geom"
+    for contact pairs.
     """
     if kind == "equality":
         return [[""] for _ in range(len(model.eq_active0))]
@@ -359,7 +363,7 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
         fields: Complete arrays by name of the field.
 
     Returns:
-        Arrays by name of the field. Numbers that no selector names keep their present values.
+        Arrays by name of the field. Numbers that no selector names keep their current values.
 
     Raises:
         ValueError: A selector is unknown, a shape is wrong, or a number is given twice.
@@ -371,7 +375,7 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
     present = sim.randomized
 
     def base(field: str) -> Array:
-        """Present values of a field in the selected environments, (environments, numbers), or (numbers,) without environments."""
+        """Current values of a field in the selected environments, (environments, numbers), or (numbers,) without environments."""
         own = np.asarray(getattr(model, field), np.float64)
         now = np.asarray(present.get(field, np.broadcast_to(own, (n, *own.shape))), np.float64).reshape(n, -1)
         return now[rows].reshape(*lead, -1)
@@ -420,7 +424,7 @@ def _whole(
         where: Name of the call, for error messages.
         model: The model.
         values: Values by selector.
-        base: Function from the name of a field to its present numbers, (*lead, numbers).
+        base: Function from the name of a field to its current numbers, (*lead, numbers).
         lead: Leading shape of the arrays: (environments,), or () without environments.
         known: Names of the fields that the call takes.
         fields: Fields that the caller gave as complete arrays.

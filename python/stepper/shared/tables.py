@@ -75,13 +75,22 @@ def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
 
 
 def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:
-    """Value for a name from a mapping of names and patterns: that of the name, else of the first matching pattern, else the default."""
+    """Value for a name from a mapping of names and patterns (with * or ?) to values.
+
+    The order of precedence is: the value of the exact name, the value of the first pattern that matches, the default.
+    """
     patterns = [value for pattern, value in named.items() if fnmatch.fnmatchcase(name, pattern)]
     return named.get(name) or (patterns[0] if patterns else default)
 
 
 def check_names(named: Mapping[str, T], names: Sequence[str], kind: str) -> None:
-    """Raises ValueError if a name or pattern in `named` matches none of the elements `names`; `kind` is the kind of element."""
+    """Raises ValueError if a name or pattern in `named` matches none of the elements of a model.
+
+    Args:
+        named: Mapping whose keys are checked.
+        names: Names of all elements.
+        kind: Kind of the elements, such as "sensor", for the error message.
+    """
     for name in named:
         if name not in names and not fnmatch.filter(names, name):
             raise ValueError(f"no {kind} fits {name!r}, there are: {', '.join(names) or 'none'}")

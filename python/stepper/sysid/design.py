@@ -63,9 +63,10 @@ def design(
 
     Args:
         found: Result of the identification so far.
-        experiments: Controls and initial states of the experiments, as `Episode(ctrl, {}, period, name="fast push")`; readings are ignored.
-        noise: Standard deviations of the channels that the experiment would read, each a number or (dim,), in the channel's unit. None is
-            the channels and noise of `found`.
+        experiments: Controls and initial states of the experiments, such as `Episode(ctrl, {}, period, name="fast push")`. Readings are
+            ignored.
+        noise: Standard deviations of the channels that an experiment would measure, by name, each a number or (dim,), in the unit of the
+            channel. None uses the channels and the noise of `found`.
         options: Options of the step, as in `identify`.
         actuators: Known attributes of the drives, as in `identify`.
         draws: Number of samples from the distribution of `found`, in addition to the estimate.

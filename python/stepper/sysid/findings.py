@@ -58,11 +58,11 @@ def warnings_of(
 
     Args:
         residuals: Residuals of the fit.
-        x: Estimate: parameters, then uncertain initial states, in units of the scales, (n + starts,).
+        x: Estimate, (n + starts,), in units of the scales: parameters, then uncertain coordinates of initial states.
         sure: Uncertainty of the estimate.
         reach: Half widths of the bounds, in units of the scales, (n,).
         roughness: Relative differences between derivatives with a finite-difference step and with twice that step, (n,).
-        searches: All searches, with `x` and `cost`.
+        searches: Ends of all searches: objects with the end point `x` and its `cost`.
         converged: Whether the best search converged.
         weights: Weight of each reading in the robust loss, (m,), 0 to 1.
     """
@@ -114,13 +114,13 @@ def _fit_warnings(
     known: np.ndarray[Any, Any],
     weights: Array,
 ) -> list[str]:
-    """Warnings about an estimate from the sizes of its residuals and from searches that ended elsewhere.
+    """Warnings about an estimate whose residuals are large, or for which other searches ended at another point with a similar cost.
 
     Args:
         residuals: Residuals of the fit.
         x: Estimate: parameters, then uncertain initial states, in units of the scales, (n + starts,).
         sure: Uncertainty of the estimate.
-        searches: All searches, with `x` and `cost`.
+        searches: Ends of all searches: objects with the end point `x` and its `cost`.
         labels: Labels of the parameters, (n,).
         known: Indices of the parameters that the data determine.
         weights: Weight of each reading in the robust loss, (m,), 0 to 1.

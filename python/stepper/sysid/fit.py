@@ -41,7 +41,7 @@ SAME_MINIMUM = 1e-2
 ABANDON_RATIO = 9.0
 """Ratio of a search's cost to the lowest cost, above which the search is abandoned. At 9, residuals are three times as large."""
 COARSE, FINE = 1e-4, 1e-4
-"""Relative change of the unknowns below which a search ends, and factor that reduces this limit to 1e-8 for the last search."""
+"""Relative change of the unknowns below which a search ends, and the factor by which this limit is smaller for the last search."""
 NOISE_TOLERANCE = 0.05
 """Relative change of the estimated noise below which the iteration of the noise ends."""
 MIN_NOISE = 1e-6
@@ -158,8 +158,8 @@ class _Solver:
         optimize: Module `scipy.optimize`.
         residuals: Residuals to minimise.
         loss, f_scale: Arguments of `identify`.
-        most: Largest number of evaluations per search.
-        tick: Progress callback.
+        most: Largest number of points that each search evaluates.
+        tick: Progress callback, called with a text and the completed fraction.
 
     Attributes:
         loss, f_scale: Arguments of `identify`.
@@ -397,14 +397,14 @@ def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tupl
 
 
 def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float | None:
-    """Mean square residual of a fit that also estimates the initial states, divided by that of the present fit.
+    """Mean square residual of a new fit that also estimates the initial states, divided by the mean square residual of the given fit.
 
-    It is None if the present fit already estimates the initial state of every episode.
+    The result is None if the given fit already estimates the initial state of every episode, or if there are too few readings.
 
     Args:
-        residuals: Residuals of the present fit.
-        best: End of its best search.
-        solver: Solver, for the fit with initial states.
+        residuals: Residuals of the given fit.
+        best: End of the best search of the given fit.
+        solver: Solver with the settings for the new fit.
     """
     other = residuals.freed(FREED_STD)
     if other is None or other.count <= other.n:

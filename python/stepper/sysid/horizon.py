@@ -80,7 +80,7 @@ class Linear:
             along each direction, and copies of it with other values of friction.
         directions: Directions of the finite differences.
         spans: Widths of local differences above and below the estimate, (n + states, 2).
-        made: Predicted readings at all points, by name of the `Stepper` field, (count, T, width of the field).
+        made: Predicted states and readings at all points, by name of the attribute of `Stepper`, (count, T, size of the attribute).
         residual: Residuals at all points, (count, T, width), in units of the noise.
         J: Derivatives of the residuals at the estimate, (T, width, n + states).
         expected: Mean of the residuals over the distribution of the unknowns, (T, width).
@@ -329,9 +329,10 @@ class Horizon:
         return value - 3 * float(self._problem.drift[j]) * math.sqrt(max(self._now - when, 0.0))
 
     def _settle(self) -> None:
-        """Makes Gauss-Newton steps on the estimate until a step is small compared with the standard deviations.
+        """Improves the estimate by Gauss-Newton steps until a step is small compared with the standard deviations of the parameters.
 
-        In smooth motion one step suffices. Where a contact begins, the slopes differ after the step, and so does the covariance.
+        In smooth motion one step suffices. Where a contact begins, the derivatives and the covariance change with the estimate, so that
+        several steps are needed.
         """
         n = self._problem.n
         best, self.rival = self._linear(), None
@@ -397,7 +398,7 @@ class Horizon:
             self.normalized_innovation = float(self.newest @ np.linalg.solve(expected, self.newest)) / len(self.newest)
 
     def _linear(self) -> Linear:
-        """Linearisation of the predicted readings in the window of recent samples, about the present estimate."""
+        """Linearisation of the predicted readings in the window of recent samples, about the current estimate."""
         points, directions, spans = self._points()
         made, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
         J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)

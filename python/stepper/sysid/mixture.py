@@ -27,9 +27,9 @@ UNLIKELY = 0.01
 CLOSE = 0.05
 """Difference of log(friction) between a point and a hypothesis below which the point starts no new hypothesis."""
 CLOSE_STD = 3.0
-"""Difference of log(friction) from a hypothesis below which a point starts no new one, in standard deviations of that hypothesis.
+"""Difference of log(friction) between a point and a hypothesis below which the point starts no new hypothesis.
 
-The limit is the larger of this difference and `CLOSE`.
+It is in standard deviations of the hypothesis. The larger of this limit and `CLOSE` applies.
 """
 MERGE_DISTANCE = 0.3
 """Largest difference of the estimates of two hypotheses that are merged, in units of the smaller of their standard deviations."""

@@ -83,7 +83,7 @@ class Tracker:
         period: Time between samples, s: a whole number of time steps.
         window: Length of the window of recent samples that are simulated again at each update, s.
         drift: Standard deviation of the random change of each parameter in one second: a number, or (n,). For a positive quantity it is
-            the change of the logarithm; for others it is in units of the parameter's scale. 0 is a constant parameter. None uses 0.02
+            the change of the logarithm; for others it is in units of the parameter's scale. 0 means a constant parameter. None uses 0.02
             for friction and 0 for other parameters. (A window overestimates the information about friction when sliding begins.)
         moving: Names of the joints whose state is uncertain; None selects all joints. Each degree of freedom of these joints needs four
             environments.
@@ -252,7 +252,7 @@ class Tracker:
         return write(self.blocks, self._mixture().draw(count, seed), self.model).fields
 
     def _mixture(self) -> Mixture:
-        """Present distribution of the parameters: the weighted sum of normal distributions of the tracker's hypotheses."""
+        """Current distribution of the parameters: the weighted sum of normal distributions of the tracker's hypotheses."""
         return mixture_of(self._hypotheses, self._problem)
 
     def _checked(self, readings: Mapping[str, ArrayLike]) -> dict[str, Array]:
@@ -270,14 +270,14 @@ class Tracker:
 
 
 def _spread(name: str, given: ArrayLike, size: int, remedy: str, *, alone: bool = False) -> Array:
-    """Standard deviations from an argument, (size,), after a check.
+    """Standard deviations, (size,), from the user's argument `name`, after a check of its shape and values.
 
     Args:
-        name: Name of the argument.
-        given: Its value.
+        name: Name of the argument, for error messages.
+        given: Value of the argument.
         size: Required number of standard deviations.
-        remedy: Required form, for the error message.
-        alone: Whether a single number is accepted.
+        remedy: Description of the required shape, for the error message.
+        alone: Whether a single number for all `size` standard deviations is accepted.
     """
     value = np.asarray(given, np.float64)
     if value.shape != (size,) and not (alone and value.ndim == 0):

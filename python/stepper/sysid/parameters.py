@@ -36,9 +36,10 @@ class Kind:
         quantity: Name of the quantity.
         excite: Advice for a motion that determines the quantity, with {0} for the names of the elements.
         log: Whether theta is the logarithm of the value, so that the value stays positive.
-        bounds: Default bounds of the value. None selects `REACH` for logarithms, and no bounds for others.
+        bounds: Default bounds of the value. None allows a factor of 1000 up and down (`REACH`) if `log` is true, and otherwise any value.
         columns: Columns of the field that contain the value; None uses the columns of the selector.
-        scaled: Field and columns that are multiplied by the same factor as the value.
+        scaled: Field and columns that are multiplied by the same factor as the value, such as the inertia if the value is the mass. None
+            if no other field changes.
     """
 
     element: str
@@ -85,7 +86,7 @@ KINDS = {
 }  # fmt: skip
 """Kinds of parameters by name. The name is a field as in selectors, followed by "[column]" if each column of the field has a kind."""
 READING = ("sensor.bias", "sensor.scale", "sensor.delay")
-"""Kinds that change the sensor readings but not the motion."""
+"""Kinds of parameters that change the sensor readings but not the motion."""
 
 
 @hint_keywords("stepper.sysid.FitParameter")
@@ -240,7 +241,7 @@ class Block:
         """Sets start, bounds and prior of a parameter that is a single number.
 
         Args:
-            own: Value of the parameter in the model, in its unit.
+            own: Value of the parameter in the model, in the unit of the parameter, at which the search starts by default.
         """
         parameter, kind = self.parameter, self.kind
         start = own if parameter.start is None else float(parameter.start)
@@ -432,9 +433,9 @@ _SAME = {
     "actuator_kp": ("actuator_kp", "actuator_gainprm"),
     "actuator_gainprm": ("actuator_kp", "actuator_gainprm"),
 }
-"""Kinds that change the same numbers of a model as a kind, by name of that kind. For example, "body_inertial" also changes the mass.
+"""Kinds of parameters that change some of the same numbers of a model, by name of a kind.
 
-`bind` rejects two parameters of such kinds for one element.
+For example, "body_inertial" and "body_mass" both change the mass. `bind` rejects two parameters of such kinds for one element.
 """
 
 
@@ -442,8 +443,8 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
     """Blocks of the parameter vector theta, one for each parameter.
 
     Raises:
-        ValueError: A name is unknown, two parameters change the same number, or a start is outside the bounds. Or a contact pair that
-            the model defines overrides a parameter of its geoms.
+        ValueError: A name is unknown, two parameters change the same number, or a start is outside the bounds. The same error is raised
+            if a contact pair of the model overrides a parameter of its two geoms.
     """
     if isinstance(parameters, str | FitParameter):
         parameters = [parameters]

@@ -132,7 +132,7 @@ class Residuals:
         return out
 
     def reading_indices(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Indices of all measured readings, (count, 3): of the episode, of the row (control period), and of the column of the readings."""
+        """Indices of all measured readings, (count, 3): index of the episode, index of the control period, and column of the readings."""
         return np.concatenate([np.insert(np.argwhere(mask), 0, e, axis=1) for e, mask in enumerate(self.masks)])
 
     def _wide(self) -> int:

@@ -79,7 +79,7 @@ class Identification:
     warnings: tuple[str, ...]
 
     def warned(self, warnings: tuple[str, ...]) -> Identification:
-        """Copy of this result with the given warnings in place of the present ones."""
+        """Copy of this result with the given warnings in place of the warnings of this result."""
         return replace(self, warnings=warnings)
 
     @cached_property

@@ -81,8 +81,8 @@ class Verdict:
         rival: Index of the compared point whose friction explains the readings as well as the estimate or better; None if there is none.
         holding: Indices of the frictions that hold their object at the estimate, so that the derivatives with respect to them are zero.
         excluded: Largest excluded value of a friction, by index of the friction. All smaller values are excluded too.
-        rises: Compared values of each friction that is not in `holding`, by index of the friction. A row has the offset of a value from
-            the estimate, and the increase of the cost, (k, 2).
+        rises: Arrays (k, 2) by index of the friction, for frictions that are not in `holding`. Each row has the offset of a compared value
+            from the estimated log(friction), and the increase of the cost at this value.
     """
 
     rival: int | None

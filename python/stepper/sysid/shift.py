@@ -18,13 +18,16 @@ from stepper.sysid.data import Episode
 from stepper.sysid.inertia import Array
 
 LATE, EARLY = 1, -1
-"""Shifts of readings by one row: the readings of row k + 1 (`LATE`) or of row k - 1 (`EARLY`) belong to the control of row k."""
+"""Shifts of readings by one row of a log: readings in row k + 1 (`LATE`) or in row k - 1 (`EARLY`) belong to the control in row k."""
 RATIO = 0.75
 """Mean square residual with shifted readings, divided by that without the shift, below which the shift is reported."""
 COLOURED = 0.3
-"""Correlation of consecutive residuals above which fits with shifted readings are made, if it is also statistically significant."""
+"""Correlation of consecutive residuals above which `identify` tests whether readings are shifted by one sample.
+
+It tests only if the correlation is also statistically significant.
+"""
 LOUD = 1.5
-"""Mean square of residuals, in units of the noise, above which fits with shifted readings are made."""
+"""Mean square of the residuals divided by their noise, above which `identify` tests whether readings are shifted by one sample."""
 RECENT = 15
 """Number of samples over which a tracker's normalised innovation squared is averaged."""
 UNEXPLAINED = 3.0
@@ -32,7 +35,7 @@ UNEXPLAINED = 3.0
 COPY_INTERVAL = 100
 """Number of samples after which a tracker's stored copy is replaced. Trackers of shifted readings start from this copy."""
 CAUGHT_UP = 2
-"""Number of past samples that a tracker of shifted readings processes per update, until it has reached the present one."""
+"""Number of past samples that a tracker of shifted readings processes per update, until it has reached the newest sample."""
 FREED_STD = (0.1, 1.0)
 """Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) of an uncertain initial state.
 
@@ -50,12 +53,12 @@ _WORDS = {
 
 
 def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:
-    """Warning that readings are one row early or late, with the evidence and the remedy.
+    """Warning that readings are one sample early or late relative to the controls, with the evidence and the remedy.
 
     Args:
         shift: `LATE` or `EARLY`.
-        ratio: Ratio of the mean square residual with the shift to that without it.
-        remark: Sentence about initial states, without its full stop.
+        ratio: Mean square residual of a fit with shifted readings, divided by the mean square residual without the shift.
+        remark: Last sentence of the warning, about wrong initial states, without its full stop.
     """
     problem, remedy = _WORDS[shift]
     return (
@@ -137,7 +140,8 @@ class Watch:
     When the tracker's model does not explain the readings, two copies of the tracker process them with shifts of one sample.
 
     Attributes:
-        found: Detected shift (`LATE` or `EARLY`) and the ratio of the innovations with and without it; None if none is detected.
+        found: Detected shift (`LATE` or `EARLY`), and the mean squared prediction error with this shift divided by that without a shift.
+            None if no shift is detected.
     """
 
     def __init__(self) -> None:
@@ -178,11 +182,10 @@ class Watch:
         return not unexplained
 
     def _follow(self) -> None:
-        """Lets the copies of the tracker, which get shifted readings, process past samples.
+        """Processes past samples with two copies of the tracker, which get readings that are shifted by one sample.
 
-        Compares them with the tracker when they have finished.
-
-        If a copy predicts the readings much better than the tracker, `found` is set to its shift.
+        When the copies have processed all samples, the method compares them with the tracker. If a copy predicts the readings much better
+        than the tracker, the method sets `found` to the shift of this copy.
         """
         for twin in self._twins.values():
             for _ in range(CAUGHT_UP):

@@ -37,12 +37,12 @@ class Channel:
 
     Attributes:
         name: Name of the channel.
-        field: Field of `rollout` with the prediction.
-        columns: Columns of that field.
+        field: Name of the array in the results of `Stepper.rollout` that contains the prediction.
+        columns: Columns of this array that belong to the channel.
         dofs: For "qpos", degrees of freedom in which the difference of two poses is expressed; otherwise empty.
         quaternion: Whether the reading is a quaternion.
-        lines: Columns of the channel in arrays with the columns of all channels, (T, width).
-        sensor: Index of the sensor, or -1.
+        lines: Columns of the channel in arrays of all readings, (T, width).
+        sensor: Index of the sensor; -1 if the channel is a part of the state.
     """
 
     name: str
@@ -338,7 +338,10 @@ class Simulator:
         T = max(len(np.asarray(e.ctrl)) for e in episodes)
 
         def padded(arrays: list[Any]) -> Array:
-            """Inputs of all episodes, (T, variants * episodes, ...): extended with their last row, and repeated for every variant."""
+            """Inputs of all episodes for all parameter vectors (variants), (T, variants * episodes, ...).
+
+            Shorter episodes are extended to T periods by repeating their last input.
+            """
             rows = np.stack([np.concatenate([a, np.repeat(a[-1:], T - len(a), axis=0)]) for a in map(np.asarray, arrays)], axis=1)
             return np.tile(rows, (1, len(part), *(1,) * (rows.ndim - 2)))
 
@@ -363,7 +366,7 @@ class Simulator:
         return bad, int(alive.sum()) * len(part) * (nstep if self._fine else 1)
 
     def _stepper(self, model: Model, count: int) -> Stepper:
-        """Stepper of a model with `count` environments; up to eight are cached."""
+        """Stepper with `count` environments of a model. The method caches up to eight steppers, and returns a cached one if it can."""
         key = (model.digest, count)
         if key not in self._steppers:
             if len(self._steppers) >= 8:

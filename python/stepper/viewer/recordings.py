@@ -92,7 +92,7 @@ class RecordedRun:
         return replace(here, **contacts, **{name: self._columns[name][index] for name in _RECORDED})
 
     def _whole(self, name: str, values: Array) -> Array:
-        """Values of a quantity in all environments: `values` in the shown ones, and the present values of the stepper in the others."""
+        """Values of a quantity in all environments: `values` in the shown environments, current values of the stepper in the others."""
         if self._single:
             first: Array = values[0]
             return first

@@ -119,7 +119,9 @@ class Renderer:
         self._freeing()
 
     def _chosen(self, camera: str | int | None, config: Mapping[str, Any] | None, default: Mapping[str, Any] | None) -> tuple[Any, int]:
-        """MuJoCo's camera for the camera arguments of `Renderer`, and the index of the body that a free camera follows; 0 is none.
+        """MuJoCo's camera for the camera arguments of `Renderer`, and the index of the body that a free camera follows.
+
+        The index is 0 if the camera follows no body.
 
         Args:
             camera: Name or index of a camera of the model; None selects the first available one.
@@ -144,7 +146,7 @@ class Renderer:
         return chosen, 0
 
     def _free(self, camera: Any, config: Mapping[str, Any]) -> int:
-        """Sets a free camera from its settings, and returns the index of the body that it follows; 0 is none.
+        """Sets a free camera from its settings, and returns the index of the body that it follows, or 0 if it follows none.
 
         By default the whole scene is visible, as in Gymnasium.
 

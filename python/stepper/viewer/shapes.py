@@ -130,7 +130,7 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
 
 
 def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes, float]]:
-    """Meshes that draw a geom; empty if its mesh is unknown. A capsule has three, other geoms have one.
+    """Meshes that draw a geom: three meshes for a capsule, one mesh for other geoms, and none if the mesh of the geom is unknown.
 
     Args:
         kind: Type of the geom, such as "capsule".
@@ -138,7 +138,8 @@ def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes,
         looks: `mujoco.MjModel` with the visual meshes; None if it is unknown.
 
     Returns:
-        For each mesh its name, the mesh, and the values of `Part.axes` and `Part.end`.
+        Tuple for each mesh: its name, the mesh, the indices into `geom_size` that scale its axes (`Part.axes`), and its position on the z
+        axis of the geom (`Part.end`).
     """
     if kind == "capsule":
         return [("tube", _TUBE, (0, 0, 1), 0.0), ("sphere", _SPHERE, (0, 0, 0), -1.0), ("sphere", _SPHERE, (0, 0, 0), 1.0)]

@@ -106,7 +106,10 @@ class Window:
         self._write(frame)
 
     def due(self) -> bool:
-        """Whether the next frame should be sent now, by the frame rate. A call that returns True starts the time to the following frame."""
+        """Whether at least 1 / `FRAMES` seconds have passed since the last frame, so that the next frame should be sent now.
+
+        If the result is True, the time until the following frame starts now.
+        """
         now = time.monotonic()
         if now - self._sent < 1.0 / FRAMES:
             return False

@@ -36,7 +36,7 @@ _GREY, _LIGHT = "0.25 0.25 0.28 1", "0.75 0.75 0.78 1"
 _FOOT, _CLEARANCE = 0.023, 0.01
 """Radius of a foot, and clearance between foot and ground above which the foot counts as in the air, m."""
 _MIN_AIR_TIME, _MAX_AIR_TIME = 0.1, 0.3
-"""Bounds of a rewarded air time, s. A landing foot earns min(air time, longest) - shortest."""
+"""Shortest and longest time in the air, s, for the reward of a landing foot: min(time in the air, longest) - shortest."""
 _STANDING_COMMAND = 0.1
 """Norm of the command (m/s, rad/s) below which it counts as a command to stand."""
 

@@ -58,7 +58,7 @@ class Visuals:
 
 
 def plain_ground(roughness: float) -> Ground:
-    """Ground of a plane, with a height field of bumps up to the height `roughness`, m; 0 is flat."""
+    """Ground of a plane, with a height field of bumps up to the height `roughness`, m; 0 means flat."""
 
     def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
         floor = Element("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **attributes})

@@ -52,12 +52,12 @@ class VelocityTask(Task):
         mass_scale: Lowest and highest factor of the mass of the base.
         gain_scale: Lowest and highest factor of the gains of the servos.
         center_shift: Largest shift of the base's centre of mass in each direction, m.
-        noise: Factor of the sensor errors `ERRORS`; 0 is none. With errors, the IMU's velocity and rates of turn, the vertical and the
+        noise: Factor of the sensor errors `ERRORS`; 0 means none. With errors, the IMU's velocity and rates of turn, the vertical and the
             encoders are noisy.
         motors: Whether servos have the torque-speed curves and the dry friction of motors (`MOTORS`) instead of torques at any speed.
-        roughness: Largest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground.
+        roughness: Largest height of the ground's bumps, m, which are about a metre wide; 0 means flat ground.
         sight: Half width of the observed grid of ground heights, m. The grid has 25 points around the base and turns with its heading. The
-            heights are relative to the base. 0 is no grid.
+            heights are relative to the base. 0 means no grid.
         weights: Weights of some or all terms of the reward, by name; other terms have those of `WEIGHTS`.
 
     Raises:
@@ -292,7 +292,10 @@ class VelocityTask(Task):
 
 @cache_per_model
 def _sensed(robot: Model, imu: str) -> Model:
-    """Copy of the robot's model with sensors for the rows of the observation table. `imu` is the name of the IMU's site."""
+    """Copy of the robot's model with added sensors of velocities, vertical and joints, which the task observes.
+
+    `imu` is the name of the site of the IMU (inertial measurement unit).
+    """
     base, world = robot.body_names[1], robot.body_names[0]
     readings = {
         "linear_velocity": SensorSpec(type="velocimeter", site=imu),
@@ -321,11 +324,11 @@ def _readings(row: str) -> Callable[[Moment], Array]:
 
 @cache_per_model
 def _columns(model: Model, row: str) -> tuple[int, int]:
-    """Columns in `sensordata` of the sensors that give one part of the observation: index of the first column, and number of columns.
+    """Columns in `sensordata` that contain one part of the observation: index of the first column, and number of columns.
 
     Args:
         model: Model of the robot.
-        row: Name of the part, such as "angles". The sensors have this name, or this name and that of a joint, and are adjacent.
+        row: Name of the part, such as "angles". Its sensors are adjacent and have this name, or this name followed by the name of a joint.
     """
     found = [sensor for sensor in map(model.sensor, range(len(model.sensor_names))) if re.fullmatch(f"{row}( .*)?", sensor.name)]
     return found[0].adr, sum(sensor.dim for sensor in found)

@@ -218,7 +218,7 @@ def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap
 
 
 def settle(sim: Stepper, mask: Array, steps: int) -> None:
-    """Simulate some steps from the present positions, at rest and without controls, in the environments of a mask (num_envs,)."""
+    """Simulate some steps from the current positions, at rest and without controls, in the environments of a mask (num_envs,)."""
     probe = Stepper(sim.model, int(mask.sum()), options=sim.options, precision=sim.precision)
     probe.reset(qpos=sim.qpos[mask])
     probe.step(nstep=steps)

@@ -195,7 +195,7 @@ def _fetching(now: Moment) -> Array:
 
 @cache_model
 def _scene(floor: float | None) -> Model:
-    """Model of the dog on a floor of the half side `floor`, m, without the ball; None is the arena with walls and ball."""
+    """Model of the dog on a square floor without walls and ball. `floor` is half the side, m; None keeps the arena with walls and ball."""
     tree = source_tree(Dog.file)
     assets = package_file("dm_control", "suite/dog_assets", "for tasks of its suite, whose models it has")
     for compiler in tree.iter("compiler"):

@@ -29,7 +29,11 @@ class PointMass(SuiteTask):
     turned: bool = False
 
     def model(self) -> Model:
-        """Model of the scene. With `turned` its controls have no bounds, because combinations of bounded actions may exceed them."""
+        """Model of the scene.
+
+        If the task has random control directions (`turned`), the controls of the model have no bounds. The task combines two bounded
+        actions to a control, which may exceed the bounds.
+        """
         return _without_bounds() if self.turned else super().model()
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:

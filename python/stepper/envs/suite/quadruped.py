@@ -89,7 +89,10 @@ class Quadruped(SuiteTask):
         return reward
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: at rest just above the ground with a random orientation; with a ball upright, and the ball in flight."""
+        """Initial states: at rest just above the ground with a random orientation.
+
+        If the task is to fetch, the robot starts upright with a random heading, and the ball is in flight.
+        """
         model = self.model()
         at = model.joint("root").qposadr
         if not self.fetch:
@@ -146,6 +149,6 @@ def _body_position(now: Moment, body: str) -> Array:
 
 @cache_model
 def _scene(floor: float | None) -> Model:
-    """Model of the quadruped on a floor of the half side `floor`, m, without the ball; None is the arena with walls and ball."""
+    """Model of the quadruped on a square floor without walls and ball. `floor` is half the side, m; None keeps the arena with them."""
     tree = remove_elements(source_tree(Quadruped.file), lambda element: element.tag == "rangefinder" or element.get("type") == "hfield")
     return load_quietly(tree if floor is None else open_floor(tree, floor, _BALL))

@@ -18,8 +18,8 @@ NEAREST = 0.17
 class Pusher(MujocoTask):
     """Task: push the cylinder to the goal. The arguments are those of Gymnasium's environment. An episode never terminates.
 
-    Positions of bodies, in the observation and in the reward, are those before the last of the `frame_skip` steps. The published task has
-    this delay, because `mj_step` computes positions at the start of a step. After a reset they are those of the present state.
+    The observation and the reward use the positions of bodies before the last of the `frame_skip` steps. Gymnasium's task has this delay,
+    because `mj_step` computes positions at the start of a step. After a reset, they use the positions in the current state.
     """
 
     camera: ClassVar[Camera] = {"distance": 4.0}

@@ -64,8 +64,8 @@ class TerrainCurriculum:
     def place(self, reset: Reset) -> None:
         """Move the initial positions of new episodes to the environments' tiles. Call it in `Task.place`.
 
-        An environment that has no level yet draws a row up to `max_init_level`, and a column with the probabilities `Terrain.proportions`.
-        An environment that moved up from the hardest row draws a random row.
+        An environment without a tile draws a random row (level of difficulty) from 0 to `max_init_level`. It also draws a column (kind of
+        terrain) with the probabilities `Terrain.proportions`. An environment that moved up from the hardest row draws any row.
         """
         state, envs, terrain = reset.episode_state, reset.envs, self.terrain
         level, kind = state["terrain_level"][envs], state["terrain_type"][envs]
@@ -116,11 +116,11 @@ class TerrainCurriculum:
 
 
 def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> Array:
-    """Values of the current stage of each environment, for a curriculum of commands.
+    """Values that apply to each environment at its number of actions, for a curriculum with stages, such as larger and larger commands.
 
     Args:
         steps: Number of actions of each environment so far, (n,). Count them in `Task.episode_state`, under a name in `Task.carried`.
-        stages: Number of actions at which each stage begins, ascending from 0, and its values (k,), such as the largest commands.
+        stages: Pairs of the number of actions at which a stage begins, ascending from 0, and the k values that apply in this stage.
 
     Returns:
         Values of each environment, (n, k), in the unit of the stages.

@@ -170,7 +170,7 @@ class Terrain:
         spec.worldbody.add_geom(name=name, type=kind, hfieldname=name, pos=[0.0, 0.0, lowest], **attributes)
 
     def mjcf(self, name: str = "terrain", **attributes: str) -> tuple[str, str]:
-        """MJCF texts of the height field: one element for `<asset>` and one for `<worldbody>`. `attributes` are those of the geom."""
+        """MJCF texts of the height field: an element to put into `<asset>`, and a geom with the given attributes for `<worldbody>`."""
         asset, geom = self.elements(name, **attributes)
         return tostring(asset, encoding="unicode"), tostring(geom, encoding="unicode")
 

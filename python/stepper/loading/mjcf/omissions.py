@@ -97,9 +97,9 @@ FLAGS = {
         "speculative": (7, "stepper always finds contacts that may close within a step in advance", False),
     },
 }
-"""Flags of MuJoCo without effect in stepper, by kind and name.
+"""Flags of MuJoCo without effect in stepper, by kind ("disable" or "enable") and name.
 
-Each has its bit, a text on stepper's behaviour, and whether that behaviour changes the motion.
+Each value has the bit of the flag, a text on what stepper does instead, and whether the motion differs from MuJoCo's.
 
 Models with such a flag list it as an omission. `stepper.loading.mjcf.source.DISABLE` has the flags that take effect; a test compares both
 tables with the installed version of MuJoCo.

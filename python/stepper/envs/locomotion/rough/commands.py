@@ -27,7 +27,7 @@ _STANDING, _HEADING, _FORWARD = 0.1, 0.3, 0.2
 _SLOWEST = 0.3
 """Least velocity of a command to go straight ahead, m/s."""
 _STIFFNESS = 0.5
-"""Commanded rate of turn, relative to the angle between the commanded and the present heading, 1/s."""
+"""Commanded rate of turn, relative to the angle between the commanded and the current heading, 1/s."""
 _PUSH_TIMES = (1.0, 3.0)
 """Least and longest time between two pushes, s."""
 _PUSHES = np.array([0.5, 0.5, 0.4, 0.52, 0.52, 0.78])
@@ -65,7 +65,7 @@ def draw_commands(state: Terms, envs: Array, rng: Rng, dt: float, stages: Stages
 
 
 def resample_commands(now: Moment, stages: Stages = STAGES) -> None:
-    """Draws new commands in the environments whose present command has expired."""
+    """Draws new commands in the environments whose current command has expired."""
     state = now.episode_state
     state["command_left"] -= 1
     due = np.flatnonzero(state["command_left"] <= 0)
@@ -114,7 +114,7 @@ def _change_velocities(sim: Stepper, envs: Array, changes: Array) -> None:
 
 @per_moment
 def command(now: Moment) -> Array:
-    """Present command: velocities along x and y (m/s) and about z (rad/s) in the frame of the base, (num_envs, 3)."""
+    """Current command: velocities along x and y (m/s) and about z (rad/s) in the frame of the base, (num_envs, 3)."""
     state = now.episode_state
     wanted: Array = np.array(state["velocity_command"])
     limit = stage_of(state["steps"], now.task.stages)[:, 3]
@@ -126,12 +126,12 @@ def command(now: Moment) -> Array:
 
 
 def _actions(drawn: Array, times: tuple[float, float], dt: float) -> Array:
-    """Number of actions, (...) int, that lasts a random time.
+    """Random durations as numbers of actions, (...) int, at least 1.
 
     Args:
-        drawn: Uniform random numbers from 0 to 1, (...).
-        times: Shortest and longest time, s.
-        dt: Time of an action, s.
+        drawn: Uniform random numbers from 0 (shortest duration) to 1 (longest duration), (...).
+        times: Shortest and longest duration, s.
+        dt: Duration of one action, s.
     """
     seconds = times[0] + drawn * (times[1] - times[0])
     count: Array = np.maximum(1, np.round(seconds / dt)).astype(np.int64)

@@ -100,7 +100,10 @@ def _swing(now: Moment) -> Array:
 
 
 def _air_time(now: Moment) -> Array:
-    """Reward term: number of feet that have been in the air for 0.05 to 0.5 s, (num_envs,); 0 if the command is slower than 0.5."""
+    """Reward term: number of feet that have been in the air for 0.05 to 0.5 s, (num_envs,).
+
+    It is 0 if the commanded speed (m/s, plus the rate of turn in rad/s) is 0.5 or less.
+    """
     time = now.episode_state["air_time"]
     count: Array = ((time > _AIR_TIMES[0]) & (time < _AIR_TIMES[1])).sum(axis=1) * (_speed(now) > _MOVES_FAST)
     return count

@@ -64,14 +64,15 @@ class RoughTask(Task):
     Actions are offsets of the servos' set points from the stance; 1 gives a quarter of the largest torque. A command lasts 3 to 8 s.
     Each episode draws friction of the feet, centre of mass of the base and encoder errors. Pushes come every 1 to 3 s.
     An environment whose robot leaves its tile starts its next episode on a harder row of the terrain. If the robot covers less than half
-    of the commanded distance, the next row is easier. Commands become faster after 120,000 and 240,000 actions of an environment.
+    of the commanded distance, the next episode starts on an easier row. Commands become faster after 120,000 and 240,000 actions of an
+    environment.
 
     Attributes:
         terrain: Terrain, which becomes the geom "terrain" of the model.
         frame_skip: Time steps per action.
         episode_steps: Number of actions per episode, from which the curriculum computes the commanded distance.
-        noise: Factor of mjlab's observation noise and encoder errors; 0 is none.
-        push: Factor of mjlab's pushes; 0 is none.
+        noise: Factor of mjlab's observation noise and encoder errors; 0 means none.
+        push: Factor of mjlab's pushes; 0 means none.
         friction: Lowest and highest friction coefficient of the feet.
         max_init_level: Hardest row (0 is the easiest) in which environments start after a reset with a seed.
         stages: Stages of the curriculum of commands. Each has the number of actions of an environment at which it begins, and bounds. The
@@ -233,7 +234,11 @@ class RoughTask(Task):
         state["peak"][:] = np.where(on_ground, 0.0, np.maximum(state["peak"], heights))
 
     def on_end(self, now: Moment, envs: Array) -> None:
-        """Move environments whose robot left its tile to a harder row, and those that covered too little distance to an easier one."""
+        """Choose harder or easier terrain for the next episode of the environments `envs`.
+
+        If the robot left its tile, the environment moves to a harder row of the terrain. If the robot covered less than half of the
+        commanded distance, the environment moves to an easier row.
+        """
         state = now.episode_state
         distance = self.levels.distance(state, envs, now.qpos[envs])
         commanded = np.hypot(*command(now)[envs, :2].T) * self.episode_steps * now.dt

@@ -24,7 +24,7 @@ class Options(metaclass=Hinting):
     Out-of-range values raise `ValueError` when a `Stepper` is made with them.
 
     Attributes:
-        timestep: Time step, s; None uses the model's.
+        timestep: Time step, s; None uses the time step of the model.
         contact: Law of constraint forces, for contacts, limits, dry friction and equalities.
 
             * "hard": rigid, Signorini's condition and Coulomb's cone, each step solved to the tolerance.
@@ -72,8 +72,8 @@ class Options(metaclass=Hinting):
         slop: Overlap that is not corrected, m (rad for hinge limits).
         max_correction_speed: Fastest correction of overlap, m/s.
         restitution_threshold: Approach speed below which a touching contact rests instead of bouncing, m/s.
-        max_contacts: Capacity for contacts of one environment; None uses the model's default. Contacts beyond it are left out, and `status`
-            has CONTACTS_FULL.
+        max_contacts: Largest number of contacts of one environment; None uses the default of the model. Further contacts are left out, and
+            `status` has CONTACTS_FULL.
     """
 
     timestep: float | None = None

@@ -45,7 +45,7 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
 
 
 def _account(study: Study) -> Account:
-    """Runs a study with a progress display, and returns the parts of the simulator that the run used, with the computing time of each."""
+    """Runs a study with a progress display. Returns the parts of the scene that the run used, with the computing cost of each part."""
     with progress() as tick:
         return account(study, tick=tick)
 

@@ -37,7 +37,7 @@ ARGUMENTS = (
 
 @contextlib.contextmanager
 def progress_kept_in(out: Path) -> Iterator[Tick]:
-    """Progress display for commands that store finished rows in `out`. On Ctrl-C it prints how to continue."""
+    """Context manager with a progress display, for commands that store results in the folder `out`. On Ctrl-C it prints how to continue."""
     try:
         with progress() as tick:
             yield tick
@@ -51,8 +51,8 @@ def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
 
     Args:
         path: File of the study.
-        ray: Whether to run on Ray; False keeps the setting of the study.
-        seed: Seed; None uses the seed of the study.
+        ray: Whether to run on Ray, a library for parallel tasks. False keeps the setting of the study.
+        seed: Seed that replaces the seed of the study; None keeps it.
     """
     study = Study.from_file(path)
     print(f"{study.name}: seed {study.seed}, of the study" if seed is None else f"{study.name}: seed {seed}", file=sys.stderr, flush=True)
@@ -65,8 +65,8 @@ def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
 
     Args:
         source: Path of a model or study, or the name of a built-in scene.
-        ray: Whether to run on Ray.
-        values: Nominal values of parameters, as texts NAME=VALUE.
+        ray: Whether to run on Ray, a library for parallel tasks.
+        values: Nominal values of parameters, texts of the form NAME=VALUE.
     """
     if not ray and not values:
         return source

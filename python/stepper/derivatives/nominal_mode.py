@@ -26,9 +26,10 @@ WIDTH_RATIO = 0.25
 """Ratio of each half width of a difference to the next wider one."""
 
 CURVATURE_RATIO = 0.5
-"""Largest ratio, between two widths, of the disagreement of two slopes that counts as curvature and not as a kink.
+"""Largest ratio at which a difference between two slopes (derivatives) counts as curvature and not as a kink.
 
-It is the disagreement at a quarter of a width divided by the disagreement at that width. In theory it is 1/4 for curvature and 1 at a kink.
+The ratio is the difference between slopes at a quarter of a width, divided by their difference at the whole width. In theory it is 1/4 for
+curvature and 1 at a kink.
 """
 
 HARMLESS = np.uint32(Kink.CONTACT | Kink.SLOPE | Kink.UNSOLVED)
@@ -85,9 +86,9 @@ class Readings:
 
 
 def pairs_of(flagged: Bools, stencil: Stencil) -> Pairs:
-    """Environments and columns of their derivative matrices that must be differentiated again, because their difference crossed a kink.
+    """Pairs of an environment and a column of its derivative matrix for which the finite difference crossed a kink.
 
-    Each column is displaced by the half width of the first difference, and by WIDTHS - 1 smaller half widths.
+    These columns must be differentiated again. Each is displaced by the half width of the first difference, and by WIDTHS - 1 smaller ones.
 
     Args:
         flagged: Mask of the columns with kinks, (num_envs, columns).

@@ -34,10 +34,7 @@ SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_g
 ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm"})
 """Parameters (field names) whose zeros cannot be perturbed, because 0 means that the model lacks the property, such as a spring."""
 OF_AXES = frozenset({"dof_damping", "dof_armature"})
-"""Parameters (field names) whose zeros cannot be perturbed at free and ball joints.
-
-All degrees of freedom of such a joint must have the same value, so that perturbing one of them is not allowed.
-"""
+"""Parameters (field names) whose zeros cannot be perturbed at free and ball joints. All axes of such a joint must have the same value."""
 
 
 def step_of(tolerance: float) -> float:

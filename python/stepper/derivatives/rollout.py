@@ -113,7 +113,7 @@ class Rollout:
             sensors: Gradient with respect to `self.sensors`, (T, num_envs, nsensordata); None means zero.
             smoothing: Settings for derivatives that are averaged over random displacements, for gradients across kinks. None uses the
                 derivatives of the actual steps.
-            undetermined: Action if a step has no derivative, which happens at some kinks (docs/how-to/derivatives.md). "raise" raises it.
+            undetermined: Treatment of steps without a derivative, at some kinks (docs/how-to/derivatives.md). "raise" raises an error.
                 With "zero", the gradients of the environment are 0, and its flag in `Gradients.undetermined` is set.
             **settings: `step`, `tolerance`, `centered`, `extrapolate` and `method` of `linearize`.
 

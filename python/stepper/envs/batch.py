@@ -120,7 +120,7 @@ class Batch:
 
     @property
     def structure(self) -> dict[str, int]:
-        """Number of columns of the observation that each row of the table `Task.observations` has, by name of the row, in order."""
+        """Number of columns in the observation for each `Observation` in the table `Task.observations`, by name and in order."""
         return {row.name: columns.stop - columns.start for row, columns in self._rows}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:

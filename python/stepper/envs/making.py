@@ -97,7 +97,7 @@ def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -
 
 
 def _in_words(value: Any) -> str:
-    """Description, for an error message, of a value that was given as a task and is none."""
+    """Description, for an error message, of a value that the user gave as a task although it is no task."""
     if value is None or isinstance(value, bool | int | float | list | tuple | dict):
         return f"{value!r} ({type(value).__name__})"
     if isinstance(value, type):
@@ -106,7 +106,7 @@ def _in_words(value: Any) -> str:
 
 
 def _remedy(value: Any) -> str:
-    """Remedy for a value that was given as a task but is an environment or a function, as the end of a message; "" for other values."""
+    """Advice at the end of an error message, if the user gave an environment or a function as a task; "" for other values."""
     if isinstance(value, gymnasium.Env | VectorEnv):
         name = value.spec.id if value.spec is not None else None
         return f": give the name of the environment{f', {name!r}' if name else ''} and num_envs, which make a batch of it"

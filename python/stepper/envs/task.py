@@ -198,11 +198,11 @@ def with_zero_rows(values: Array, mask: Array) -> Array:
 
 @dataclass(frozen=True)
 class Observation:
-    """Row of a task's table of observations. The observation is the concatenation of all rows.
+    """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
 
     Attributes:
-        name: Name of the row. Without `func` it is a quantity of `Stepper`: "qpos", "qvel", "xpos".
-        func: Function of a `Moment` that computes the row, (num_envs, ...), in place of a quantity of `Stepper`.
+        name: Name of the row. Without `func` it is the name of a quantity of `Stepper`, such as "qpos", "qvel" or "xpos".
+        func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
         clip: Lower and upper bound of the observed values; None means no bound.
         noise: Half width of uniform noise, which is added before `clip`. Its random numbers are those of `Moment.rng`.
@@ -362,7 +362,7 @@ class Task(ABC):
     def healthy(self, now: Moment) -> Array | None:
         """Whether the episode of each environment may continue, (num_envs,) bool. None means that all episodes may continue.
 
-        Other methods of a task read the result as `now.healthy`, which is computed once per step.
+        Other methods of a task read the result as `now.healthy`, so that it is computed only once.
         """
         return None
 

@@ -148,9 +148,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """Start new episodes in all or some environments.
 
         Args:
-            seed: An int gives environment i the seed `seed + i`. A sequence gives one seed per environment; a None in the sequence continues
-                the random numbers of this environment. All random numbers of an environment follow from its seed. Without a seed, the random numbers
-                of all environments continue.
+            seed: An int gives environment i the seed `seed + i`. A sequence gives one seed per environment, where None continues the random
+                numbers of the environment. All random numbers of an environment follow from its seed. Without a seed, the random
+                numbers of all environments continue.
             options: May contain Gymnasium's "reset_mask", (num_envs,) bool with at least one True: the environments to start.
             envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
                 None selects all environments; an empty selection does nothing. With indices, a sequence of seeds has k entries in the

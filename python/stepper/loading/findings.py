@@ -12,7 +12,7 @@ _MOST_LINES = 8
 
 
 _LARGE_PART = 10.0
-"""Smallest ratio of convex-hull volume to mesh volume at which the warning about a loaded robot lists a mesh of a moving part.
+"""Smallest ratio of convex-hull volume to mesh volume at which the warning about a loaded model lists a mesh that is a part of a robot.
 
 `Model.explain()` lists ratios from 2 on. Of 1,390 collision meshes of 120 URDFs, 28 (of 13 robots) exceed 10, and 247 (of 49 robots) exceed
 2.

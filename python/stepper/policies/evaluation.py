@@ -277,7 +277,7 @@ def _in_parallel(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] 
         policy: Function of observations that returns actions.
         seed: Seed of the first environment.
         starts: Initial positions and velocities; None draws them from the seed.
-        infos: Keys of infos whose means are returned.
+        infos: Keys of the info dict whose mean values are returned.
         tick: Function that is called with the environment's id and the fraction of the work that is done.
     """
     observation, _ = envs.reset(seed=seed)
@@ -310,7 +310,7 @@ def _in_sequence(
         policy: Function of observations that returns actions.
         seeds: Seed of each episode.
         starts: Initial positions and velocities of each episode; None draws them from the seeds.
-        infos: Keys of infos whose means are returned.
+        infos: Keys of the info dict whose mean values are returned.
         tick: Function that is called with the environment's id and the fraction of the work that is done.
     """
     returns, lengths = np.zeros(len(seeds)), np.zeros(len(seeds), dtype=np.int64)

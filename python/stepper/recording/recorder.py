@@ -195,7 +195,7 @@ def _source(model: Model) -> str | None:
 
 
 def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:
-    """Arrays of a recorded row for parameters per environment, by name.
+    """Arrays that a recording stores for the per-environment parameters of some environments, by name.
 
     Args:
         fields: Parameters for all environments, (num_envs, ...) by name; "actuators" is an `ActuatorModel`, which is stored as JSON.

@@ -42,13 +42,14 @@ class Field:
 
     Attributes:
         name: Name in MuJoCo's vocabulary, such as "geom_friction".
-        element: Kind of element that has one row of the array: "body", "geom", "pair", "joint", "tendon", "equality", "actuator", "dof" or
-            "coordinate". Rows of the last two are selected by joint. It is "" for fields of the whole model.
-        shape: Shape as text: "(ngeom, 3)"; "" for a single number.
+        element: Kind of element to which one row of the array belongs: "body", "geom", "pair", "joint", "tendon", "equality", "actuator",
+            "dof" (degree of freedom) or "coordinate" (entry of qpos). Selectors select rows of the last two by the name of the joint.
+            Fields of the whole model have "".
+        shape: Shape of the array as text, such as "(ngeom, 3)"; a single number has "".
         quantity: Description of the quantity.
         unit: Unit.
         per_environment: Whether values may differ between environments (`Stepper.randomize`).
-        derived: Description of other quantities that change with the field; "" for none.
+        derived: Description of other quantities that change with the field; empty if there are none.
     """
 
     name: str

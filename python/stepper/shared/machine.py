@@ -56,7 +56,7 @@ def require(module: str, purpose: str, extra: str = "") -> ModuleType:
     Args:
         module: Dotted name of the module.
         purpose: Purpose, which ends the sentence "<module> is needed ..." of the error message: "to draw charts".
-        extra: Extra of the package stepper-sim that contains the module, such as "cli". With "" the remedy is the command in `INSTALL`.
+        extra: Extra of the package stepper-sim that contains the module, such as "cli". With "", the message has the command in `INSTALL`.
 
     Returns:
         The module.
@@ -117,7 +117,7 @@ def _missing(module: str, purpose: str, extra: str = "") -> MissingPackageError:
     Args:
         module: Name of the module.
         purpose: End of the sentence "<module> is needed ...".
-        extra: Extra of stepper-sim that contains the module; "" for the command in `INSTALL`.
+        extra: Extra of the package stepper-sim that contains the module. With "", the message has the command from `INSTALL`.
     """
     top = module.split(".", maxsplit=1)[0]
     how = f'pip install "stepper-sim[{extra}]"' if extra else INSTALL.get(module) or INSTALL.get(top) or f"pip install {top}"

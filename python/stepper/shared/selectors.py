@@ -69,7 +69,7 @@ class Selector:
 
 
 def _global(field: str) -> bool:
-    """Whether a field belongs to the whole model, such as "gravity", and not to its elements."""
+    """Whether a field, such as "gravity", belongs to the whole model and not to elements of the model."""
     return field in FIELDS and not FIELDS[field].element
 
 

@@ -40,10 +40,12 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, Any]:
-    """Table `name` of a dictionary that may have only this table and "default"; an empty dictionary if it is absent.
+    """Value of the key `name` in a dictionary read from a file: a table (dictionary), which is empty if the key is absent.
+
+    The only other key may be "default". `place` names the file in error messages.
 
     Raises:
-        ValueError: There are other tables, or the entry is not a table. `place` names the source in the message.
+        ValueError: There are other keys, or the value is not a dictionary.
     """
     if unknown := set(data) - {name, "default"}:
         raise ValueError(f"{place}: unknown tables {sorted(unknown)}, must be {name!r} and 'default'")

@@ -16,7 +16,7 @@ from stepper.sysid.residuals import Residuals
 from stepper.sysid.uncertainty import Uncertainty
 
 UNKNOWN = 0.5
-"""Standard deviation above which a parameter is not determined, as a fraction of half the width of its bounds."""
+"""Standard deviation of a parameter, divided by half the width of its bounds, above which the data do not determine the parameter."""
 VAGUE = 0.7
 """Standard deviation of the logarithm of a positive parameter above which the parameter is not determined.
 

@@ -190,7 +190,7 @@ class Horizon:
         return other
 
     def _best_start(self, j: int, friction: float) -> Array:
-        """Start point of a search in which one friction has another value. One further parameter has the value that fits the window best.
+        """Start point of a search in which one friction has another value. One other parameter is changed too, so that the readings fit.
 
         An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. So the method simulates
         several values of each parameter that is no friction. They lie within `SPREAD` standard deviations of the parameter's mean before

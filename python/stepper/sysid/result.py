@@ -79,7 +79,7 @@ class Identification:
     warnings: tuple[str, ...]
 
     def warned(self, warnings: tuple[str, ...]) -> Identification:
-        """Copy of this result with the given warnings in place of the warnings of this result."""
+        """Copy of this result in which the given warnings replace the previous ones."""
         return replace(self, warnings=warnings)
 
     @cached_property

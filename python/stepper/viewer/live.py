@@ -44,7 +44,7 @@ def scene_for(model: Model, source: Any) -> Scene:
 
     Args:
         model: The model.
-        source: Source of the model, as for `stepper.load`; None uses the source from which the model was loaded.
+        source: Source of the model, such as an MJCF file; see `stepper.load`. None uses the source from which the model was loaded.
     """
     scene = scene_of(model, looks_of(model, source))
     if scene.missing:
@@ -72,8 +72,8 @@ class View:
     Args:
         sim: The stepper.
         envs: Number of environments to show, or a list of indices; None selects all environments, but at most 16.
-        source: Source of the model, as for `stepper.load`, with colours and meshes. None uses the source from which this process loaded the
-            model. If that is unknown, colours are plain, and meshes and height fields are not drawn.
+        source: Source of the model with colours and meshes, such as an MJCF file; see `stepper.load`. None uses the source from which this
+            process loaded the model. If it is unknown, colours are plain, and meshes and height fields are not drawn.
         host: Address of the server; the default accepts connections from this machine only.
         port: Port of the server; if it is in use, the next free one.
         spacing: Distance between neighbouring environments, m; None uses one and a half times the scene's extent.
@@ -163,8 +163,8 @@ class View:
         """Steps and shows the simulation until the view is closed or Ctrl-C is pressed.
 
         Args:
-            advance: Function that makes one step. None selects `sim.step` with controls from sliders, one slider per actuator for all
-                environments.
+            advance: Function without arguments that makes one step. With None, `sim.step` makes the steps, with controls from sliders: one
+                slider per actuator, for all environments together.
         """
         step = self._sliders() if advance is None else advance
         try:

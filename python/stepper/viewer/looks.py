@@ -31,7 +31,8 @@ def looks_of(model: Model, source: Any = None) -> Any | None:
 
     Args:
         model: The model.
-        source: Source of the model, as for `stepper.load`, or an `Origin`; None uses the source from which the model was loaded.
+        source: Source of the model, such as an MJCF file (see `stepper.load`), or an `Origin`. None uses the source from which the model
+            was loaded.
 
     Returns:
         The `mujoco.MjModel`; None if the source is unknown.

@@ -46,7 +46,7 @@ class Renderer:
         camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, and trackbodyid. In x
             and y the camera follows the centre of mass of that body's subtree; with -1 it follows none.
         default_config: Settings of the free camera if there is neither `camera_config` nor a camera "track". Tasks set it.
-        source: Source of the model, as for `stepper.load`; None uses the source from which this process loaded the model.
+        source: Source of the model, such as an MJCF file; see `stepper.load`. None uses the source from which this process loaded it.
         lamp: Whether to add a light to a scene without one. MuJoCo's headlight alone gives nearly black pictures.
 
     Raises:

@@ -41,7 +41,7 @@ class RerunLog:
         sim: The stepper.
         path: File to write; an existing one is replaced.
         envs: Number of environments to log, or a list of indices; None selects all environments, but at most 4.
-        source: Source of the model, as for `stepper.viewer.View`.
+        source: Source of the model with colours and meshes, such as an MJCF file; see `stepper.viewer.View`.
 
     Raises:
         MissingPackageError: Rerun is not installed.
@@ -83,7 +83,7 @@ def log_rerun(
         recording: Folder that `Stepper.record` wrote.
         path: File to write; an existing one is replaced.
         envs: Number of environments to log, or a list of indices; None selects all environments, but at most 4.
-        source: Source of the recorded model, as for `stepper.viewer.Player`.
+        source: Source of the recorded model with colours and meshes, such as an MJCF file; see `stepper.viewer.Player`.
         tick: Function that is called with "log" and the fraction of the frames that were written.
 
     Returns:

@@ -32,7 +32,7 @@ class PointMass(SuiteTask):
         """Model of the scene.
 
         If the task has random control directions (`turned`), the controls of the model have no bounds. The task combines two bounded
-        actions to a control, which may exceed the bounds.
+        actions into each control, which may exceed the bounds.
         """
         return _without_bounds() if self.turned else super().model()
 

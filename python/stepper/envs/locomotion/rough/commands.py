@@ -126,7 +126,7 @@ def command(now: Moment) -> Array:
 
 
 def _actions(drawn: Array, times: tuple[float, float], dt: float) -> Array:
-    """Random durations as numbers of actions, (...) int, at least 1.
+    """Random durations, (...) int, each a number of actions of at least 1.
 
     Args:
         drawn: Uniform random numbers from 0 (shortest duration) to 1 (longest duration), (...).

@@ -1,6 +1,7 @@
-"""stepper: a rigid-body contact stepper for robots.
+"""stepper: a simulator of rigid bodies in contact, for robots.
 
-`load` reads a scene, `Stepper` steps many environments of it. `Stepper.status` and `Stepper.residual` report how well each step was solved.
+`load` reads a model. `Stepper` simulates many environments of this model. `Stepper.status` and `Stepper.residual` report how well each
+step was solved.
 """
 
 import importlib

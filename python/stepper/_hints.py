@@ -91,7 +91,10 @@ class ReadOnly(np.ndarray[Any, Any]):
 
 
 def _guarded(write: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrapper of an array method that writes, such as `fill`: raises ValueError with the array's hint if the array is read-only."""
+    """Wrapper of an array method that changes the array, such as `fill`.
+
+    If the array is read-only, the wrapped method raises ValueError with the error message of the array.
+    """
 
     @functools.wraps(write)
     def guarded(self: ReadOnly, *given: Any) -> Any:
@@ -330,9 +333,10 @@ def unknown(kind: str, name: str, names: list[str]) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str], *, text: str | None = None) -> str:
-    """Up to three known names similar to an unknown one, as the end of a message ("; did you mean ...?"); "" if none is similar.
+    """End of an error message with up to three known names that are similar to an unknown one: "; did you mean ...?".
 
-    `text` is the user's text that contains the name, such as "body_mas[arm]". The hint is then that text with the most similar name.
+    It is "" if no name is similar. `text` is the user's text that contains the name, such as "body_mas[arm]". If it is given, the message
+    has this text with the most similar name in it.
     """
     found = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")], n=3 if text is None else 1)
     if text not in (None, name):
@@ -341,5 +345,5 @@ def did_you_mean(name: str, known: Iterable[str], *, text: str | None = None) ->
 
 
 def did_you_mean_or_all(name: str, known: Collection[str]) -> str:
-    """Known names similar to an unknown one, or all known names if none is similar, as the end of a message."""
+    """End of an error message with the known names that are similar to an unknown one, or all known names if none is similar."""
     return did_you_mean(name, known) or f"; there are: {', '.join(known)}"

@@ -67,5 +67,5 @@ class Status(IntFlag):
         return " | ".join([*names, *([str(rest)] if rest else [])]) or "Status.OK"
 
     def __format__(self, spec: str) -> str:
-        """Names of the flags, or the number with a format such as "d"."""
+        """Text of the flags: their names, or their integer value if the format is one for integers, such as "d"."""
         return int.__format__(self, spec) if spec else str(self)

@@ -65,11 +65,11 @@ def _pair_in_words(found: Any) -> str:
 
 
 def table_of(task: Task, now: Moment) -> Table:
-    """Rows of a task's table of observations, each with the slice of its columns in the observation.
+    """Observed quantities of a task (rows of its table of observations), each with the slice of its columns in the observation.
 
     Args:
         task: The task.
-        now: View of the batch, from which the rows are read to find their widths.
+        now: View of the batch, from which the quantities are read to find their numbers of columns.
 
     Raises:
         ValueError: `task.observations` returns something else than several rows, or a row does not give (num_envs, n) numbers.
@@ -97,7 +97,7 @@ def table_of(task: Task, now: Moment) -> Table:
 
 
 def _rows_like(given: Any) -> str:
-    """Remedy, as the end of an error message, if `Task.observations` returned `given` instead of a tuple of `Observation`."""
+    """End of an error message with a remedy, if `Task.observations` returned `given` instead of a tuple of `Observation`."""
     if isinstance(given, str):
         return f": return (Observation({given!r}),)"
     if isinstance(given, Mapping) and given:
@@ -107,7 +107,7 @@ def _rows_like(given: Any) -> str:
 
 
 def _row_like(row: Any) -> str:
-    """Remedy, as the end of an error message, for a row of the observation table that is no `Observation`; "" if no remedy is known."""
+    """End of an error message with a remedy, if `row` in the table of observations is no `Observation`; "" if no remedy is known."""
     if isinstance(row, str):
         return f": return Observation({row!r})"
     if isinstance(row, np.ndarray):

@@ -126,7 +126,7 @@ class Policy:
         return differences(self.environment, describe(env))
 
     def check(self, env: Any) -> None:
-        """Issues a `PolicyWarning` with all differences between an environment and that of the training.
+        """Issues a `PolicyWarning` with all differences between an environment and the environment in which the policy was trained.
 
         Raises:
             PolicyError: The environment has observations or actions of another size.
@@ -165,7 +165,8 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
 
     Args:
         path: File that `Policy.save` wrote.
-        env: Environment for the policy, which is compared with that of the training. A `PolicyWarning` lists all differences.
+        env: Environment in which the policy will run. A `PolicyWarning` lists all differences from the environment of the training. None
+            skips this comparison.
 
     Raises:
         PolicyError: The file contains no policy that this version can read, or `env` has observations or actions of another size.

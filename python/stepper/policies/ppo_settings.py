@@ -90,7 +90,7 @@ class Settings:
 
     @classmethod
     def of_task(cls, env: str, **given: Any) -> Settings:
-        """Settings from `TASKS` for an environment, overridden by the arguments `given`."""
+        """Settings for the environment with the id `env`: the settings of its task in `TASKS`, overridden by the arguments `given`."""
         return cls(env=env, **{**TASKS.get(env.rpartition("/")[2], {}), **given})
 
     def environment(self) -> dict[str, Any]:

@@ -35,7 +35,10 @@ FORMAT = 6
 """Version of the format of recordings. Since version 6, fields have the names of attributes and arguments of `Stepper`."""
 HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
-"""Kinds of rows. "applied" has the applied forces, mocap poses and equalities of the next step, if these have changed."""
+"""Kinds of recorded events (rows of a recording).
+
+An event "applied" has the applied forces, mocap poses and active equalities of the next step. It is recorded only if these have changed.
+"""
 FIELDS = {
     "ctrl": "in the unit of the actuator, as given",
     "nstep": "number of steps of the call",

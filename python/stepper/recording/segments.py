@@ -84,11 +84,11 @@ def _state(sim: Stepper) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def _segment(sim: Stepper, row: int, start: dict[str, Any], steps: list[Arrays], unapplied: dict[str, np.ndarray[Any, Any]]) -> Segment:
-    """Segment of a recording from its rows.
+    """Segment of a recording from the arrays of its recorded calls of `Stepper.step`.
 
     Args:
         sim: Stepper with the recorded model.
-        row: Index of the first row.
+        row: Index of the first of these calls among all recorded events.
         start: State before the first step.
         steps: Arrays of each call of `step`.
         unapplied: Initial values of applied forces and mocap poses by name, for steps before they are set.

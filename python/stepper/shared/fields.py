@@ -33,7 +33,7 @@ _DERIVED = {
     "geom_pos": "Contacts and sensors; no mass, no inertia and no centre of mass.",
     "dof_armature": "Inverse weights of MuJoCo's contact law, by `replace`.",
 }
-"""Quantities that change, or do not change, when a field is set, as texts by name of the field. Obvious ones are left out."""
+"""Texts on other quantities that change, or do not change, when a field is set, by name of the field. Obvious effects are left out."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def existing(path: str | os.PathLike[str], what: str) -> Path:
 def atomic_write(path: Path) -> Iterator[BinaryIO]:
     """Context manager that writes a file atomically.
 
-    The new file replaces the old one when the block ends. After an exception the old file is unchanged.
+    The new file replaces the old one when the `with` block ends. After an exception in the block, the old file is unchanged.
 
     Args:
         path: Path of the file.

@@ -12,7 +12,10 @@ _WORDS = {"true": True, "false": False, "none": None}
 
 
 def literal(text: str) -> object:
-    """Value of a text: a number, bool, None, tuple, list, dict or string, as Python writes it. Other texts are strings."""
+    """Value that a text has in Python's syntax: a number, bool, None, tuple, list, dict or string. Any other text is returned unchanged.
+
+    The words true, false and none may be in upper or lower case.
+    """
     if text.lower() in _WORDS:
         return _WORDS[text.lower()]
     try:

@@ -164,7 +164,7 @@ def _items(part: str, text: str, where: str) -> tuple[Item, ...]:
 
 
 def _spelling(where: str, text: str) -> ValueError:
-    """Error for a text that is not a selector. For the form "mass:box" of an earlier version, the message gives the present form."""
+    """Error for a text that is not a selector. For a text such as "mass:box" of earlier versions, the message has the current selector."""
     earlier = _EARLIER.fullmatch(text)
     if earlier is None:
         return ValueError(

@@ -56,7 +56,7 @@ class Streams:
 
     Attributes:
         state: State of each stream, (num_envs,) uint64, which determines its next numbers.
-        ages: Age of each environment since it was seeded, (num_envs,): number of steps and resets; in studies, of control periods.
+        ages: Age of each environment, (num_envs,): number of steps and resets since it was seeded; in studies, number of control periods.
     """
 
     def __init__(self, num_envs: int, seed: int):

@@ -139,7 +139,7 @@ class Horizon:
     def copy(self) -> Horizon:
         """Independent copy of this hypothesis.
 
-        Both can use the same simulated environments, because each one sets their state before use.
+        The copy and the original can use the same simulated environments, because each sets the state of the environments before use.
         """
         other = copy.copy(self)
         other._samples, other._bounds = copy.copy(self._samples), dict(self._bounds)

@@ -151,7 +151,7 @@ def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> 
 
 
 def _held(hypotheses: Sequence[Horizon]) -> list[Horizon]:
-    """New hypotheses in which a friction holds its object, for frictions at which the object slips in all given hypotheses."""
+    """New hypotheses in which an object sticks, for frictions at which the object slips in all given hypotheses."""
     out: list[Horizon] = []
     for hypothesis in hypotheses:
         for j in hypothesis.worth_trying_held():

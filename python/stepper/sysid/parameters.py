@@ -84,7 +84,10 @@ KINDS = {
     "sensor.scale": Kind("sensor", "", "scale factor of the sensor", "make {0} read more than its noise"),
     "sensor.delay": Kind("sensor", "s", "delay of the reading", "make {0} change fast", log=False, bounds=(0.0, 0.1)),
 }  # fmt: skip
-"""Kinds of parameters by name. The name is a field as in selectors, followed by "[column]" if each column of the field has a kind."""
+"""Kinds of parameters that can be identified, by name. A name is a field of the model or another quantity, such as "body_mass".
+
+It ends with a column in brackets if the columns of the field are different kinds, as in "geom_friction[0]".
+"""
 READING = ("sensor.bias", "sensor.scale", "sensor.delay")
 """Kinds of parameters that change the sensor readings but not the motion."""
 
@@ -178,10 +181,10 @@ class Variants:
         return self.fields[field]
 
     def actuators(self, known: ActuatorModel | None, index: Array | None = None) -> ActuatorModel | None:
-        """Actuator model with the delays of the variants, or None if no delay varies.
+        """Actuator model with the delays of all variants of the model, or None if no delay is a parameter.
 
         Args:
-            known: Actuator model with the other attributes of the drives.
+            known: Actuator model of the user with the other attributes of the drives; None if there is none.
             index: Index of the variant that each environment simulates, (num_envs,). With None, environment k simulates variant k.
         """
         if not self.delays:

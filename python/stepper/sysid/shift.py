@@ -238,7 +238,10 @@ class _Twin:
 
 
 def twin_of(tracker: Any) -> Any:
-    """Independent copy of a tracker. Both can use the same simulated environments, because each tracker sets their state before use."""
+    """Independent copy of a tracker.
+
+    The copy and the original can use the same simulated environments, because each sets the state of the environments before use.
+    """
     twin = copy.copy(tracker)
     twin._watch = None
     twin._hypotheses = [hypothesis.copy() for hypothesis in tracker._hypotheses]

@@ -62,9 +62,9 @@ class Drag:
         return place
 
     def wrench(self, sim: Stepper, strength: float = 1.0) -> Array:
-        """Force in N and torque in N m about the body's centre of mass, in world axes, (6,), for `Stepper.xfrc_applied`.
+        """Force and torque by which spring and damper pull the body, (6,) in world axes, N and N m, for `Stepper.xfrc_applied`.
 
-        `strength` multiplies the stiffness.
+        The torque is about the body's centre of mass. `strength` is a factor of the stiffness.
         """
         origin, rotation = _row(sim, "xpos", self.env)[self.body], matrices(_row(sim, "xquat", self.env)[self.body])
         place = self.at(sim)

@@ -290,7 +290,7 @@ class View:
         """Replaces the force and torque of dragging in `xfrc_applied`; other applied forces remain.
 
         Args:
-            wrench: Environment, body, and force and torque (6,), N and N m; None removes the previous ones.
+            wrench: Index of the environment, index of the body, and force and torque (6,), N and N m. None only removes the previous ones.
         """
         forces = self.sim.xfrc_applied if self.sim.num_envs is not None else self.sim.xfrc_applied[None]
         if self._applied is not None:

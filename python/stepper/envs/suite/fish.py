@@ -28,7 +28,7 @@ class Fish(SuiteTask):
     swim: bool = False
 
     def observations(self) -> tuple[Observation, ...]:
-        """Joint angles, cosine of the tilt, with `swim` the target in the frame of the mouth, velocities: (24,) or (21,)."""
+        """Joint angles, cosine of the tilt, target in the frame of the mouth (only if the task is to swim), velocities: (24,) or (21,)."""
         return (
             Observation("joint_angles", func=_angles, unit="rad"),
             Observation("upright", func=lambda now: rotation(now, "torso")[:, 2, 2]),
@@ -37,7 +37,10 @@ class Fish(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: term for an upright torso; with `swim`, weighted sum of it (1/8) and a term for the distance to the target (7/8)."""
+        """Score: a term for an upright torso.
+
+        If the task is to swim, the score is the sum of 1/8 of this term and 7/8 of a term for the distance to the target.
+        """
         upright = rotation(now, "torso")[:, 2, 2]
         if not self.swim:
             return tolerance(upright, 1.0, 1.0, margin=1.0)

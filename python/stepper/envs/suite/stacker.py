@@ -92,7 +92,7 @@ def _to_target(now: Moment, site: str) -> Array:
 
 @cache_model
 def _scene(boxes: int) -> Model:
-    """Model of the file with the first `boxes` boxes.
+    """Model of dm_control's stacker with `boxes` boxes.
 
     Raises:
         ValueError: The number of boxes is out of range.

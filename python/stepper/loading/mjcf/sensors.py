@@ -1,7 +1,7 @@
 """Description of the sites and sensors of a compiled `mujoco.MjModel` (the Rust type is in crates/model/src/sensor.rs).
 
-`docs/reference/sensors.md` lists which sensor types of MuJoCo are simulated and how their readings differ; a test compares it and
-the tables here against the installed version.
+`docs/reference/sensors.md` lists which sensor types of MuJoCo are simulated and how their readings differ. A test compares this page and
+the tables in this module with the installed version of MuJoCo.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def kind_of(source: Source, i: int) -> str:
 
 
 def sites(source: Source) -> list[Description]:
-    """Dictionaries of all sites for the Rust library, in their order in MuJoCo's model."""
+    """Descriptions of all sites as dictionaries for the Rust library, in the order of MuJoCo's model."""
     m = source.m
     return [
         {

@@ -130,9 +130,10 @@ class Source:
 
     @cached_property
     def solid_assets(self) -> dict[str, list[int]]:
-        """Indices of the meshes ("MESH") and height fields ("HFIELD") to read, in ascending order.
+        """Indices of the meshes ("MESH") and height fields ("HFIELD") that must be read, in ascending order.
 
-        Their geoms can have contacts, or rays of range finders can meet them. Assets that are only drawn are not read.
+        A mesh or height field must be read if one of its geoms can have contacts or be met by the ray of a range finder. Others are only
+        drawn.
         """
         m = self.m
         solid = (m.geom_contype != 0) | (m.geom_conaffinity != 0)

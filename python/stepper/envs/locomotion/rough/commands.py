@@ -45,10 +45,10 @@ def draw_commands(state: Terms, envs: Array, rng: Rng, dt: float, stages: Stages
     """Draws commands of the environments `envs` (n,), and the number of actions for which they hold.
 
     Args:
-        state: The task's arrays.
+        state: Arrays of the task's episode state, which are changed in place.
         envs: Indices of the environments, (n,).
-        rng: Random numbers of these environments.
-        dt: Time of an action, s.
+        rng: Random number generator of these environments.
+        dt: Duration of one action, s.
         stages: Bounds of the commands, which depend on the number of actions that an environment has made so far.
     """
     low_x, high_x, high_y, high_turn = stage_of(state["steps"][envs], stages).T
@@ -80,7 +80,7 @@ def draw_push_times(state: Terms, envs: Array, rng: Rng, dt: float) -> None:
         state: Arrays of the task's episode state, which are changed in place.
         envs: Indices of the environments, (n,).
         rng: Random number generator of these environments.
-        dt: Time of an action, s.
+        dt: Duration of one action, s.
     """
     state["push_left"][envs] = _actions(rng.uniform(0.0, 1.0, 1)[:, 0], _PUSH_TIMES, dt)
 

@@ -127,7 +127,7 @@ def _roll_rate(now: Moment) -> Array:
 def _collisions(part: str) -> Callable[[Moment], Array]:
     """Function that computes the reward term for collisions of a part of the robot with the terrain, (num_envs,).
 
-    The term is `frame_skip` if a geom of the part collides in the last time step of the action, else 0.
+    The term is `frame_skip` (the number of time steps per action) if a geom of the part collides in the last of these steps, else 0.
 
     Args:
         part: Attribute of the task with the names of the geoms: "SHANKS" or "TRUNK".

@@ -168,7 +168,7 @@ PLACES = {
     "sysid": ("Episode", "FitParameter", "Identification", "Tracked", "Tracker", "identify"),
     "viewer": ("Player", "Renderer", "View", "view"),
 }
-"""Names in submodules that users may look for in `stepper` itself, by submodule."""
+"""Names that users may look for in `stepper` itself although a submodule has them, by submodule."""
 ROOT_NAMES = {
     **{name: f"stepper.{place}.{name}" for place, names in PLACES.items() for name in names},
     "Unknown": "stepper.sysid.FitParameter",

@@ -262,7 +262,7 @@ def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | N
         sim: The original stepper.
         nominal: State of its environments.
         count: Number of copies of each environment.
-        tolerance: Residual at which the solver of the copies stops, m/s; None keeps that of the original.
+        tolerance: Residual at which the solver of the copies stops, m/s; None keeps the tolerance of the original stepper.
     """
     index = np.repeat(np.arange(nominal.num_envs), count)
     copies = _stepper(sim, index, replace(sim.options, tolerance=sim.tolerance if tolerance is None else tolerance))

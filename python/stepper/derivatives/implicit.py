@@ -86,7 +86,7 @@ def derivatives(
     Args:
         sim: The stepper.
         nominal: State of its environments.
-        blocks: Quantities to differentiate by.
+        blocks: Quantities with respect to which the state is differentiated.
         stencil: Displacements for the finite differences of forces, inertia and geometry.
         nstep: Number of steps.
         tolerance: Residual to which steps are solved, m/s.

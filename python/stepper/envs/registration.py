@@ -23,7 +23,10 @@ _EPISODES: dict[str, tuple[int, float | None]] = {
     "Swimmer": (1000, 360.0),
     "Walker2d": (1000, None),
 }
-"""Number of actions per episode, and return at which the task counts as solved (None: undefined), by task, from Gymnasium's registry."""
+"""Number of actions per episode, and return at which the task counts as solved, by name of the task, as in Gymnasium's registry.
+
+None means that the registry has no such return.
+"""
 
 
 def register_tasks() -> None:
@@ -52,7 +55,7 @@ def _register(name: str, steps: int | None, arguments: dict[str, Any], threshold
         name: Id of the environment, such as "stepper/Hopper-v5".
         steps: Number of actions per episode; None means no limit.
         arguments: Arguments of `StepperEnv` and `StepperVectorEnv`.
-        threshold: Return at which the task counts as solved; None means undefined.
+        threshold: Return at which the task counts as solved; None if there is no such return.
     """
     if name not in registry:
         register(

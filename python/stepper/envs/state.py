@@ -147,7 +147,7 @@ def _restore_parameters(sim: Stepper, parameters: dict[str, Any], mask: Array) -
 
 
 def _equal(one: Any, other: Any) -> bool:
-    """Whether two settings are equal: values, or types, shapes and bytes of arrays. NaN equals itself."""
+    """Whether two settings are equal. Arrays are equal if their types, shapes and bytes are equal. NaN equals NaN."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return type(one) is type(other) and one.dtype == other.dtype and one.tobytes() == other.tobytes() and one.shape == other.shape
     return bool(one == other) or repr(one) == repr(other)

@@ -264,9 +264,9 @@ class Task(ABC):
     contact: ClassVar[Contact] = "hard"
     """Default contact law of environments of this task."""
     camera: ClassVar[Camera] = {}
-    """Camera of pictures, unless the model's file has a camera "track" or the environment is made with another camera."""
+    """Settings of the camera for pictures. A camera "track" in the model's file, or camera arguments of the environment, replace it."""
     lamp: ClassVar[bool] = True
-    """Whether pictures of a scene without a light get an added light. It is False in Gymnasium's tasks, to reproduce its pictures."""
+    """Whether pictures of a scene without a light get an added light. False in Gymnasium's tasks, to reproduce Gymnasium's pictures."""
     carried: ClassVar[tuple[str, ...]] = ()
     """Names in `episode_state` whose values persist into the next episode, such as the level of a curriculum, until a reset with a seed."""
     frame_skip: int

@@ -133,6 +133,6 @@ def _overlap_line(one: str, other: str, depth: float) -> str:
 
 
 def _listed(title: str, lines: list[str]) -> str:
-    """Paragraph of a warning: a title and at most `_MOST_LINES` indented lines, then the number of the remaining ones."""
+    """Paragraph of a warning: a title, at most `_MOST_LINES` indented lines, and the number of further lines."""
     more = [f"and {len(lines) - _MOST_LINES} more"] if len(lines) > _MOST_LINES else []
     return title + "".join(f"\n  {line}" for line in [*lines[:_MOST_LINES], *more])

@@ -102,5 +102,5 @@ def _structure(model: Model) -> tuple[Any, ...]:
 
 
 def _places(model: Model) -> tuple[Any, ...]:
-    """Sizes and poses of a model's geoms and bodies, as bytes, which `Model.replace` may change."""
+    """Sizes and poses of a model's geoms and bodies, as bytes. `Model.replace` may change sizes and poses."""
     return tuple(values.tobytes() for values in (model.geom_size, model.geom_pos, model.geom_quat, model.body_pos, model.body_quat))

@@ -171,7 +171,7 @@ def _read_file(path: Path, entry: dict[str, Any]) -> tuple[list[str], Arrays]:
     """Reads a .npz file of a recording and checks it against its entry in run.json.
 
     Returns:
-        Kind of each row, and the arrays by name.
+        Kind of each recorded event (row), and the arrays by name.
     """
     with path.open("rb") as file:
         if digest_of(file) != entry["sha256"]:

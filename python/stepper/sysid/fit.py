@@ -172,7 +172,7 @@ class _Solver:
         self.evaluations = 0
 
     def with_residuals(self, residuals: Residuals) -> _Solver:
-        """Solver with the settings of this one for other residuals; it begins with no evaluations."""
+        """New solver for other residuals, with the settings of this solver. Its count of evaluations starts at 0."""
         return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, tick=self._tick)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
@@ -234,7 +234,7 @@ class _Solver:
 
 
 def _distinct(searches: Sequence[_Found]) -> list[Array]:
-    """End points of searches that may still lead to the lowest minimum, without duplicates, in ascending order of their cost."""
+    """End points from which a further search may still reach the lowest minimum, without duplicates, in ascending order of cost."""
     out: list[Array] = []
     least = min(s.cost for s in searches)
     for found in sorted(searches, key=lambda s: s.cost):

@@ -299,7 +299,7 @@ class Together:
         self._stopped = False
 
     def stop(self) -> None:
-        """Ends all searches: `ask` raises InterruptedError at their next points."""
+        """Ends all searches: the next call of `ask` by each search raises InterruptedError."""
         with self._turn:
             self._stopped = True
             self._turn.notify_all()
@@ -326,7 +326,7 @@ class Together:
         return answer
 
     def leave(self) -> None:
-        """Removes one search from the batch, because it has ended."""
+        """Ends the participation of one search, so that the other searches do not wait for its next point."""
         with self._turn:
             self._active -= 1
             if not self._stopped:

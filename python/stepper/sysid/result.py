@@ -54,7 +54,7 @@ class Identification:
         information: Information matrix (inverse covariance) of the data and priors, without the bounds and for white noise, (n, n).
         scale: Size of a significant change of theta, (n,): 1 for logarithms.
         freedom: Degrees of freedom: number of readings minus number of parameters.
-        noise: Standard deviations of the readings by channel, in its unit, as given or as estimated.
+        noise: Standard deviations of the readings by channel, in the unit of the channel: given by the user, or estimated.
         residual: Root mean square of the residuals by channel, in its unit.
         searches: Ends of the searches, the best first; searches that reached the same minimum count once.
         evaluations: Number of evaluated points, each with its Jacobian.

@@ -20,7 +20,7 @@ from stepper.sysid.inertia import Array
 LATE, EARLY = 1, -1
 """Shifts of readings by one row of a log: readings in row k + 1 (`LATE`) or in row k - 1 (`EARLY`) belong to the control in row k."""
 RATIO = 0.75
-"""Mean square residual with shifted readings, divided by that without the shift, below which the shift is reported."""
+"""Mean square residual with shifted readings, divided by the mean square residual without a shift, below which the shift is reported."""
 COLOURED = 0.3
 """Correlation of consecutive residuals above which `identify` tests whether readings are shifted by one sample.
 

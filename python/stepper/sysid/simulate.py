@@ -151,7 +151,7 @@ def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Ar
 
 
 def solved(options: Options) -> Options:
-    """Copy of options of the step with the default tolerance `TOLERANCE`, unless the user has set a tolerance."""
+    """Copy of the user's options of the step, in which `TOLERANCE` is the solver tolerance if the user has not set one."""
     return options if options.tolerance is not None else replace(options, tolerance=TOLERANCE)
 
 

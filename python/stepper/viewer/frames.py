@@ -50,7 +50,7 @@ class Frame:
 
 
 def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
-    """Indices of the environments to show, (n,), from a number of environments or a list. None selects all, but at most `most`.
+    """Indices of the environments to show, (n,), from a number of environments or a list. None selects all, up to `most`.
 
     Raises:
         ValueError: The stepper has no such environments, or none is selected.

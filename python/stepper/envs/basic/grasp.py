@@ -85,7 +85,7 @@ class Grasp(Task):
         return reward, {"rise": now.qpos[:, 4]}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Random initial state: the box within 5 mm of the middle, each finger up to 5 mm farther from it than in the model."""
+        """Random initial state: the box within 5 mm of the middle, each finger up to 5 mm farther from the middle than in the model."""
         qpos[:, 3] += rng.uniform(-0.005, 0.005, 1)[:, 0]
         qpos[:, 1:3] -= rng.uniform(0.0, 0.005, 2)
 

@@ -24,7 +24,7 @@ _REACH = 0.5
 
 
 Ground: TypeAlias = Callable[[dict[str, str]], tuple[list[Element], list[Element]]]
-"""Function that makes the ground of a scene: from MJCF attributes for its geoms to asset elements and geom elements."""
+"""Type of a function that makes the ground of a scene. It takes MJCF attributes for the geoms, and returns asset and geom elements."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Visuals:
 
 
 def plain_ground(roughness: float) -> Ground:
-    """Ground of a plane, with a height field of bumps up to the height `roughness`, m; 0 means flat."""
+    """Ground of a plane, with a height field of bumps up to the height `roughness`, m; 0 means flat ground."""
 
     def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
         floor = Element("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **attributes})

@@ -29,7 +29,7 @@ _START_RANGE = 0.7 * terrain.HALF
 _GRID = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
 """Points of the observed grid of ground heights, ahead and to the left of the base, (25, 2), in multiples of `VelocityTask.sight`."""
 _FOOTPRINT = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshape(-1, 2)
-"""Points around the base whose highest ground sets the initial height, (81, 2) m."""
+"""Points around the base, (81, 2) m. The highest ground at these points sets the initial height of the base."""
 
 
 @dataclass(frozen=True, kw_only=True)

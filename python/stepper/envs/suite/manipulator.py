@@ -17,7 +17,7 @@ from stepper.shared.streams import Rng
 _PROPS = {"ball", "target_ball", "cup", "peg", "target_peg", "slot"}
 """Names of the objects, targets and receptacles, which are bodies in dm_control's file. A task removes the bodies that it does not use."""
 _CLOSE = 0.01
-"""Distance within which two sites count as together, m."""
+"""Distance within which two sites count as being at the same place, m."""
 _IN_HAND, _IN_TARGET = 0.1, 0.1
 """Probabilities that an episode starts with the object in the hand, and at the target."""
 

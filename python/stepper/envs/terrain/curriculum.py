@@ -54,9 +54,9 @@ class TerrainCurriculum:
         """Arrays for `Task.episode_state`, by name.
 
         Returns:
-            terrain_level: Row of each environment, (num_envs,) int; -1 before it is drawn.
-            terrain_type: Column of each environment, (num_envs,) int; -1 before it is drawn.
-            terrain_origin: Middle of the tile on the surface, (num_envs, 3) m.
+            terrain_level: Row of the terrain (level of difficulty) for each environment, (num_envs,) int; -1 before it is drawn.
+            terrain_type: Column of the terrain (kind of terrain) for each environment, (num_envs,) int; -1 before it is drawn.
+            terrain_origin: Middle of each environment's tile on the surface of the terrain, (num_envs, 3) m.
         """
         undrawn = np.full(num_envs, -1, dtype=np.int64)
         return {"terrain_level": undrawn, "terrain_type": undrawn.copy(), "terrain_origin": np.zeros((num_envs, 3))}

@@ -207,7 +207,7 @@ def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pa
         options: Options of the copies.
 
     Returns:
-        Stepper of the copies, and their controls, (rows, nu).
+        Stepper of the copies, and the controls of the copies, (copies, nu).
     """
     env, column, offsets = pairs.env, pairs.column, pairs.offsets.reshape(len(pairs), -1)
     count = 1 + offsets.shape[1]

@@ -149,7 +149,7 @@ class KinkDetector:
     def _constraint_positions(self) -> Array:
         """Positions of all joints with limits, (copies, joints), rad or m.
 
-        They are extrapolated to the time within the next step at which that step evaluates its constraints.
+        They are extrapolated to the time at which the next step evaluates its constraints.
         """
         if not self._limited:
             return np.zeros((self.stencil.offsets.shape[0] * self.count, 0))

@@ -17,7 +17,7 @@ from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
 TOLERANCE = 1e-13
-"""Default residual to which perturbed copies are solved, m/s. If the tolerance of the stepper is smaller, copies are solved to it.
+"""Default residual to which perturbed copies are solved, m/s. If the tolerance of the stepper is smaller, it is used instead.
 
 Compared with a residual of 1e-6 m/s, the solver needs two or three more sweeps, and derivatives have less noise.
 """
@@ -106,7 +106,7 @@ class Linearization:
         return self._block("ctrl", sensors=True)
 
     def _block(self, name: str, *, sensors: bool = False) -> Array:
-        """Derivative of the state, or of the sensor readings, with respect to the quantity `name` of `wrt`.
+        """Derivative of the state, or of the sensor readings, with respect to the quantity `name`, one of the names in `wrt`.
 
         Raises:
             KeyError: The derivative was not computed.

@@ -171,9 +171,10 @@ def _agree(a: Array, b: Array, width: Array, groups: Sequence[RowGroup], noise: 
 
 
 Read = Callable[[Pairs, bool], Iterator[tuple[Pairs, Readings]]]
-"""Function that steps displaced copies for pairs of an environment and a column (`Pairs`), and yields results for some pairs at a time.
+"""Type of a function that steps displaced copies for pairs of an environment and a column (`Pairs`), and yields their results.
 
-If the second argument is True, steps use a stabilization for which contacts at rest are no kink: Baumgarte with factor 1 and no slop.
+It yields results for some of the pairs at a time. If the second argument is True, steps use a stabilization for which contacts at rest are
+no kink: Baumgarte with factor 1 and no slop.
 """
 
 

@@ -53,7 +53,8 @@ class Rollout:
 
     Attributes:
         qpos, qvel, act: States after the steps of each control, (T, num_envs, ...), m and rad, m/s and rad/s, units of the activations.
-        sensors: Readings of ideal sensors after the steps of each control, (T, num_envs, nsensordata); None without `sensors=True`.
+        sensors: Readings of ideal sensors after the steps of each control, (T, num_envs, nsensordata); None unless the
+            rollout was made with `sensors=True`.
         every: Number of controls between two checkpoints.
     """
 

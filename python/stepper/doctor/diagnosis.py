@@ -22,7 +22,7 @@ _MEANING = (
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Diagnosis of an installation; its text is the output of `stepper doctor`. It is true if there is no fault.
+    """Diagnosis of an installation. Its text is the output of `stepper doctor`, and its truth value is True if there is no fault.
 
     Attributes:
         versions: Versions of stepper, Python, the operating system, NumPy and MuJoCo, by name.

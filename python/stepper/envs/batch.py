@@ -130,7 +130,7 @@ class Batch:
 
         Args:
             envs: Indices of the environments, (n,).
-            seeds: Seed of each of them.
+            seeds: Seeds of these environments, (n,).
         """
         self.streams.seed(envs, seeds)
         self._seeded[envs] = True
@@ -402,7 +402,7 @@ def _dtype_of(value: Any) -> np.dtype[Any]:
 
 
 def _hashed_seed(seed: int | None = None) -> int:
-    """Random 64-bit integer, a hash of the seed; with None a random seed."""
+    """64-bit integer that is a hash of the seed, or a random 64-bit integer if the seed is None."""
     number: int = np.random.SeedSequence(seed).generate_state(1, np.uint64).item()
     return number
 

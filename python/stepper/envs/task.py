@@ -100,7 +100,7 @@ class Moment:
         with the same name gives the same numbers, so that reading an observation twice gives the same noise.
 
         Args:
-            name: Name of the term, such as "height_scan".
+            name: Name of the observation, such as "height_scan".
         """
         return Rng(self._streams.fork(name), np.arange(len(self._streams.state)))
 
@@ -162,8 +162,8 @@ class Moment:
         """New view of the batch after some environments were restored from a saved state.
 
         Args:
-            step_values: Action and velocity in the saved state, as from `Moment.step_values`.
-            kept: Values fixed by `keep` in the saved state, as from `Moment.kept`.
+            step_values: Action and velocity in the saved state, by name, as returned by `step_values()`.
+            kept: Values that `keep` had fixed in the saved state, by name of the quantity, as in the attribute `kept`.
             mask: Environments that were restored, (num_envs,) bool.
         """
         made = self.reread(mask)
@@ -303,7 +303,7 @@ class Task(ABC):
 
     @abstractmethod
     def observations(self) -> tuple[Observation, ...]:
-        """Table of observations. An observation is the concatenation of its rows."""
+        """Table of the observed quantities of the task. The observation of an environment concatenates the rows of this table."""
 
     @abstractmethod
     def reward(self, now: Moment) -> tuple[Array, Terms]:
@@ -378,9 +378,9 @@ class Task(ABC):
         return None
 
     def position(self, now: Moment) -> Array | None:
-        """Quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`; None for no velocity.
+        """Quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`. None if the task needs no velocity.
 
-        It is evaluated in the states before and after the action, without values of `now.keep`.
+        It is evaluated in the states before and after the action. Values that `now.keep` has fixed are not used.
         """
         return None
 

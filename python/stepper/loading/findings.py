@@ -72,7 +72,8 @@ def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool
     Args:
         model: The model.
         geom: Index of the geom.
-        ratio: Volume of the hull divided by that of the mesh. Fixed ground is always listed, parts of robots from `_LARGE_PART` on.
+        ratio: Volume of the hull divided by the volume of the mesh. Fixed ground is listed at any ratio, a part of a robot if the ratio is
+            at least `_LARGE_PART`.
         is_robot: Whether fixed geoms are the base of a robot, as in a URDF, instead of ground.
     """
     body = model.body(model.geom(geom).bodyid)

@@ -1,4 +1,4 @@
-"""Memory of the sources from which models were loaded. Drawing reads them again, because a Model stores no colours and visual meshes."""
+"""Record of the sources from which models were loaded. Drawing reads a source again, because a Model has no colours or visual meshes."""
 
 from __future__ import annotations
 

@@ -116,10 +116,10 @@ class Comparison:
 
 
 def make(env: str, num_envs: int | None = None, *, training: bool = False, **settings: Any) -> Any:
-    """Creates an environment of Gymnasium's registry, on stepper or on another simulator.
+    """Creates an environment of Gymnasium's registry, simulated by stepper or by another simulator.
 
     Args:
-        env: Id of the environment, if needed after the module that registers it: "push_task:me/Push-v0".
+        env: Id of the environment. A module that registers the environment can precede the id: "push_task:me/Push-v0".
         num_envs: Number of environments; None makes a single environment, not a vector environment.
         training: Whether a vector environment has the autoreset mode SAME_STEP and the infos of `RecordEpisodeStatistics`.
         **settings: Arguments of the environment.
@@ -232,8 +232,8 @@ def compare(
     Args:
         policy: Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other.
         one: Id of the first environment, of `stepper.envs` or of Gymnasium.
-        other: Id of the second environment, with the same task. At least one of the two must be on stepper; it draws
-            the initial states.
+        other: Id of the second environment, with the same task. At least one of the two environments must be simulated by stepper.
+            This one draws the initial states.
         episodes: Number of episodes in each environment.
         seed: Seed of the first episode; episode k has the seed `seed + k`.
         margin: Largest difference of mean returns that counts as equivalent, as a fraction of the mean return in the first environment.
@@ -242,7 +242,7 @@ def compare(
         tick: Function that is called with the environment's id and the fraction of the work that is done.
 
     Raises:
-        ValueError: Neither environment is on stepper, or an error of `evaluate`.
+        ValueError: Neither environment is simulated by stepper, or `evaluate` raises ValueError.
     """
     ours = [(name, given) for name, given in zip((one, other), settings, strict=True) if is_native(name)]
     if not ours:
@@ -256,7 +256,7 @@ def compare(
 
 
 def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tuple[Array, Array]:
-    """Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s, of episodes in an environment on stepper.
+    """Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s, of episodes that stepper simulates.
 
     Args:
         env: Id of the environment.
@@ -334,7 +334,7 @@ def _in_sequence(
 
 
 def _info(info: Mapping[str, Any], name: str) -> Array:
-    """Values of the info with the key `name`, (num_envs,) or a number; a ValueError if there is none."""
+    """Value of the key `name` in an info dict, (num_envs,) or a number; a ValueError if the key is absent."""
     if name not in info or np.ndim(info[name]) > 1:
         numbers = sorted(key for key, value in info.items() if not key.startswith("_") and np.ndim(value) < 2)
         raise ValueError(f"there is no info {name!r} with one number per environment; such infos are: {', '.join(numbers) or 'none'}")

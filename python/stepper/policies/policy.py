@@ -61,7 +61,7 @@ class Policy:
         low: Lower bounds of the actions, (nu,), in the units of the task.
         high: Upper bounds of the actions, (nu,), in the units of the task.
         environment: Settings of the environment of the training, from `stepper.policies.describe`.
-        training: Notes on the training, as data of JSON.
+        training: Notes on the training: numbers, texts, lists and dictionaries, which JSON can store.
     """
 
     mean: Array

@@ -142,9 +142,9 @@ def check_files(folder: Path, head: Header) -> None:
 
 
 def read_rows(folder: Path, head: Header) -> Iterator[tuple[str, str, Arrays]]:
-    """Yields the rows of a recording. Only one file is in memory at a time.
+    """Yields the recorded events (rows) of a recording. Only one file is in memory at a time.
 
-    Each row consists of a text with its file and index (for error messages), its kind, and its arrays by name.
+    Each row is a tuple of a text with its file and index (for error messages), its kind, and its arrays by name.
 
     Raises:
         RecordingError: A file is missing, additional or changed.

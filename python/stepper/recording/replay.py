@@ -47,13 +47,13 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """Result of a replay. It is true if all results are identical bit for bit.
+    """Result of a replay. Its truth value is True if all results are identical bit for bit.
 
     Attributes:
-        rows: Number of rows that were repeated.
+        rows: Number of recorded events (rows) that were repeated.
         steps: Number of calls of `step` that were repeated.
         difference: First difference; None if there is none.
-        complete: Whether the recording was closed; otherwise its last rows may be missing.
+        complete: Whether the recording was closed; otherwise its last events may be missing.
         versions: Version of stepper that made the recording, and the current one. Only equal versions guarantee identical results.
     """
 

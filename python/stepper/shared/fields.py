@@ -109,7 +109,7 @@ COMPOUNDS = {
 APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 """Arrays of a stepper that users write and every step reads, in the order of a pickled stepper."""
 OF_PAIRS: dict[str, str] = {"geom_friction": "pair_friction", "geom_restitution": "pair_restitution"}
-"""Field of contact pairs that overrides a field of geoms, by name of the geoms' field. The model defines the pairs explicitly."""
+"""Name of the field with which an explicitly defined contact pair overrides a field of its geoms, by name of the geoms' field."""
 
 
 def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collection[int], remedy: str) -> None:

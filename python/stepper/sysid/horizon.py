@@ -158,11 +158,11 @@ class Horizon:
         return other
 
     def held(self, j: int) -> Horizon | None:
-        """Hypothesis in which a friction holds its object during the window, with all other unknowns estimated again.
+        """Hypothesis in which friction holds an object during the window, with all other unknowns estimated again.
 
-        While the object slips at the estimate, the readings do not depend on its mass. So a search that follows derivatives cannot find the
-        alternative: a lighter object that is held. The search therefore begins at a friction that is large enough to hold it. Afterwards
-        the distribution of the friction before the window is truncated at the smallest value that the readings allow.
+        While the object slips at the estimate, the readings do not depend on the object's mass. So a search that follows derivatives cannot
+        find the alternative: a lighter object that is held. The search therefore begins at a friction that is large enough to hold the
+        object. Afterwards the distribution of the friction before the window is truncated at the smallest value that the readings allow.
 
         Args:
             j: Index of the friction in the parameter vector theta.
@@ -388,7 +388,7 @@ class Horizon:
         """Sets `newest` (prediction errors of the newest sample's readings, in units of their noise) and `normalized_innovation`.
 
         Args:
-            at: Linearisation of a window that includes this sample, about the estimate before it.
+            at: Linearisation of a window that includes this sample, about the estimate before this sample.
         """
         seen = self._problem.seen(self._samples[-1][1])
         self.newest, J = at.expected[-1][seen], at.J[-1][seen]

@@ -84,7 +84,7 @@ class Identification:
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """Entries of the parameter vector theta that belong to each parameter, as one `Block` per parameter."""
+        """List with one `Block` per parameter: the entries of the parameter vector theta that belong to this parameter."""
         return bind(self.parameters, self.model)
 
     @property
@@ -253,7 +253,7 @@ class Identification:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], model: Model) -> Identification:
-        """Read a result from a file of `save`.
+        """Read a result from a file that `save` wrote.
 
         Args:
             path: Path of the file.

@@ -31,7 +31,7 @@ LOUD = 1.5
 RECENT = 15
 """Number of samples over which a tracker's normalised innovation squared is averaged."""
 UNEXPLAINED = 3.0
-"""Mean normalised innovation squared above which the tracker's model does not explain the readings."""
+"""Mean normalised innovation squared (squared prediction error over its variance) above which a tracker's model does not fit readings."""
 COPY_INTERVAL = 100
 """Number of samples after which a tracker's stored copy is replaced. Trackers of shifted readings start from this copy."""
 CAUGHT_UP = 2
@@ -74,8 +74,9 @@ def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
 
     Args:
         shift: `LATE` or `EARLY`.
-        ratio: Ratio of the mean square residual with the shift to that without it.
-        freed: Ratio of the mean square residual with an estimated initial state and no shift; None if the fit already estimated it.
+        ratio: Mean square residual of a fit with shifted readings, divided by that of the original fit.
+        freed: Mean square residual of a fit that also estimates the initial state, without a shift, divided by that of the original fit.
+            None if the original fit already estimated the initial state.
     """
     if freed is None:
         return finding(shift, ratio, "A wrong initial state is not the cause: it was estimated")

@@ -83,7 +83,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
         times: Indices of the episode, control period and column of each of the k readings, (k, 3).
         reach: Half widths of the bounds, (n,), which are the standard deviations of undetermined parameters.
         loss: Loss function of `least_squares`.
-        f_scale: Residual beyond which a robust loss begins.
+        f_scale: Residual above which a robust loss reduces the weight.
     """
     n = len(reach)
     k = len(times)

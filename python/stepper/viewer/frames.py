@@ -65,7 +65,7 @@ def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
 
 
 def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
-    """Frame for drawing of some environments of a stepper, with indices (n,). Energies are 0 without `energy=True`."""
+    """Frame for drawing of the environments with the indices `envs`, (n,), of a stepper. Energies are 0 unless `energy` is True."""
     listed = sim.contacts()
     row = np.full((sim.num_envs or 1), -1)
     row[envs] = np.arange(len(envs))

@@ -20,7 +20,8 @@ TRACK = "track"
 SHADOWS = 1024
 """Largest size of a shadow map, pixels.
 
-Without a graphics card, MuJoCo's default of 4,096 takes most of the time of a picture. Pictures of the default size hardly differ.
+Without a graphics card, MuJoCo's default of 4,096 takes most of the time of a picture. Pictures with both
+sizes hardly differ.
 """
 _LAMP = {"ambient": 0.15, "diffuse": 0.55, "specular": 0.2}
 """White light of the lamp that is added to scenes without a light, from 0 to 1.

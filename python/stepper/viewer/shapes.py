@@ -52,7 +52,7 @@ class Part:
         name: Name of the mesh.
         mesh: The mesh.
         geom: Index of the geom of each instance, (n,).
-        axes: Index into `geom_size` of the number that scales each axis of the mesh, (n, 3); 3 is no scaling.
+        axes: Index into `geom_size` of the number that scales each axis of the mesh, (n, 3); 3 means no scaling.
         end: Position of the mesh on the z axis of its geom, (n,), in multiples of `geom_size[1]`.
         rgba: Colours, (n, 4), from 0 to 1.
         group: MuJoCo's group of geoms, which are shown or hidden together.

@@ -358,7 +358,7 @@ def vertical(now: Moment) -> Array:
 
 @per_moment
 def command(now: Moment) -> Array:
-    """Present velocity command along x and y (m/s) and about z (rad/s), (num_envs, 3)."""
+    """Current velocity command along x and y (m/s) and about z (rad/s), (num_envs, 3)."""
     episode_state = now.episode_state
     length = -(-now.task.episode_steps // _COMMANDS)
     which = np.minimum(episode_state["step"] // length, _COMMANDS - 1)

@@ -16,7 +16,7 @@ from stepper.shared.streams import Rng
 
 @dataclass(frozen=True, kw_only=True)
 class Cartpole(SuiteTask):
-    """Task: balance the poles of a cart. Episodes start near balance, or with `swing_up` with hanging poles.
+    """Task: balance the poles of a cart. Episodes start near balance, or with hanging poles if `swing_up` is True.
 
     Attributes:
         swing_up: Whether the first pole starts hanging down.

@@ -28,11 +28,11 @@ class Cheetah(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: velocity of the centre of mass in x divided by 10 m/s, within 0 and 1."""
+        """Score: velocity of the centre of mass in x divided by 10 m/s, clipped to the range from 0 to 1."""
         return tolerance(reading(now, "torso_subtreelinvel")[:, 0], _SPEED, float("inf"), margin=_SPEED, fall="linear", value=0.0)
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: limited joints at random within their limits, the root at the reference."""
+        """Initial states: random angles of limited joints within their limits, and the root in the reference pose."""
         root = qpos[:, :3].copy()
         randomize_joints(self.model(), qpos, rng)
         qpos[:, :3] = root

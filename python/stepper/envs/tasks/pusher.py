@@ -49,7 +49,7 @@ class Pusher(MujocoTask):
         now.keep("status", before | now.sim.status)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Reward: minus the distances of the cylinder from the fingertips and from the goal, and a cost of squared controls."""
+        """Reward: minus weighted distances of the cylinder from the fingertips and from the goal, minus a cost of squared controls."""
         cylinder = _body_position(now, "object")
         near = -self.reward_near_weight * np.sqrt(square_sum(cylinder - _body_position(now, "tips_arm")))
         distance = -self.reward_dist_weight * np.sqrt(square_sum(cylinder - _body_position(now, "goal")))

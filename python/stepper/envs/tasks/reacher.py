@@ -34,7 +34,7 @@ class Reacher(MujocoTask):
         )
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Reward: minus the distance to the target and a cost of squared controls."""
+        """Reward: minus the distance from the fingertip to the target, minus a cost of squared controls."""
         distance = -self.reward_dist_weight * np.sqrt(square_sum(_to_target(now)))
         control = -self.reward_control_weight * square_sum(now.action)
         return distance + control, {"reward_dist": distance, "reward_ctrl": control}

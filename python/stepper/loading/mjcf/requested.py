@@ -42,7 +42,7 @@ def _mjcf_name(source: Source, enum: str, value: int) -> str:
 
 
 def _soft(source: Source) -> list[str]:
-    """Texts on constraints whose softness is not MuJoCo's default, one per kind: their number and the first names."""
+    """Texts on constraints whose softness is not MuJoCo's default, one for each kind of constraint: the number and the first names."""
     m = source.m
     solid = ((m.geom_contype != 0) | (m.geom_conaffinity != 0)) & source.collides
     lossy = np.array([bool(np.any(m.dof_frictionloss[source.dofs(j)])) for j in range(m.njnt)], bool)

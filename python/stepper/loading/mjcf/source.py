@@ -86,7 +86,7 @@ class Source:
 
     @property
     def collides(self) -> bool:
-        """Whether contacts are enabled and any geom or explicit pair can have one."""
+        """Whether contacts are enabled, and any geom or explicit contact pair can have a contact."""
         m = self.m
         return bool(np.any(m.geom_contype) or np.any(m.geom_conaffinity) or m.npair) and not self.off("contact")
 

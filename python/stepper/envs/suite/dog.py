@@ -97,7 +97,7 @@ class Dog(SuiteTask):
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Initial states: standing, with a random heading and velocity.
 
-        If the task is to fetch, the ball flies from a random place near the wall towards the middle of the arena.
+        If the task is to fetch, the ball flies from a random direction towards the middle of the arena.
         """
         model = self.model()
         root = model.joint("root")

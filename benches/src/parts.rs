@@ -64,7 +64,7 @@ pub struct Count {
     pub name: &'static str,
     /// Whether the mean is per step of a SIMD group of environments. Otherwise it is per step of one environment.
     pub shared: bool,
-    /// Mean number of these events in a step.
+    /// Mean number of events of the kind `name` in a step.
     pub mean: f64,
 }
 

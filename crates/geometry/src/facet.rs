@@ -87,10 +87,12 @@ impl Facet {
         (outline, p)
     }
 
-    /// Whether part of a shape may be below or above the triangle, or behind the planes of the triangle and of a neighbour that rises.
+    /// Whether a shape may be above or below the triangle, in the direction of the triangle's normal. True means that it is possible.
     ///
-    /// The shape is the second one of `pair`, and `rises` is from [`Facet::rises`]. The result is false only for a ball whose centre, or a
-    /// capsule whose axis, is outside one edge.
+    /// Of a ball the centre counts, of a capsule the axis. Other shapes always give true.
+    ///
+    /// The shape is the second one of `pair`, and `rises` is from [`Facet::rises`]. In a valley, a shape beyond an edge also counts if it
+    /// is behind the planes of the triangle and of the neighbour at this edge.
     pub(super) fn may_be_under(&self, pair: &Pair<'_>, rises: &[f64; 3]) -> bool {
         let Some(ends) = ends(pair) else { return true };
         let Self { corners, normal, .. } = self;

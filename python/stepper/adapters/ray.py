@@ -212,7 +212,10 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         self._whole, self._made = True, False
 
     def _run(self, calls: list[Call]) -> Results:
-        """Runs a list of method calls in every block and returns the value of each block's last call. Dead actors are replaced first."""
+        """Runs method calls in every block (the environments that one process of Ray steps together).
+
+        Returns the result of the last call in each block. Processes that ended are started again first.
+        """
         if not self._actors:
             raise RuntimeError("the environments are closed")
         if not self._whole:

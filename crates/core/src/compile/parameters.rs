@@ -147,8 +147,8 @@ parameter_tables! {
     geoms: geom(i) -> GeomParams<T>;
     /// Contact parameters of the pair with index `pair` in the compiled model's list of pairs.
     pairs: listed_contact(pair) -> ContactParams<T>;
-    /// Contact parameters of the geom with index `geom` in the model, for all geoms if the model has dynamic pairs. A dynamic pair combines
-    /// the parameters of its two geoms.
+    /// Contact parameters of the geom with index `geom` in the model. The table has all geoms if the compiled model finds pairs of geoms in
+    /// every step (dynamic pairs), and is empty otherwise. Such a pair combines the parameters of its two geoms.
     members: member(geom) -> ContactParams<T>;
     /// Centre of mass of a body of the model in the frame of its link, m.
     bodies: body_com(body) -> [T; 3];

@@ -20,7 +20,8 @@ use crate::options::{ContactLaw, StepSettings};
 use crate::probe::NoProbe;
 use crate::step::step;
 
-/// Nominal step: states before and after the solved step, and the parts of its solution that evaluations near it use.
+/// Nominal step: the step at which derivatives are taken. It has the states before and after this step, and the parts of its solution that
+/// steps from nearby states reuse.
 #[derive(Clone, Debug)]
 pub(super) struct Nominal<R: Real> {
     /// Configuration, velocity, activations and controls before the solved step.

@@ -185,8 +185,10 @@ pub fn limit_baumgarte<R: Real>(
     infeasible
 }
 
-/// Solves the position rows. Writes the bounded velocity that, added to `velocity.v`, removes position errors to `position.correction`.
-/// Returns the lanes that are proven infeasible.
+/// Solves the position rows for the velocity that, added to `velocity.v`, removes position errors.
+///
+/// The function limits the speed of this correction and writes it to `position.correction`. It returns the lanes in which a proof shows
+/// that the position targets contradict each other.
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

@@ -43,8 +43,10 @@ pub struct RollingSolver<R: Real> {
 }
 
 impl<R: Real> RollingSolver<R> {
-    /// Impulse of all six rows of a contact, from the normal impulse `n` and the tangential impulse `x` in the principal axes. The
-    /// tangential impulse is zero outside `lanes`.
+    /// Impulse of the six rows of a contact: normal, two sliding, torsional and two rolling rows.
+    ///
+    /// `n` is the normal impulse. `x` has the other five impulses in the principal axes of the matrix that couples their rows; they are set
+    /// to zero outside `lanes`.
     #[inline(always)]
     fn impulse(&self, n: R, x: [R; T], lanes: R::Mask) -> [R; 6] {
         let mut out = [n, R::zero(), R::zero(), R::zero(), R::zero(), R::zero()];

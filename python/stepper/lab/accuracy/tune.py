@@ -447,7 +447,10 @@ def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, st
 
 
 def words_of(options: Options, precision: str | None) -> str:
-    """Python expression that creates `options`, with a precision. Arguments with default values are left out."""
+    """Python expression that creates `options`, without arguments that have default values.
+
+    If the precision is not "f64", the argument `precision` of `Stepper` follows after a comma.
+    """
     usual = Options()
     own = {f.name: getattr(options, f.name) for f in fields(Options) if getattr(options, f.name) != getattr(usual, f.name)}
     arguments = ", ".join(f"{name}={value!r}" for name, value in own.items())

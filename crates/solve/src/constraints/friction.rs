@@ -296,8 +296,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the offset g of the normal row (its approach speed without impulses, m/s) of the last contact of the list to zero in the lanes
-    /// in which no impulse can move the contact along its normal and the approach speed is at most `negligible`, m/s.
+    /// Clears a small approach speed of the last contact of the list: sets the offset g of its normal row to zero, m/s.
+    ///
+    /// The function changes lanes in which no impulse can move the contact along its normal, and the approach speed is at most
+    /// `negligible`, m/s.
     pub fn clear_negligible_approach(&mut self, negligible: R) {
         R::vectorize(
             #[inline(always)]

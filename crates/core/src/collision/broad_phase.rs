@@ -11,6 +11,7 @@ use stepper_real::{Real, Scalar};
 
 use crate::collision::static_search::merge;
 use crate::compile::{DynamicPairs, LaneModel};
+use crate::math::lanes::LANE_BITS;
 use crate::math::spatial::*;
 
 /// Number of bits of one integer coordinate of a cube in the cube's [`key`].
@@ -130,7 +131,7 @@ impl Broad {
     fn merge_lanes(&mut self, dynamic_pairs: &DynamicPairs<impl Scalar>) {
         self.pairs.clear();
         for &x in &self.found {
-            let (i, j, lane) = ((x >> 36) as usize, (x >> 4) as u32 as usize, x & 15);
+            let (i, j, lane) = ((x >> (32 + LANE_BITS)) as usize, (x >> LANE_BITS) as u32 as usize, x & ((1 << LANE_BITS) - 1));
             let number = dynamic_pairs.number(i, j) as u32;
             match self.pairs.last_mut() {
                 Some(last) if last.0 == number => last.1 |= 1 << lane,
@@ -154,7 +155,7 @@ fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     let apart = sub(p.centre, q.centre);
     if dot(apart, apart) <= reach * reach {
         let (i, j) = (p.member.min(q.member), p.member.max(q.member));
-        found.push(u64::from(i) << 36 | u64::from(j) << 4 | lane);
+        found.push(u64::from(i) << (32 + LANE_BITS) | u64::from(j) << LANE_BITS | lane);
     }
 }
 

@@ -9,7 +9,7 @@ use stepper_geometry::BoundingBox;
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::compile::{LaneModel, Params, StaticPairs};
-use crate::math::lanes::{MAX_LANES, each_of};
+use crate::math::lanes::{LANE_BITS, MAX_LANES, each_of};
 use crate::math::spatial::*;
 
 /// Enlargement of bounding boxes for rounding errors, as a fraction of coordinates and sizes. It is sufficient in single precision.
@@ -37,9 +37,6 @@ pub(crate) struct StaticSearch<R: Real> {
 
 /// Number of nearby static geoms per moving geom for which the constructor reserves memory.
 const EXPECTED: usize = 8;
-
-/// Number of bits that the lane takes in an entry of `found`.
-const LANE_BITS: u32 = MAX_LANES.ilog2();
 
 impl<R: Real> StaticSearch<R> {
     /// Workspace for a compiled model.

@@ -3,6 +3,9 @@
 /// Largest number of lanes of a group.
 pub const MAX_LANES: usize = 32;
 
+/// Number of bits that hold the index of a lane.
+pub(crate) const LANE_BITS: u32 = MAX_LANES.ilog2();
+
 /// Copies the lanes `first` to `first + n`, exclusive, of lane-interleaved values.
 pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize) -> Vec<T> {
     if n == lanes {

@@ -1,4 +1,4 @@
-"""Success of a policy of `stepper/Go1Rough-v0` on stairs, and its return at a quarter of the time step and in MuJoCo.
+"""Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: on stairs, and by its return in the task.
 
     stepper train stepper/Go1Rough-v0
     python benches/climbing.py out/train/stepper_Go1Rough-v0/seed1/policy.npz --update-docs
@@ -23,7 +23,6 @@ import numpy as np
 from sections import write_section
 from stepper import Options, Stepper
 from stepper.envs.locomotion import Go1Rough
-from stepper.envs.locomotion.rough.state import heading
 from stepper.envs.task import Array, Moment, Terms
 from stepper.envs.terrain import PyramidStairs, Terrain
 from stepper.policies import Evaluation, evaluate, load
@@ -59,7 +58,10 @@ def simulators() -> dict[str, tuple[str, dict[str, Any]]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Go1Climb(Go1Rough):
-    """Task in which the quadruped starts in a pit and walks straight ahead. An episode is truncated when the robot has left the pit."""
+    """Task in which the quadruped starts in a pit, turns to the x axis and walks along it.
+
+    An episode is truncated when the robot has left the pit.
+    """
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Draw the parameters of `Go1Rough`, and command all robots to walk along x for the whole episode."""
@@ -69,17 +71,13 @@ class Go1Climb(Go1Rough):
         episode_state["heading_command"][mask] = 0.0
         episode_state["command_left"][mask] = self.episode_steps + 1
 
-    def outside(self, now: Moment) -> Array:
+    def truncated(self, now: Moment) -> Array:
         """Whether a robot has climbed all steps, (num_envs,)."""
         return np.asarray(np.abs(now.qpos[:, :2]).max(axis=1) > OUTSIDE)
 
-    def truncated(self, now: Moment) -> Array:
-        """Whether a robot has climbed all steps, (num_envs,)."""
-        return self.outside(now)
-
     def info(self, now: Moment) -> Terms:
-        """Info of `Go1Rough`, with "climbed" and the heading, rad."""
-        return super().info(now) | {"climbed": self.outside(now).astype(np.float64), "heading": heading(now)}
+        """Info of `Go1Rough`, with "climbed": 1 if the robot has climbed all steps, else 0."""
+        return super().info(now) | {"climbed": self.truncated(now).astype(np.float64)}
 
 
 def pit(height: float) -> Terrain:
@@ -130,16 +128,16 @@ def table_of_returns(policy: Any, episodes: int) -> str:
     Robots start in all rows of the task's terrain grid. The rows differ in difficulty.
     """
     mujoco_vector.register("Go1Rough-v0")
-    rows = ["| simulator | mean return | 95 % confidence | velocity error, m/s | falls |", "|---" * 5 + "|"]
+    rows = ["| simulator | mean return | 95 % confidence | velocity error, m/s | ended early |", "|---" * 5 + "|"]
     for name, (space, given) in simulators().items():
         levels = {"max_init_level": Go1Rough().terrain.num_rows - 1}
         found: Evaluation = evaluate(
             policy, f"{space}/Go1Rough-v0", episodes=episodes, seed=2**32, infos=("tracking_error",), **levels, **given
         )
         low, high = found.interval()
-        falls = f"{np.sum(found.lengths < Go1Rough.episode_steps)} of {episodes}"
+        early = f"{np.sum(found.lengths < Go1Rough.episode_steps)} of {episodes}"
         error = found.infos["tracking_error"].mean()
-        rows.append(f"| {name} | {found.mean:.1f} | {low:.1f} to {high:.1f} | {error:.3f} | {falls} |")
+        rows.append(f"| {name} | {found.mean:.1f} | {low:.1f} to {high:.1f} | {error:.3f} | {early} |")
         print(rows[-1], flush=True)
     return "\n".join(rows)
 

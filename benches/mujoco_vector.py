@@ -170,7 +170,7 @@ class MujocoSim(MujocoFields):
         for name, given in (("qpos", qpos), ("qvel", qvel), ("act", act)):
             if given is not None:
                 target = self.bind(name)
-                target[ids] = given if np.ndim(given) == 1 or len(given) == len(ids) else given[ids]
+                target[ids] = given if np.ndim(given) == 1 or len(given) == len(ids) else np.asarray(given)[ids]
         if not keep_warmstart:
             self._batch.forward(ids)
 
@@ -220,7 +220,7 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         batch = envs._batch
         if m is None:
             m = mujoco_model(batch.sim.model, with_contact_forces=reads_contact_forces(envs.task))
-        reads_contacts = isinstance(envs.task, RoughTask)
+        reads_contacts = isinstance(envs.task, RoughTask) and engine == "mujoco.batch"
         batch.sim = MujocoSim(  # type: ignore[assignment]
             batch.sim.model, num_envs, engine=engine, threads=threads, m=m, reads_contacts=reads_contacts
         )

@@ -313,6 +313,8 @@ def test_every_robot_has_what_the_terms_need():
         assert all(np.isfinite(info[f"reward_{name}"]).all() for name in TERMS)
     with pytest.raises(ValueError, match=r"weights has \['speed'\]"):
         Go1Rough(weights={"speed": 1.0})
+    with pytest.raises(TypeError, match="terrain is 'stairs', must be a Terrain"):
+        Go1Rough(terrain="stairs")
     with pytest.raises(ValueError, match="weights is 'pose', must be a mapping"):
         Go1Rough(weights="pose")
     with pytest.raises(ValueError, match="noise is -1"):

@@ -234,3 +234,33 @@ def test_commands_widen_by_stages():
     np.testing.assert_array_equal(found[:, 0], [1.0, 1.0, 1.5, 1.5, 2.0, 2.0])
     with pytest.raises(ValueError, match=r"stages begin at \[5\], must ascend from 0"):
         stage_of(np.zeros(1), ((5, (1.0,)),))
+
+
+class Plateau(terrain.SubTerrain):
+    """Kind of a user, without `@dataclass`, with an attribute that has no hash."""
+
+    def __init__(self, height):
+        super().__init__()
+        object.__setattr__(self, "values", np.array([height]))
+
+    def heights(self, x, y, size, difficulty, rng):
+        return np.full((len(y), len(x)), self.values[0])
+
+
+def test_terrains_are_equal_if_their_ground_is():
+    def made(height=0.1, **given):
+        return terrain.Terrain(sub_terrains={"plateau": Plateau(height), "flat": terrain.Flat()}, num_rows=2, size=2.0, **given)
+
+    assert made() == made()
+    assert hash(made()) == hash(made())
+    others = [made(0.4), made(border_width=1.0), made(horizontal_scale=0.2), "terrain"]
+    others.append(terrain.Terrain(sub_terrains={"flat": terrain.Flat(), "plateau": Plateau(0.1)}, num_rows=2, size=2.0))
+    assert all(made() != other for other in others)
+
+
+def test_wrong_kinds_of_terrain_are_errors_that_name_them():
+    for kinds in ([terrain.Flat()], {"flat": terrain.Flat}, {"flat": "flat"}):
+        with pytest.raises(TypeError, match=r"sub_terrains is .* must be a mapping from names to kinds"):
+            terrain.Terrain(sub_terrains=kinds)
+    with pytest.raises(ValueError, match=r"heights of sub_terrain 'plateau' \(Plateau\) in row 0 .* must be 81 x 81 numbers"):
+        _ = terrain.Terrain(sub_terrains={"plateau": Plateau(np.nan)}).elevation

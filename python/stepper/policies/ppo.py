@@ -239,7 +239,7 @@ class Run:
         """Writes a checkpoint atomically. It is a pickle: load only files that you trust."""
         state = {name: value for name, value in self.__dict__.items() if name not in ("net", "optimizer", "envs")}
         state |= {
-            "settings": dataclasses.asdict(self.settings),
+            "settings": vars(self.settings),
             "net": self.net.state_dict(),
             "optimizer": self.optimizer.state_dict(),
             "random": torch.get_rng_state(),
@@ -295,7 +295,7 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
         print(f"{settings.env}: {action} a run of {settings.num_envs:,} environments, seed {settings.seed}, in {folder}", flush=True)
     if checkpoint.exists():
         run = Run.load(checkpoint)
-        theirs, ours = dataclasses.asdict(run.settings), dataclasses.asdict(settings)
+        theirs, ours = dict(vars(run.settings)), vars(settings)
         theirs["steps"], run.settings = settings.steps, settings  # A run may continue with more steps.
         if found := [f"{name} is {theirs[name]} there, {ours[name]} here" for name in ours if theirs.get(name) != ours[name]]:
             raise ValueError(f"{folder} contains a run with other settings: {'; '.join(found)}; give another folder with --out")

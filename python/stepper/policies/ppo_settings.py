@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import inspect
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -48,13 +49,13 @@ class Settings:
         value: Weight of the loss of the critic.
         max_grad_norm: Largest norm of the gradient; larger gradients are scaled down.
         initial_std: Initial standard deviation of the actions, as a fraction of half their range.
-        min_std: Lower bound of the standard deviation by which an observation is divided. It keeps rows that hardly vary small, such as
-            a height scan on flat ground.
+        min_std: Standard deviation that is added to that of each observed number (as a root of squares) before the number is divided by it.
+            Numbers that hardly vary, such as heights of flat ground, then stay small.
         threads: Number of threads of the physics and of the learner.
         values: Arguments of the environment by name, such as fields of its task: roughness=0.1. Repeat the option for more.
 
     Raises:
-        ValueError: A minibatch has more samples than there are between two updates.
+        ValueError: A minibatch has more samples than there are between two updates, or min_std is negative or not finite.
     """
 
     env: str = "stepper/HalfCheetah-v5"
@@ -81,6 +82,8 @@ class Settings:
     values: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.min_std < math.inf:
+            raise ValueError(f"min_std is {self.min_std}, must be a finite number of at least 0")
         samples = self.num_envs * self.horizon
         if not 1 <= self.minibatch <= samples:
             raise ValueError(

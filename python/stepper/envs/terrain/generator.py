@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ _BASE_THICKNESS = 0.5
 """Thickness of the ground below its lowest point, m."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Terrain:
     """Terrain of square tiles. Difficulty increases from row to row along x; each column along y has one kind. The middle is at the origin.
 
@@ -33,7 +34,8 @@ class Terrain:
         ground.add_to(spec)  # a height field "terrain" in a mujoco.MjSpec
         ground.origins  # (num_rows, 2, 3) m, middles of the tiles on the surface
 
-    Equal arguments give equal terrains. The random numbers of a tile depend only on the seed, its row and its column.
+    Equal arguments give equal terrains. Terrains are equal if their heights, their tiles, and the names and proportions of their kinds are.
+    The random numbers of a tile depend only on the seed, its row and its column.
 
     Attributes:
         sub_terrains: Kinds of terrain by name, one column each.
@@ -57,6 +59,9 @@ class Terrain:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        kinds = self.sub_terrains
+        if not isinstance(kinds, Mapping) or not all(isinstance(kind, SubTerrain) for kind in kinds.values()):
+            raise TypeError(f'sub_terrains is {kinds!r}, must be a mapping from names to kinds of terrain, such as {{"flat": Flat()}}')
         if not self.sub_terrains or self.num_rows < 1:
             raise ValueError(f"there are {len(self.sub_terrains)} sub_terrains and {self.num_rows} rows, must be at least 1 of each")
         if not self.horizontal_scale > 0.0:
@@ -68,9 +73,18 @@ class Terrain:
         if not 0.0 <= self.difficulty_range[0] <= self.difficulty_range[1] <= 1.0:
             raise ValueError(f"difficulty_range is {self.difficulty_range}, must be two numbers from 0 to 1, the easier one first")
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Terrain) and self._digest == other._digest
+
     def __hash__(self) -> int:
-        # A mapping has no hash.
-        return hash((*self.sub_terrains.items(), self.num_rows, self.size, self.horizontal_scale, self.difficulty_range, self.seed))
+        return hash(self._digest)
+
+    @functools.cached_property
+    def _digest(self) -> str:
+        """Digest of the heights, tiles and kinds. Arguments cannot be compared, because a kind may have any attributes."""
+        names = [(name, kind.proportion) for name, kind in self.sub_terrains.items()]
+        text = repr((names, self.num_rows, self.size, self.horizontal_scale, self.border_width))
+        return hashlib.sha256(text.encode() + np.ascontiguousarray(self.elevation).tobytes()).hexdigest()
 
     def __getstate__(self) -> dict[str, Any]:
         # A pickle has no heights: its reader computes them from the arguments.
@@ -194,7 +208,13 @@ class Terrain:
         """Heights of the grid points of a tile, (cells + 1, cells + 1) m; 0 on its border."""
         kind = list(self.sub_terrains.values())[column]
         line = np.linspace(-self.size / 2, self.size / 2, round(self.size / self.horizontal_scale) + 1)
-        heights = kind.heights(line, line, self.size, float(self.difficulties[row]), self._rng(row, column))
+        heights = np.asarray(kind.heights(line, line, self.size, float(self.difficulties[row]), self._rng(row, column)))
+        if heights.shape != (len(line), len(line)) or not np.isfinite(heights).all():
+            name = list(self.sub_terrains)[column]
+            raise ValueError(
+                f"heights of sub_terrain {name!r} ({type(kind).__name__}) in row {row} have shape {heights.shape} or are not finite, "
+                f"must be {len(line)} x {len(line)} numbers"
+            )
         inside = np.abs(line) <= self.size / 2 - max(kind.border_width, self.horizontal_scale / 2) + _CELL_TOLERANCE
         return np.where(inside & inside[:, None], heights, 0.0)
 

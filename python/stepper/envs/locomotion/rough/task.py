@@ -80,6 +80,7 @@ class RoughTask(Task):
         weights: Weights of some or all terms of the reward, by name; other terms have those of `WEIGHTS`.
 
     Raises:
+        TypeError: The terrain is no `Terrain`.
         ValueError: A noise, push or max_init_level is negative, weights is no mapping, or a weight belongs to no term.
     """
 
@@ -129,6 +130,8 @@ class RoughTask(Task):
     weights: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.terrain, Terrain):
+            raise TypeError(f"terrain is {self.terrain!r}, must be a Terrain of stepper.envs.terrain, such as Terrain(sub_terrains=...)")
         for name in ("noise", "push", "max_init_level"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")

@@ -1,18 +1,17 @@
 """Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: on stairs, and by its return in the task.
 
     stepper train stepper/Go1Rough-v0
-    python benches/climbing.py out/train/stepper_Go1Rough-v0/seed1/policy.npz --update-docs
+    python benches/climbing.py out/train/stepper_Go1Rough-v0/seed1/policy.npz
 
-The script writes both tables into docs/benchmarks/training.md; without --update-docs it writes them into a copy in out/training. The first
-has the fraction of episodes in which the robot climbs five steps out of a pit within 20 s. The second has returns of the task itself, with
-all its randomisation.
+The script prints two tables. The first has the fraction of episodes in which the robot climbs five steps out of a pit in 20 s. The robot
+starts at a random heading, and is commanded to turn to the x axis and to walk along it. The second table has returns of the task itself,
+with all its randomisation.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,6 @@ from typing import Any
 import gymnasium
 import mujoco_vector
 import numpy as np
-from sections import write_section
 from stepper import Options, Stepper
 from stepper.envs.locomotion import Go1Rough
 from stepper.envs.task import Array, Moment, Terms
@@ -28,7 +26,6 @@ from stepper.envs.terrain import PyramidStairs, Terrain
 from stepper.policies import Evaluation, evaluate, load
 from stepper.shared.streams import Rng
 
-PAGE = Path(__file__).parents[1] / "docs/benchmarks/training.md"
 HEIGHTS = (0.05, 0.1, 0.15, 0.2)
 """Heights of the steps, m."""
 SPEED = 0.7
@@ -89,8 +86,11 @@ def pit(height: float) -> Terrain:
     return Terrain(sub_terrains={"stairs": stairs}, num_rows=1, border_width=4.0)
 
 
-def table_of_climbs(policy: Any, episodes: int) -> str:
-    """Markdown table of the fraction of episodes in which the robot leaves the pit, by simulator (rows) and height of a step (columns)."""
+def print_climbs(policy: Any, episodes: int) -> None:
+    """Print the fraction of episodes in which the robot leaves the pit, by simulator (rows) and height of a step (columns).
+
+    The table is in Markdown.
+    """
     gymnasium.register(
         "stepper/Go1Climb-v0",
         vector_entry_point="stepper.envs:StepperVectorEnv",
@@ -98,10 +98,8 @@ def table_of_climbs(policy: Any, episodes: int) -> str:
         kwargs={"task": Go1Climb},
     )
     mujoco_vector.register("Go1Climb-v0")
-    rows = [
-        "| simulator | " + " | ".join(f"steps of {100 * height:.0f} cm" for height in HEIGHTS) + " |",
-        "|---" * (1 + len(HEIGHTS)) + "|",
-    ]
+    print("| simulator | " + " | ".join(f"steps of {100 * height:.0f} cm" for height in HEIGHTS) + " |")
+    print("|---" * (1 + len(HEIGHTS)) + "|", flush=True)
     for name, (space, given) in simulators().items():
         cells = []
         for height in HEIGHTS:
@@ -117,18 +115,16 @@ def table_of_climbs(policy: Any, episodes: int) -> str:
                 **given,
             )
             cells.append(f"{100 * np.mean(found.infos['climbed'] > 0.0):.0f} %")
-        rows.append(f"| {name} | " + " | ".join(cells) + " |")
-        print(rows[-1], flush=True)
-    return "\n".join(rows)
+        print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
 
 
-def table_of_returns(policy: Any, episodes: int) -> str:
-    """Markdown table of the returns in `stepper/Go1Rough-v0`, with a row for each simulator.
+def print_returns(policy: Any, episodes: int) -> None:
+    """Print the returns in `stepper/Go1Rough-v0`, with a row for each simulator.
 
     Robots start in all rows of the task's terrain grid. The rows differ in difficulty.
     """
     mujoco_vector.register("Go1Rough-v0")
-    rows = ["| simulator | mean return | 95 % confidence | velocity error, m/s | ended early |", "|---" * 5 + "|"]
+    print("| simulator | mean return | 95 % confidence | velocity error, m/s | ended early |", "|---" * 5 + "|", sep="\n")
     for name, (space, given) in simulators().items():
         levels = {"max_init_level": Go1Rough().terrain.num_rows - 1}
         found: Evaluation = evaluate(
@@ -137,26 +133,19 @@ def table_of_returns(policy: Any, episodes: int) -> str:
         low, high = found.interval()
         early = f"{np.sum(found.lengths < Go1Rough.episode_steps)} of {episodes}"
         error = found.infos["tracking_error"].mean()
-        rows.append(f"| {name} | {found.mean:.1f} | {low:.1f} to {high:.1f} | {error:.3f} | {early} |")
-        print(rows[-1], flush=True)
-    return "\n".join(rows)
+        print(f"| {name} | {found.mean:.1f} | {low:.1f} to {high:.1f} | {error:.3f} | {early} |", flush=True)
 
 
 def main() -> None:
-    """Evaluate a policy and write both tables."""
+    """Evaluate a policy and print both tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policy", type=Path, help="file of the policy")
     parser.add_argument("--episodes", type=int, default=200, help="number of episodes per cell [200]")
-    parser.add_argument("--update-docs", action="store_true", help="write into the documentation instead of a copy in out/training")
     given = parser.parse_args()
-    page = PAGE
-    if not given.update_docs:
-        Path("out/training").mkdir(parents=True, exist_ok=True)
-        page = Path(shutil.copy(PAGE, "out/training"))
     policy = load(given.policy)
-    write_section(page, "climbs", table_of_climbs(policy, given.episodes))
-    write_section(page, "rough returns", table_of_returns(policy, given.episodes))
-    print(f"wrote {page}")
+    print_climbs(policy, given.episodes)
+    print()
+    print_returns(policy, given.episodes)
 
 
 if __name__ == "__main__":

@@ -116,7 +116,7 @@ impl<'a> Variants<'a> {
 
     /// Variant of the model with new values. `values` has the new values of each field, in the order of the names in [`Variants::new`].
     ///
-    /// A field with `None` in `values` gets the values of the base model. `own` has these values for each field, in the same order.
+    /// A field with `None` in `values` gets the values of the base model. `base_values` has these values for each field, in the same order.
     ///
     /// # Errors
     /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a number would add rows or terms that the base does not have.

@@ -110,9 +110,9 @@ impl<R: Real> Problem<R> {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the
-    /// change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity
-    /// due to this change.
+    /// Changes the offsets g of all rows, for velocities and positions, in the lanes `lanes`, after a change of the free velocity.
+    /// `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the
+    /// row's velocity due to this change.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -124,9 +124,9 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Changes the velocity targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is the change of the
-    /// free velocity, in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this
-    /// change.
+    /// Changes the offsets g of contact `i`, for velocities, in the lanes `lanes`, after a change of the free velocity. `change` is the
+    /// change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity
+    /// due to this change.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). The increase is multiplied by
     /// the first of `weights` for the normal row, by the second for the other rows.

@@ -34,8 +34,8 @@
 //! without added inertia. On its curve a motor contributes its stall torque, and its back-EMF as a damper.
 //!
 //! The mass matrix depends on the active bounds, so that a step must assume them before it factors the matrix. It takes them from a guess
-//! of dv, in which no joint moves another one. Later the step has a better dv: first the predicted one, then that of the solution. A trial
-//! computes the forces and active bounds at such a dv. They may differ from the assumed ones:
+//! of dv, for which it takes the mass matrix as diagonal. Later the step has a better dv: first the predicted one, then that of the
+//! solution. A trial computes the forces and active bounds at such a dv. They may differ from the assumed ones:
 //!
 //! * A servo is stiff if its added inertia is at least the inertia that it moves. If the solution gives a stiff servo another active bound,
 //!   the step assumes the new bound and solves again (`solve_velocities`).
@@ -154,8 +154,8 @@ pub struct ActuatorForces<R: Real> {
     /// Lanes in which the force of an actuator is outside its bounds. Stage 1 sets them for explicit forces, and a trial for implicit
     /// forces.
     pub(crate) found_saturated: Vec<R::Mask>,
-    /// Lanes in which each bounded sum is outside its bounds. Trials evaluate the sums that contain an
-    /// implicit servo. Before the first trial, such a sum has the lanes in which stage 1 assumed that it is outside its bounds.
+    /// Lanes in which each bounded sum is outside its bounds. For sums with an implicit servo, a trial
+    /// sets these lanes. Before the first trial they are the lanes that stage 1 assumed.
     found_sum_saturated: Vec<R::Mask>,
     /// Moment arms of all actuators on sites.
     pub arms: Vec<R>,
@@ -475,8 +475,8 @@ impl<R: Real> ActuatorForces<R> {
     /// Makes a trial of all servos, and sets the assumed active bounds to those of the trial. `dv_of` returns the change of an actuator's
     /// velocity in the step.
     ///
-    /// Returns the lanes in which an active bound changed, which are also the lanes that are set. The first call in a step sets and returns
-    /// all lanes.
+    /// The function sets active bounds only in lanes in which one changed, and returns these lanes. The first call in a step sets and
+    /// returns all lanes.
     #[inline(always)]
     fn set_active_bounds(
         &mut self,

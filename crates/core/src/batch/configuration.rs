@@ -24,7 +24,7 @@ pub trait Configuration {
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
     /// Sets the actuator dynamics, one entry for every actuator. `None` gives an actuator no dynamics. Resets all environments.
     ///
-    /// The model and the specs are the results of [`ActuatorSpec::fold`].
+    /// [`ActuatorSpec::fold`] makes both: it moves delays and force limits of actuators from the model into the dynamics.
     ///
     /// # Errors
     /// [`Error::Memory`].

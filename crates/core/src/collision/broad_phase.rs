@@ -62,7 +62,7 @@ impl Broad {
                 let centre = of_lane(&pos[g], lane);
                 let reach = (compiled.params.bounding_radius(g).lane(lane).to_f64() + member.margin)
                     + (displacement[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
-                // Slightly more than the limit of the exact test, also in single precision.
+                // Slightly more than the limit of `Scene::can_touch`, also in single precision.
                 let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
                 Ball { centre, radius: reach + rounding, member: i }
             }));

@@ -147,8 +147,8 @@ impl<R: Real> CollisionWorkspace<R> {
 
     /// Finds the static pairs (a moving geom and one fixed to the world) whose bounding boxes overlap in any of the lanes `alive`.
     ///
-    /// `travel` returns the upper bound of the displacement of every geom, m. If `checks_passing` is set, a geom that may have passed
-    /// through a static geom gets all pairs whose bounding balls overlap.
+    /// `travel` returns the upper bound of the displacement of every geom, m. If `checks_passing` is set, the
+    /// result includes all pairs with overlapping bounding balls of geoms that may have passed through a static geom.
     pub(crate) fn find_static(
         &mut self,
         compiled: &LaneModel<R>,
@@ -403,8 +403,8 @@ impl<R: Real> Scene<'_, R> {
         // each other.
         let displacement = self.relative_displacement(a, b).min(self.relative_displacement(b, a));
         let far = far.and(displacement.gt(distance));
-        // If the geoms passed through each other, their gap now is at most the displacement minus the path inside. The test assumes a path
-        // inside of two tunnelling distances, and misses shorter grazing hits.
+        // If the geoms passed through each other, their gap now is at most the displacement minus the path inside. The test assumes that
+        // the path inside is two tunnelling distances long, and misses grazing hits with a shorter path.
         let most = (displacement - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
         far.and(passed.or(self.hits_surface(index, pair, far, contacts)))

@@ -23,8 +23,8 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. It is given as a fraction of the size of the
-/// terms whose sum it is.
+/// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. The lever arm is a sum of terms, and this
+/// number is a fraction of their size.
 ///
 /// A force along the normal acts on the joint through this lever arm. Below 1e-5 it would need 1e5 times the force that it needs with a
 /// lever arm of full length. In 32 bits, such a lever arm is rounding error.
@@ -39,8 +39,8 @@ fn least_lever<R: Real>() -> f64 {
 /// hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
 ///
 /// The result is the resting speed, at which a touching contact takes about a second to exceed the slop. It is 0 if the correction speed of
-/// the overlap is between the resting speed and [`MIN_UNMET_TARGET`]. Stage 8 reports only faster corrections as unmet, so that the
-/// residual must report these.
+/// the overlap is between the resting speed and [`MIN_UNMET_TARGET`]. Stage 8 reports only faster corrections as unmet. The residual
+/// must report those in between.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -99,7 +99,8 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
         }
-        // The position solve replaces g of the normal row. For the tangents it adds to g, so that later changes of g apply in both solves.
+        // The normal row has separate offsets g for the velocity and the position solve. The position solve adds a number to g of the
+        // tangents, so that a later change of their g applies in both solves.
         self.problem.rows.contacts.set_position_offset([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.contacts.last_is_immovable();

@@ -34,7 +34,7 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) eliminated_entries: [Vec<R>; 2],
     /// Coefficients of the last elimination, or their scales, for each eliminated row.
     pub(crate) projections: Vec<V3<R>>,
-    /// Squared scales of the entries of `column`. The scale of an entry is the size of the terms whose sum it is. Entries far below their
+    /// Squared scales of the entries of `column`. An entry is a sum of terms, and its scale is their size. Entries far below their
     /// scale are rounding errors.
     pub(crate) scales: Vec<V3<R>>,
     /// Squared scales of the terms that the elimination of equalities subtracts from each entry of a column.

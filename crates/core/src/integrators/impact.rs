@@ -100,7 +100,8 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// Makes impacts inelastic where Newton's law has no plausible solution. Returns the lanes with such an impact, which must be solved again.
+/// Makes impacts inelastic whose friction would add energy by Newton's law. Returns the lanes with such an impact, which must be solved
+/// again.
 ///
 /// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the present solution. In the lanes `inelastic`, an earlier call
 /// already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the

@@ -116,7 +116,7 @@ fn share_loads<R: Real>(
 /// Predictor of this step's constraint impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpulsePredictor<R: Real> {
-    /// Lanes that move. Their prediction depends on the previous impulses only within its tolerance. Lanes at rest keep the previous
+    /// Lanes that move. Their prediction starts from the previous impulses, and hardly depends on them. Lanes at rest keep the previous
     /// impulses as their prediction.
     moving: R::Mask,
     /// Moving lanes in which [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero impulses predict accurately enough. The other moving

@@ -67,7 +67,7 @@ impl Manifold {
     }
 
     /// Transforms all contact points from the frame of the first shape, which has this pose, to the world frame.
-    pub(super) fn to_world(&mut self, pose: &Pose) {
+    pub(super) fn move_to_world(&mut self, pose: &Pose) {
         for p in &mut self.points {
             p.pos = add(pose.pos, rotate(&pose.mat, p.pos));
             p.normal = rotate(&pose.mat, p.normal);

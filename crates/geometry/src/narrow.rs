@@ -92,7 +92,7 @@ pub fn collide(
             workspace.clipper.manifold(&pair, &Facing::new(&pair, found), prediction, out);
             // The distance along the face's normal is exact if a feature of the other box is above the face.
             if found.separation <= 0.0 || (!out.is_single_unnamed() && out.deepest() <= found.separation + 1e-9 * pair.size) {
-                out.to_world(pose_a);
+                out.move_to_world(pose_a);
                 return;
             }
             out.clear();
@@ -102,7 +102,7 @@ pub fn collide(
     let facing = separation::nearest(&pair, &limits, &mut workspace.polytope);
     if !limits.excludes_contact(&pair, &facing.found) {
         workspace.clipper.manifold(&pair, &facing, prediction, out);
-        out.to_world(pose_a);
+        out.move_to_world(pose_a);
     }
     out.separating_plane = (a.is_hull() && b.is_hull()).then(|| limits.separating_plane(&pair, &facing));
 }
@@ -115,5 +115,5 @@ pub fn collide_plane(plane: &Pose, shape: &ConvexShape, pose: &Pose, prediction:
     out.clear();
     let pair = Pair::new(&ConvexShape::Sphere { radius: 0.0 }, plane, shape, pose);
     workspace.clipper.half_space(&pair, prediction, out);
-    out.to_world(plane);
+    out.move_to_world(plane);
 }

@@ -581,7 +581,7 @@ pub fn collide_surface(
         workspace.all.extend(out.points.drain(..).map(|p| Point { feature: feature_id(t, p.feature), ..p }));
     }
     reduce_points(&mut workspace.all, whole.size, MAX_SURFACE_POINTS, out);
-    out.to_world(pose_a);
+    out.move_to_world(pose_a);
 }
 
 /// Smallest and largest coordinates of the box in which triangles can have contacts with a shape, m, in the frame of the surface.
@@ -615,7 +615,7 @@ pub(super) fn collide_plane_surface(
     let nothing = ConvexShape::Sphere { radius: 0.0 };
     if let Surface::Mesh(mesh) = surface {
         workspace.clipper.cloud(&Pair::new(&nothing, plane, &nothing, pose), &mesh.vertices, prediction, out);
-        out.to_world(plane);
+        out.move_to_world(plane);
     }
 }
 

@@ -50,7 +50,7 @@ const FEW_STEPS: u32 = 4;
 const LAST_STEPS: u32 = 2;
 /// Largest number of Newton steps with the exact friction law, as a multiple of the limit that the caller sets.
 ///
-/// Half of the 53 problems of [`FIRST_EXACT_KAPPA`] need more than 75 steps, the hardest 280.
+/// Half of the 53 problems of `FIRST_EXACT_KAPPA` need more than 75 steps, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;
 
 /// Number of Newton steps with the exact friction law that may fail to reduce the error before the attempt ends.

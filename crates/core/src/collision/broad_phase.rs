@@ -11,7 +11,7 @@ use stepper_real::{Real, Scalar};
 
 use crate::collision::static_search::merge;
 use crate::compile::{DynamicPairs, LaneModel};
-use crate::math::lanes::LANE_BITS;
+use crate::math::lanes::{merge_lanes, with_lane};
 use crate::math::spatial::*;
 
 /// Number of bits of one integer coordinate of a cube in the cube's [`key`].
@@ -71,7 +71,8 @@ impl Broad {
             self.visit_without_cell(lane as u64);
         }
         self.found.sort_unstable();
-        self.merge_lanes(dynamic_pairs);
+        let number = |pair: u64| dynamic_pairs.number((pair >> 32) as usize, pair as u32 as usize) as u32;
+        merge_lanes(&self.found, number, &mut self.pairs);
     }
 
     fn sort_into_cells(&mut self, dynamic_pairs: &DynamicPairs<impl Scalar>) {
@@ -126,19 +127,6 @@ impl Broad {
         self.pairs.resize(count + pairs.len(), (0, 0));
         merge(pairs, &mut self.pairs, count);
     }
-
-    /// Builds `pairs` from `found`: one entry for each pair, with the lanes in which the search found it.
-    fn merge_lanes(&mut self, dynamic_pairs: &DynamicPairs<impl Scalar>) {
-        self.pairs.clear();
-        for &x in &self.found {
-            let (i, j, lane) = ((x >> (32 + LANE_BITS)) as usize, (x >> LANE_BITS) as u32 as usize, x & ((1 << LANE_BITS) - 1));
-            let number = dynamic_pairs.number(i, j) as u32;
-            match self.pairs.last_mut() {
-                Some(last) if last.0 == number => last.1 |= 1 << lane,
-                _ => self.pairs.push((number, 1 << lane)),
-            }
-        }
-    }
 }
 
 /// Tests the ball `a` for overlap with each ball of the sorted list `cells`, from index `from` to the last cube key `last`.
@@ -155,7 +143,7 @@ fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     let apart = sub(p.centre, q.centre);
     if dot(apart, apart) <= reach * reach {
         let (i, j) = (p.member.min(q.member), p.member.max(q.member));
-        found.push(u64::from(i) << (32 + LANE_BITS) | u64::from(j) << LANE_BITS | lane);
+        found.push(with_lane(u64::from(i) << 32 | u64::from(j), lane));
     }
 }
 

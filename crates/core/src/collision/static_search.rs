@@ -9,7 +9,7 @@ use stepper_geometry::BoundingBox;
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::compile::{LaneModel, Params, StaticPairs};
-use crate::math::lanes::{LANE_BITS, MAX_LANES, each_of};
+use crate::math::lanes::{MAX_LANES, each_of, merge_lanes, with_lane};
 use crate::math::spatial::*;
 
 /// Enlargement of bounding boxes for rounding errors, as a fraction of coordinates and sizes. It is sufficient in single precision.
@@ -105,7 +105,7 @@ impl<R: Real> StaticSearch<R> {
             },
         );
         self.found.sort_unstable();
-        self.merge_lanes();
+        merge_lanes(&self.found, |number| number as u32, &mut self.pairs);
     }
 
     /// Updates the boxes of the moving geoms and of each group of them. For each geom, `travel` returns the upper bound of its
@@ -166,20 +166,8 @@ impl<R: Real> StaticSearch<R> {
             }
             for i in each_of(overlaps.bits()).take_while(|i| first + i < geoms.end) {
                 if let Some(number) = pairs.number(&pairs.fixed[leaf], first + i) {
-                    self.found.push(u64::from(number) << LANE_BITS | lane as u64);
+                    self.found.push(with_lane(u64::from(number), lane as u64));
                 }
-            }
-        }
-    }
-
-    /// Builds `pairs` from the sorted list `found`: one entry for each pair, with the lanes in which its boxes overlap.
-    fn merge_lanes(&mut self) {
-        self.pairs.clear();
-        for &x in &self.found {
-            let (number, lane) = ((x >> LANE_BITS) as u32, x & ((1 << LANE_BITS) - 1));
-            match self.pairs.last_mut() {
-                Some(last) if last.0 == number => last.1 |= 1 << lane,
-                _ => self.pairs.push((number, 1 << lane)),
             }
         }
     }

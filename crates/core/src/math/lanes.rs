@@ -4,7 +4,24 @@
 pub const MAX_LANES: usize = 32;
 
 /// Number of bits that hold the index of a lane.
-pub(crate) const LANE_BITS: u32 = MAX_LANES.ilog2();
+const LANE_BITS: u32 = MAX_LANES.ilog2();
+
+/// Number that holds a key and the index of a lane. Such numbers sort by key first. The key has at most 59 bits.
+pub(crate) fn with_lane(key: u64, lane: u64) -> u64 {
+    key << LANE_BITS | lane
+}
+
+/// Writes one entry to `pairs` for each key in a sorted list of numbers from [`with_lane`]: `number` of the key, and its lanes as bits.
+pub(crate) fn merge_lanes(found: &[u64], number: impl Fn(u64) -> u32, pairs: &mut Vec<(u32, u32)>) {
+    pairs.clear();
+    for &x in found {
+        let (number, lane) = (number(x >> LANE_BITS), x & ((1 << LANE_BITS) - 1));
+        match pairs.last_mut() {
+            Some(last) if last.0 == number => last.1 |= 1 << lane,
+            _ => pairs.push((number, 1 << lane)),
+        }
+    }
+}
 
 /// Copies the lanes `first` to `first + n`, exclusive, of lane-interleaved values.
 pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize) -> Vec<T> {

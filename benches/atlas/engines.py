@@ -30,15 +30,7 @@ class Stepper:
     precision: str = "f64"
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """Load a scene, as environments of this engine with its settings.
-
-        Args:
-            mjcf: Model in MJCF.
-            dt: Time step, s.
-            num_envs: Number of environments.
-            restitution: Newton's coefficient of restitution of every contact. With None contacts are inelastic, the default of the engine.
-            iterations: Iterations of the contact solver. With None the engine uses the default of its setting.
-        """
+        """Load a scene, as environments of this engine with its settings. The arguments are those of `Engine.start`."""
         options = dataclasses.replace(self.options, timestep=dt)
         if iterations is not None:
             options = dataclasses.replace(options, iterations=iterations)
@@ -120,15 +112,7 @@ class Mujoco:
     solref: float | None = None
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """Load a scene, as environments of this engine with its settings.
-
-        Args:
-            mjcf: Model in MJCF.
-            dt: Time step, s.
-            num_envs: Number of environments.
-            restitution: Newton's coefficient of restitution of every contact. With None contacts are inelastic, the default of the engine.
-            iterations: Iterations of the contact solver. With None the engine uses the default of its setting.
-        """
+        """Load a scene, as environments of this engine with its settings. The arguments are those of `Engine.start`."""
         return _MujocoWorld(self, mjcf, dt, num_envs, restitution=restitution, iterations=iterations)
 
 
@@ -221,15 +205,7 @@ class Rapier:
     name: str
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """Load a scene, as environments of this engine with its settings.
-
-        Args:
-            mjcf: Model in MJCF.
-            dt: Time step, s.
-            num_envs: Number of environments.
-            restitution: Newton's coefficient of restitution of every contact. With None contacts are inelastic, the default of the engine.
-            iterations: Iterations of the contact solver. With None the engine uses the default of its setting.
-        """
+        """Load a scene, as environments of this engine with its settings. The arguments are those of `Engine.start`."""
         from atlas.rapier import RapierWorld  # noqa: PLC0415  (optional)
 
         return RapierWorld(mjcf, dt, num_envs, restitution, iterations)

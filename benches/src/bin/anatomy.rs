@@ -1,7 +1,8 @@
 //! Program that measures the time of a step by part.
 //!
-//! It prints the tables of docs/benchmarks/performance.md: times for every lane type, and the floor, which is the least time of the
-//! arithmetic and of memory. Further tables show the time against the number of degrees of freedom, contacts, environments and threads.
+//! The program prints the tables of docs/benchmarks/performance.md: times for every lane type, and the floor, which is the least time of
+//! the arithmetic and of memory. Further tables show the time against the number of degrees of freedom, contacts, environments and
+//! threads.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

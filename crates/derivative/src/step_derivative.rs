@@ -19,7 +19,7 @@ const LARGEST_BEND: f64 = 0.1;
 
 /// Smallest divisor of a difference of slopes when the relative difference is computed, SI units.
 ///
-/// It is needed for bodies at rest. Their slopes are 0 except for terms of second order, so that a division by the slopes would show kinks
+/// Bodies at rest need this bound. Their slopes are 0 except for terms of second order, so that a division by the slopes would show kinks
 /// where there are none.
 const LEAST_SLOPE: f64 = 0.1;
 

@@ -95,8 +95,8 @@ impl Polytope {
 
     /// Sets the polytope from which [`Polytope::shallower`] starts.
     ///
-    /// It has the vertices of `tetrahedron` if there are four, else four other vertices of the Minkowski difference A - B. The vertices
-    /// `more` are then added.
+    /// The polytope has the vertices of `tetrahedron` if there are four, else four other vertices of the Minkowski difference A - B. The
+    /// vertices `more` are then added.
     pub(super) fn enclose(&mut self, pair: &Pair<'_>, tetrahedron: &[Vertex], more: &[Vertex]) {
         if tetrahedron.len() == 4 {
             self.start(tetrahedron);

@@ -436,7 +436,7 @@ fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, f64, V) {
 
 /// Vector along the normal of a triangle whose length is twice the area, m^2.
 ///
-/// It is computed from the two shorter edges, because two long edges of a narrow triangle have a large rounding error.
+/// The vector is computed from the two shorter edges, because two long edges of a narrow triangle have a large rounding error.
 fn area_of(corners: [V; 3]) -> V {
     let edges: [V; 3] = std::array::from_fn(|k| sub(corners[(k + 1) % 3], corners[k]));
     let square = edges.map(|e| dot(e, e));

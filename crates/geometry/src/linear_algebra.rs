@@ -9,8 +9,8 @@ pub type M3<R> = [R; 9];
 
 /// Array with the entries f(0), f(1) and so on.
 ///
-/// It equals `std::array::from_fn`, but is always inlined. A function that is not inlined into a kernel would not have the kernel's SIMD
-/// instructions, and would be called for each entry.
+/// The function equals `std::array::from_fn`, but is always inlined. A function that is not inlined into a kernel would not have the
+/// kernel's SIMD instructions, and would be called for each entry.
 #[inline(always)]
 pub fn array_of<T: Copy, const N: usize>(f: impl Fn(usize) -> T) -> [T; N] {
     let mut array = [f(0); N];

@@ -113,8 +113,8 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
 
 /// Lower bound of the penetration depth in any direction, m.
 ///
-/// It is the depth of a closest point below the other shape's surface, or the radius of a ball that can roll within the shapes' Minkowski
-/// difference.
+/// The bound is the depth of a closest point below the other shape's surface, or the radius of a ball that can roll within the shapes'
+/// Minkowski difference.
 fn certain_depth(pair: &Pair<'_>, found: &Separation) -> f64 {
     let [x, y] = found.points;
     let of_points = pair.a.depth_of(y).max(pair.b.depth_of(rotate_back(&pair.mat, sub(x, pair.pos))));

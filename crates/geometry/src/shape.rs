@@ -8,8 +8,8 @@ use crate::vectors::{V, furthest, neg, unit_or, widest};
 
 /// Convex shape in its frame, with lengths in m.
 ///
-/// It consists of all points within [`Self::radius`] of its core. The core of a ball is a point and that of a capsule a segment. All other
-/// shapes have radius 0.
+/// The shape consists of all points within [`Self::radius`] of its core. The core of a ball is a point and that of a capsule a segment.
+/// All other shapes have radius 0.
 #[derive(Clone, Debug)]
 pub enum ConvexShape {
     /// Ball.

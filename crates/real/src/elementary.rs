@@ -146,7 +146,7 @@ fn ln_of_parts<R: Real>(m: R, e: R) -> R {
 
 /// Exponential e^x, see `Real::exp`.
 ///
-/// It is 2^k e^r with r = x - k ln 2, and e^r = 1 + r + r c / (2 - c), where c = r - r^2 P(r^2).
+/// The formula is 2^k e^r with r = x - k ln 2, and e^r = 1 + r + r c / (2 - c), where c = r - r^2 P(r^2).
 #[inline(always)]
 pub fn exp<R: Real>(x: R) -> R {
     let [ln2_high, ln2_low] = R::Scalar::LN_2;
@@ -215,7 +215,7 @@ fn select2<R: Real>(m: R::Mask, a: [R::Scalar; 2], b: [R; 2]) -> [R; 2] {
 
 /// Arc cosine in rad, see `Real::acos`.
 ///
-/// It is pi/2 - asin x for |x| below 1/2, and otherwise follows from acos x = 2 asin sqrt((1 - x)/2). Here asin s = s + s R(s^2).
+/// The formula is pi/2 - asin x for |x| below 1/2, and otherwise follows from acos x = 2 asin sqrt((1 - x)/2). Here asin s = s + s R(s^2).
 #[inline(always)]
 pub fn acos<R: Real>(x: R) -> R {
     let one = R::one();

@@ -86,7 +86,8 @@ pub trait BatchCalls {
 const PART: f64 = 0.05;
 /// Lower bound of the computing time of a step on one thread, divided by the numbers of environments and of degrees of freedom, s.
 ///
-/// It determines the number of steps of a call's first part. For later parts, the measured time of the previous part determines it.
+/// The bound determines the number of steps in the first part of a call. The number in a later part follows from the measured time of the
+/// part before.
 const LEAST_COST: f64 = 5e-8;
 /// Largest product of degrees of freedom, environments and steps for which a call counts as brief.
 const BRIEF: usize = 10;

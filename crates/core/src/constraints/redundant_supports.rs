@@ -286,8 +286,8 @@ impl<R: Real> ContactGroups<R> {
 
     /// Redistributes the load of the contacts in `points`.
     ///
-    /// It finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are none, or
-    /// if no load would change.
+    /// The function finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there
+    /// are none, or if no load would change.
     fn distribute(&mut self, lane: usize, problem: &Problem<R>) -> bool {
         let (total, most) = self.points.iter().fold((0.0, 0.0_f64), |(sum, most), p| (sum + p.before, most.max(p.before)));
         for _ in 0..self.points.len() {

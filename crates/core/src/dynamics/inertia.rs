@@ -245,8 +245,8 @@ impl<R: Real> MassMatrix<R> {
 
     /// Sum of D_i speed^2 / 2 over all degrees of freedom, J. D_i is the diagonal entry of the factor D of the mass matrix.
     ///
-    /// It estimates the kinetic energy of a motion with this speed in every degree of freedom. D_i is the inertia of the degree of freedom
-    /// if its descendants move freely.
+    /// The sum estimates the kinetic energy of a motion with this speed in every degree of freedom. D_i is the inertia of the degree of
+    /// freedom if its descendants move freely.
     #[inline(always)]
     pub fn energy_at(&self, speed: R) -> R {
         let mut inertia = R::zero();

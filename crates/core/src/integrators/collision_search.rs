@@ -168,7 +168,7 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is that at
     /// the end of the path if the gap closed at its initial rate.
     ///
-    /// It is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
+    /// The margin is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
     pub(crate) margin: f64,
     /// Overlap that the error of the predicted motion may cause, m.
     pub(crate) error: R,

@@ -12,7 +12,7 @@ pub enum Precision {
 impl Precision {
     /// Default residual at which the solver stops, m/s. [`Options::tolerance`](crate::options::Options::tolerance) replaces it.
     ///
-    /// It is 1e-6 in 64 bits, and 1e-4 in 32 bits, in which rounding prevents a much smaller residual.
+    /// The default is 1e-6 in 64 bits, and 1e-4 in 32 bits, in which rounding prevents a much smaller residual.
     pub const fn tolerance(self) -> f64 {
         match self {
             Self::F64 => 1e-6,

@@ -14,12 +14,12 @@ use crate::math::spatial::*;
 
 /// Overlap of a contact above which a step gets the flag [`Status::DEEP`], m.
 ///
-/// It is a hundred times the default slop, above the overlap of any solved contact, and visible between a foot and the floor.
+/// The value is a hundred times the default slop, above the overlap of any solved contact, and visible between a foot and the floor.
 pub const DEEP: f64 = 1e-3;
 
 /// Distance beyond its range above which a joint or tendon gets the flag [`Status::OVER_LIMIT`], rad or m.
 ///
-/// It is half a degree, more than a hard stop yields. Above this distance, the limit has a row in every step.
+/// The value is half a degree, more than a hard stop yields. Above this distance, the limit has a row in every step.
 pub const OVER_LIMIT: f64 = 1e-2;
 
 /// Position error of an equality above which a step gets the flag [`Status::EQUALITY_VIOLATED`], m or rad.

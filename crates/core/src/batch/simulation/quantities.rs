@@ -40,7 +40,7 @@ impl Simulation {
     /// Computes a derived quantity of all environments, (num_envs, ...), where `...` is its [shape](DerivedQuantity::shape) in one
     /// environment.
     ///
-    /// It uses the applied inputs and the controls in force. The state does not change.
+    /// The computation uses the applied inputs and the controls in force. The state does not change.
     ///
     /// # Errors
     /// [`Error::Element`] for a body or site that does not exist, [`Error::Length`] for `out`, [`Error::Threads`] when threads cannot be

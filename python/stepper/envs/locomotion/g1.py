@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model
-from stepper.envs.locomotion.mjlab import Ground, Servo, Visuals, plain_ground, scene, tiled_ground
+from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, Visuals, plain_ground, scene, tiled_ground
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask
 from stepper.envs.task import Camera
@@ -138,15 +138,18 @@ def _servo(name: str) -> Servo:
 
 @cache_model
 def _scene(roughness: float) -> Model:
-    return _model_on(plain_ground(roughness))
+    return _model_on(plain_ground(roughness), PLAIN_REACH)
 
 
 @cache_model
 def _rough_scene(terrain: Terrain) -> Model:
-    return _model_on(tiled_ground(terrain))
+    return _model_on(tiled_ground(terrain), ROUGH_REACH)
 
 
-def _model_on(ground: Ground) -> Model:
-    """Model of the robot G1 with servos, on a ground."""
+def _model_on(ground: Ground, reach: float) -> Model:
+    """Model of the robot G1 with servos, on a ground.
+
+    `reach` is the largest distance of a set point from the stance, as a fraction of the deflection at which the torque is largest.
+    """
     visuals = Visuals({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
-    return scene(_FILE, "G1", _HEIGHT, ground=ground, geom=_geom, servo=_servo, visuals=visuals)
+    return scene(_FILE, "G1", _HEIGHT, reach=reach, ground=ground, geom=_geom, servo=_servo, visuals=visuals)

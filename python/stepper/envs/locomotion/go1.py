@@ -11,7 +11,7 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model
-from stepper.envs.locomotion.mjlab import Ground, Servo, Visuals, plain_ground, scene, tiled_ground
+from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, Visuals, plain_ground, scene, tiled_ground
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask, command
 from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
@@ -137,24 +137,25 @@ def _servo(name: str) -> Servo:
 
 @cache_model
 def _scene(roughness: float) -> Model:
-    return _model_on(plain_ground(roughness), _geom, _HEIGHT)
+    return _model_on(plain_ground(roughness), _geom, _HEIGHT, PLAIN_REACH)
 
 
 @cache_model
 def _rough_scene(terrain: Terrain) -> Model:
-    return _model_on(tiled_ground(terrain), lambda name: _touching(name, "hip" not in name), _ROUGH_HEIGHT)
+    return _model_on(tiled_ground(terrain), lambda name: _touching(name, "hip" not in name), _ROUGH_HEIGHT, ROUGH_REACH)
 
 
-def _model_on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float) -> Model:
+def _model_on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float, reach: float) -> Model:
     """Model of the robot Go1 with servos, on a ground.
 
     Args:
         ground: Ground of the scene.
         geom: Function from the name of a geom of the robot to its MJCF attributes.
         height: Initial height of the trunk, m.
+        reach: Largest distance of a servo's set point from the stance, as a fraction of the deflection at which the torque is largest.
     """
     squares = {"type": "2d", "builtin": "checker", "width": "64", "height": "64", "rgb1": ".30 .35 .40", "rgb2": ".36 .41 .46"}
     texture = Element("texture", {"name": "squares", **squares})
     material = Element("material", name="floor", texture="squares", texrepeat="2 2", texuniform="true")
     visuals = Visuals({"material": "floor"}, {}, (texture, material))
-    return scene(_FILE, "Go1", height, ground=ground, geom=geom, servo=_servo, visuals=visuals)
+    return scene(_FILE, "Go1", height, reach=reach, ground=ground, geom=geom, servo=_servo, visuals=visuals)

@@ -19,8 +19,11 @@ from stepper.shared.machine import package_file
 
 _FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
 """Natural frequency (rad/s) and damping ratio of a servo that moves only the reflected rotor inertia. mjlab's gains follow from them."""
-_REACH = 0.5
-"""Largest distance of a servo's set point from the stance, as a fraction of the deflection at which the torque is largest."""
+PLAIN_REACH, ROUGH_REACH = 0.5, 1.0
+"""Largest distance of a servo's set point from the stance, as a fraction of the deflection at which the torque is largest.
+
+The first is for plain ground, the second for rough ground. mjlab does not bound set points.
+"""
 
 
 Ground: TypeAlias = Callable[[dict[str, str]], tuple[list[Element], list[Element]]]
@@ -85,6 +88,7 @@ def scene(
     robot: str,
     height: float,
     *,
+    reach: float,
     ground: Ground,
     geom: Callable[[str], Mapping[str, str]],
     servo: Callable[[str], Servo],
@@ -96,6 +100,7 @@ def scene(
         file: File of the robot in mjlab's package.
         robot: Name of the robot in error messages.
         height: Initial height of the base, m.
+        reach: Largest distance of a servo's set point from the stance, as a fraction of the deflection at which the torque is largest.
         ground: Ground of the scene.
         geom: Function from the name of a geom of the robot to its MJCF attributes.
         servo: Function from the name of a joint to its servo.
@@ -115,7 +120,7 @@ def scene(
     assets.extend(visuals.assets)
     assets.extend(fields)
     tree.append(assets)
-    _add_servos(tree, servo, height)
+    _add_servos(tree, servo, height, reach)
     return load_quietly(tree)
 
 
@@ -133,18 +138,21 @@ def _strip(tree: Element, geom: Callable[[str], Mapping[str, str]]) -> None:
             element.attrib |= {"conaffinity": "0", "group": "0", **geom(name)}
 
 
-def _add_servos(tree: Element, servo: Callable[[str], Servo], height: float) -> None:
-    """Adds position actuators with mjlab's gains to a robot's MJCF tree, and a keyframe "stance" with the base at `height`, m."""
+def _add_servos(tree: Element, servo: Callable[[str], Servo], height: float, reach: float) -> None:
+    """Adds position actuators with mjlab's gains to a robot's MJCF tree, and a keyframe "stance" with the base at `height`, m.
+
+    `reach` is the largest distance of a set point from the stance, as a fraction of the deflection at which the torque is largest.
+    """
     actuators, keyframes, angles = Element("actuator"), Element("keyframe"), []
     tree.extend([actuators, keyframes])
     for joint in tree.iter("joint"):
         name = joint.get("name", "")
         motor = servo(name)
         stiffness = motor.inertia * _FREQUENCY**2
-        reach = _REACH * motor.torque / stiffness
+        largest = reach * motor.torque / stiffness
         joint.set("armature", repr(motor.inertia))
         gains = {"kp": stiffness, "kv": 2.0 * _DAMPING_RATIO * motor.inertia * _FREQUENCY}
-        bounds = {"ctrlrange": (motor.stance - reach, motor.stance + reach), "forcerange": (-motor.torque, motor.torque)}
+        bounds = {"ctrlrange": (motor.stance - largest, motor.stance + largest), "forcerange": (-motor.torque, motor.torque)}
         attributes = {key: repr(float(value)) for key, value in gains.items()}
         attributes |= {key: f"{float(low)!r} {float(high)!r}" for key, (low, high) in bounds.items()}
         actuators.append(Element("position", {"name": name, "joint": name, **attributes}))

@@ -84,6 +84,5 @@ def _bodies(model: Model, names: tuple[str, ...]) -> list[int]:
 @cache_per_model
 def action_scale(model: Model) -> Array:
     """Change of a servo's set point by an action of 1: (nu,) rad. It gives a quarter of the largest torque, as in mjlab."""
-    low, high = model.actuator_ctrlrange.T
-    scale: Array = (high - low) / 4.0
+    scale: Array = model.actuator_forcerange[:, 1] / (4.0 * model.actuator_gainprm[:, 0])
     return scale

@@ -43,8 +43,8 @@ ROUGH = Terrain(
 
 Each step of the stairs is a ramp of 0.1 m and a tread of 0.2 m.
 """
-_MAX_ACTION = 2.0
-"""Largest action. In the stance, it gives half the largest torque of its servo."""
+_MAX_ACTION = 4.0
+"""Largest action. In the stance, it gives the largest torque of its servo."""
 _INITIAL_LIFT = (0.01, 0.05)
 """Lowest and highest initial height of the base above the stance, m."""
 _MAX_ENCODER_BIAS = 0.015
@@ -146,7 +146,7 @@ class RoughTask(Task):
         return TerrainCurriculum(terrain=self.terrain, max_init_level=self.max_init_level)
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
-        """Bounds of the actions, -2 and 2, (nu,) each. In the stance, an action at a bound gives half the largest torque of its servo."""
+        """Bounds of the actions, -4 and 4, (nu,) each. In the stance, an action at a bound gives the largest torque of its servo."""
         return np.full(model.nu, -_MAX_ACTION), np.full(model.nu, _MAX_ACTION)
 
     def observations(self) -> tuple[Observation, ...]:

@@ -311,11 +311,14 @@ def test_every_robot_has_what_the_terms_need():
         *_, info = envs.step(standing(envs))
         assert {f"reward_{name}" for name in TERMS} <= set(info)
         assert all(np.isfinite(info[f"reward_{name}"]).all() for name in TERMS)
-    with pytest.raises(ValueError, match=r"weights has \['speed'\]"):
+    with pytest.raises(ValueError, match="weights has 'speed'"):
         Go1Rough(weights={"speed": 1.0})
+    for wrong in (np.nan, "1.0"):
+        with pytest.raises(ValueError, match=r"weights\['pose'\] is .*, must be a finite number"):
+            Go1Rough(weights={"pose": wrong})
     with pytest.raises(TypeError, match="terrain is 'stairs', must be a Terrain"):
         Go1Rough(terrain="stairs")
-    with pytest.raises(ValueError, match="weights is 'pose', must be a mapping"):
+    with pytest.raises(TypeError, match="weights is 'pose', must be a mapping"):
         Go1Rough(weights="pose")
     with pytest.raises(ValueError, match="noise is -1"):
         Go1Rough(noise=-1.0)

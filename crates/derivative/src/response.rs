@@ -104,11 +104,12 @@ impl<R: Real> HardResponse<R> {
         Rule { impulses: &mut self.impulses, settings: *settings, lanes, near }
     }
 
-    /// Computes the response of the solved step's impulses in the lanes `lanes` (bits). Returns the lanes with a response.
+    /// Computes the response in the lanes `lanes` (bits): first derivatives of the impulses with respect to displacements of the state.
+    /// Returns the lanes that have a response.
     ///
-    /// The other lanes have no response: their residual is too large, or the constraint rows do not determine their impulses. Or a contact
-    /// bounces, a position correction is at its bound, or a second prediction differs from the prediction of the solved step.
-    pub(crate) fn settle(&mut self, step: &mut GroupStep<R>, lanes: u32) -> u32 {
+    /// A lane has no response if its residual is too large, or if the constraint rows do not determine its impulses. The same holds if a
+    /// contact bounces, a position correction is at its bound, or a second prediction differs from the prediction of the solved step.
+    pub(crate) fn prepare(&mut self, step: &mut GroupStep<R>, lanes: u32) -> u32 {
         let settings = *step.settings();
         let mut ignore = |_| {};
         let mut rule = self.rule(&settings, lanes, &mut ignore);

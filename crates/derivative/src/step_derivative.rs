@@ -59,7 +59,7 @@ impl<R: Real> StepDerivative<R> {
         rows: &mut [MutexGuard<'_, DerivativeRows<'_>>],
     ) {
         let solved = self.solve(step, rows);
-        let mut sound = self.settle(step, solved);
+        let mut sound = self.prepare_response(step, solved);
         let columns: Vec<(StatePart, usize)> = query.parts.iter().flat_map(|&part| (0..step.width(part)).map(move |i| (part, i))).collect();
         // Coordinates that only change forces come first, because they need no new rows. Coordinates that do not change the configuration
         // follow.
@@ -100,10 +100,12 @@ impl<R: Real> StepDerivative<R> {
         is_solved(step.settings(), solved.residual).bits() & solved.complete
     }
 
-    /// Computes the first-order response of the solved step in the lanes `solved` (bits). Returns the lanes in which an evaluation with
-    /// this response at the same state gives the result of the solved step.
-    fn settle(&mut self, step: &mut GroupStep<R>, solved: u32) -> u32 {
-        let sound = if self.is_hard { self.response.settle(step, solved) } else { solved };
+    /// Computes the first derivatives of the impulses with respect to displacements of the state, in the lanes `solved` (bits).
+    ///
+    /// As a check, evaluates the step with them at the undisplaced state. Returns the lanes in which this repeats the result of the solved
+    /// step.
+    fn prepare_response(&mut self, step: &mut GroupStep<R>, solved: u32) -> u32 {
+        let sound = if self.is_hard { self.response.prepare(step, solved) } else { solved };
         let sound = self.evaluate(step, Recomputed::Configuration, sound, &mut |_| {});
         step.change(&mut self.changes[0]);
         let [_, v, _] = step.outcome();

@@ -203,13 +203,13 @@ impl Model {
     ///     **fields: Values of whole fields, in the shape of the model's attribute.
     ///
     /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore the fields of its geoms.
-    /// So a new value for a geom of a pair needs the field of the pair in the same call, with new or unchanged values. This holds for
+    /// If you change a geom of a pair, also give the pair's field in the same call, even if its values stay the same. This holds for
     /// geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness and
     /// geom_damping. The field of the pair for geom_condim is pair_dim, and for geom_solmix it is pair_solref.
     ///
     /// Raises:
     ///     ValueError: A shape is wrong.
-    ///     ModelError: A field is unknown, a value is invalid, or an explicit pair overrides the value of a geom; the message has the pair.
+    ///     ModelError: A field is unknown, a value is invalid, or an explicit pair overrides the value of a geom; the message names the pair.
     #[pyo3(signature = (values=None, /, **fields))]
     fn replace(slf: &Bound<'_, Self>, values: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<Self> {
         let fields = match values {

@@ -226,7 +226,8 @@ macro_rules! at_level {
     }};
 }
 
-/// Calls a generic function like [`at_level!`] at the level AVX-512, with lane types that only this level has: `F64x16` and `F32x32`.
+/// Calls a generic function at the level AVX-512, with lane types that only this level has: `F64x16` and `F32x32`. The arguments are those
+/// of [`at_level!`].
 ///
 /// # Panics
 /// If the machine or this build lacks the level.

@@ -31,7 +31,7 @@ class StepperPool:
     seeds and actions, not on timing; EnvPool returns the first block that is ready. Later calls do not overwrite returned arrays.
 
     Args:
-        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         num_envs: Number of environments, a multiple of `batch_size`.
         batch_size: Number of environments that `recv` returns; None selects all of them.
         seed: Seed. Environment i has `seed + i`, as in `StepperVectorEnv`; None draws a random seed.

@@ -13,7 +13,7 @@ from stepper.envs.making import autoreset
 from stepper.shared.environments import import_env, unknown_id
 
 Env: TypeAlias = str | Task | type[Task]
-"""Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one."""
+"""Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class."""
 
 
 def with_autoreset(settings: dict[str, Any], mode: AutoresetMode, library: str) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
     """Makes a vector environment from an id or a task.
 
     Args:
-        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         num_envs: Number of environments.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
 

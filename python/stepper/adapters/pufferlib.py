@@ -21,7 +21,7 @@ class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
     After a step in which episodes ended, the info has the means of their return and length, "episode_return" and "episode_length".
 
     Args:
-        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         num_envs: Number of environments, `num_agents` to PufferLib.
         buf: PufferLib's buffers, arrays by name; None allocates them.
         seed: Seed. Environment i has the seed `seed * num_envs + i` at the first reset. PufferLib gives its workers successive seeds, so

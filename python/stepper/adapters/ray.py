@@ -44,20 +44,20 @@ _ATTEMPTS = 5
 
 
 class RayVectorEnv(VectorEnv[Array, Array, Array]):
-    """Vector environment in blocks, which actors of Ray step.
+    """Vector environment that is divided into blocks. Actors of Ray step the blocks.
 
     Results are identical bit for bit to those of one `StepperVectorEnv`, for any number of actors. The model is compiled once and shared
     through Ray's object store. If an actor dies, a new one restores its blocks: it starts from their last saved state or their seeds, and
     repeats the calls since then. Ray is started if it is not running.
 
     Args:
-        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         num_envs: Number of environments.
         num_actors: Number of actors. None selects as many as Ray's CPUs allow, at least one and at most one per block. If there are too few
             CPUs for the given number, a warning is issued, and the first call waits until the cluster has grown.
         block_size: Number of environments per block. `rollout` calls the policy for one block at a time, so that its results do not depend
             on the number of actors.
-        save_every: Number of calls between two backups of all states in this process. If an actor dies, at most that many calls are
+        save_every: Number of calls after which this process copies all states as a backup. If an actor dies, at most that many calls are
             repeated.
         actor_options: Arguments of Ray's `options` for an actor, such as {"resources": ...}. The default is one CPU per thread.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The default `autoreset_mode` is SAME_STEP.

@@ -31,7 +31,7 @@ def register_env(name: str, env: Env, **settings: Any) -> None:
 
     Args:
         name: Name for `config.environment`. An earlier registration of the name is replaced.
-        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`; `env_config` may add more. The default `dtype` of observations
             is float32. The autoreset is Gymnasium's NEXT_STEP, which RLlib needs.
     """

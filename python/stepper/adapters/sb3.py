@@ -24,7 +24,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
     Results are identical bit for bit to those of a `DummyVecEnv` of single environments.
 
     Args:
-        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         num_envs: Number of environments.
         seed: Seed of the first episodes: environment i has `seed` + i. None draws a random seed.
         infos: Environments whose info dictionaries are filled: "all", or only those whose episode has "ended". With a thousand

@@ -20,7 +20,7 @@ class TorchVectorEnv:
     following call. Clone it to keep it longer, or pass the destination: `envs.step(action, out=storage[t + 1])`.
 
     Args:
-        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         num_envs: Number of environments.
         device: Device of the tensors. On a device other than the CPU they are copies, which stay valid.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The default `dtype` of observations is float32.

@@ -26,7 +26,7 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
     arrays. Later steps do not overwrite them.
 
     Args:
-        env: Id of a registered Gymnasium environment, "stepper/Hopper-v5", with its episode limit; or a `Task`, or the class of one.
+        env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         num_envs: Number of environments.
         device: Device of the tensors.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The default `dtype` of observations is float32.

@@ -16,7 +16,7 @@ from stepper.loading import Origin, load, origin_of, remember
 P = ParamSpec("P")
 F = TypeVar("F", bound=Callable[..., Any])
 _CACHE_SIZE = 64
-"""Largest number of results that `cache_per_model` keeps per function."""
+"""Largest number of results that `cache_per_model` and `cache_model` keep per function."""
 
 
 def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
@@ -51,7 +51,7 @@ def cache_model(read: Callable[P, Model]) -> Callable[P, Model]:
         model = read(*args, **kwargs)
         return model, origin_of(model)
 
-    known = cast("Callable[P, tuple[Model, Origin | None]]", functools.cache(first))
+    known = cast("Callable[P, tuple[Model, Origin | None]]", functools.lru_cache(_CACHE_SIZE)(first))
 
     @functools.wraps(read)
     def model_of(*args: P.args, **kwargs: P.kwargs) -> Model:

@@ -59,7 +59,7 @@ COMPARED = tuple(name for name in FIELDS if name not in ("ctrl", "nstep"))
 
 
 class RecordingError(ValueError):
-    """A recording cannot be read or repeated. The message has the file or row, the problem and a remedy."""
+    """A recording cannot be read or replayed. The message has the file or row, the problem and a remedy."""
 
 
 @contextmanager

@@ -189,10 +189,11 @@ impl<S: Scalar> ActuatorPipelines<S> {
         actuator_dynamics
     }
 
-    /// Advances the pipelines before a step from the state (q, v): converts the user's controls `given` to those of the step.
+    /// Advances the pipelines at the beginning of a step, whose state is (q, v). Converts the user's controls `given` to the step's
+    /// controls and to the numbers of actuator dynamics that depend on them.
     ///
-    /// If any control of a lane is not finite, the pipelines of the lane store none of its controls. Its outputs become NaN, so that the
-    /// step is rejected.
+    /// If any control of a lane is not finite, the pipelines of the lane store nothing. The lane's outputs become NaN, so that its step is
+    /// rejected.
     #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,

@@ -76,7 +76,7 @@ pub struct GravityCompensation {
 pub struct CompiledSurface<S> {
     /// Index of the geom in the compiled model.
     pub geom: usize,
-    /// Index of the mocap body that carries the surface, in the compiled model. `None` for other surfaces.
+    /// Index among the mocap bodies of the one that carries the surface. `None` for other surfaces.
     pub mocap: Option<usize>,
     /// Velocity of a conveyor in the frame's axes: linear at the geom's origin, m/s, and angular, rad/s. `None` if the surface is no
     /// conveyor.

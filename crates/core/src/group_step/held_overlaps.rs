@@ -18,7 +18,7 @@ impl<R: Real> HeldOverlaps<R> {
         Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
     }
 
-    /// Moves the overlaps of the last step to the workspace. Until [`HeldOverlaps::release`], constraint rows use them instead of the
+    /// Moves the overlaps of the solved step to the workspace. Until [`HeldOverlaps::release`], constraint rows use them instead of the
     /// overlaps at the present configuration.
     pub(super) fn hold(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         if let Some(mut overlaps) = self.0.take() {

@@ -98,10 +98,10 @@ pub fn actuate<R: Real>(
     )
 }
 
-/// Computes the added inertia of every servo along its moment, for rules in which only its damping is implicit. It is `h` times the
-/// damping, which may be negative.
+/// Computes the inertia that implicit damping of a servo adds along the servo's moment, for every servo. It is the time step `h` times the
+/// damping coefficient, which may be negative. Integrators that treat only the damping of servos implicitly use this function.
 ///
-/// The added inertia is zero if the force is at a bound. [`actuate`] must have been called before, with explicit terms.
+/// The added inertia is zero if the servo's force is at a bound. [`actuate`] must have been called before, with explicit terms.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]

@@ -35,8 +35,8 @@ impl Stepper {
         slf.per_env(py, "iterations", both)
     }
 
-    /// Number of Newton steps of the solver in the last step, over all islands of bodies, (num_envs,) uint32. `iterations` also includes
-    /// Gauss-Seidel iterations.
+    /// Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
+    /// includes Gauss-Seidel iterations.
     #[getter]
     fn newton_steps<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "newton_steps", |env| slf.simulation.certificate(env).newton_steps)

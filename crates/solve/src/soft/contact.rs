@@ -17,7 +17,9 @@ pub struct SoftContact<R: Real, const N: usize> {
     ///
     /// The first entry of a pyramid is unused. All entries are 0 in lanes without the contact.
     pub weight: [R; N],
-    /// Friction coefficient of the regularised cone, then that of each other row; (1, 0, ...) without friction.
+    /// Scale factors of the rows, in which the friction cone is circular. The first is the normal row's: mu of MuJoCo's solver, the first
+    /// friction coefficient divided by the square root of `impratio`. The others are the friction coefficients of their rows. Without
+    /// friction, the factors are (1, 0, ...).
     pub scale: [R; N],
     /// Whether the contact has no rolling friction in any lane, so that the last two of six rows are empty.
     pub(super) does_not_roll: bool,

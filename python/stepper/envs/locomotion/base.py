@@ -1,6 +1,13 @@
-"""Orientation and velocity of the base of a legged robot, whose free joint is the first joint of the model."""
+"""Functions that all tasks of legged robots use: orientation and velocity of the base, the stance, and a check of the reward's weights.
+
+The base has a free joint, which is the first joint of the model.
+"""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from numbers import Real
 
 import numpy as np
 
@@ -26,6 +33,26 @@ def in_base(now: Moment, vectors: Array) -> Array:
 def linear_velocity(now: Moment) -> Array:
     """Linear velocity of the robot's base, in its frame, (num_envs, 3), m/s."""
     return in_base(now, now.qvel[:, :3])
+
+
+def check_weights(weights: Mapping[str, float] | None, terms: Collection[str]) -> None:
+    """Check the weights of a reward.
+
+    Args:
+        weights: Weights by name of the term, or None.
+        terms: Names of all terms of the reward.
+
+    Raises:
+        TypeError: The weights are no mapping.
+        ValueError: A weight belongs to no term, or is no finite number.
+    """
+    if not isinstance(weights, Mapping | None):
+        raise TypeError(f'weights is {weights!r}, must be a mapping such as {{"pose": 0.5}}, or None for those of WEIGHTS')
+    for name, weight in (weights or {}).items():
+        if name not in terms:
+            raise ValueError(f"weights has {name!r}, terms of the reward are {', '.join(terms)}")
+        if not isinstance(weight, Real) or not math.isfinite(weight):
+            raise ValueError(f"weights[{name!r}] is {weight!r}, must be a finite number")
 
 
 @cache_per_model

@@ -14,7 +14,7 @@ from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, DCMotor, Drive
 from stepper.envs.assets import cache_per_model
 from stepper.envs.locomotion import terrain
-from stepper.envs.locomotion.base import frame, linear_velocity, stance
+from stepper.envs.locomotion.base import check_weights, frame, linear_velocity, stance
 from stepper.envs.task import Array, Moment, Observation, Task, Terms, per_moment, square_sum
 from stepper.sensors import SensorModel, SensorSpec, Transfer
 from stepper.shared.rotations import about_vertical
@@ -61,8 +61,9 @@ class VelocityTask(Task):
         weights: Weights of some or all terms of the reward, by name; other terms have those of `WEIGHTS`.
 
     Raises:
-        TypeError: The class does not define `lowest`.
-        ValueError: A latency or roughness is out of its range, a weight belongs to no term, or the model lacks a part named above.
+        TypeError: The class does not define `lowest`, or weights is no mapping.
+        ValueError: A latency or roughness is out of its range, a weight belongs to no term or is not finite, or the model
+            lacks a part named above.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -120,8 +121,7 @@ class VelocityTask(Task):
                 raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")
         if self.motors and not self.MOTORS:
             raise ValueError(f"{type(self).__name__} has no `MOTORS`: define the curves of its motors in the class, or leave motors=False")
-        if unknown := sorted(set(self.weights or {}) - set(self.WEIGHTS)):
-            raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(self.WEIGHTS)}")
+        check_weights(self.weights, self.WEIGHTS)
 
     def robot(self) -> Model:
         """Model of the robot on its ground, with a servo for each joint and a keyframe "stance". Subclasses must define it."""

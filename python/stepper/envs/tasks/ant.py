@@ -15,9 +15,10 @@ from stepper.shared.streams import Rng
 class Ant(MujocoTask):
     """Task: run in x without falling. The arguments are those of Gymnasium's environment.
 
-    The torso's position and the reference point of contact torques belong to the state after the step. MuJoCo computes them in the last
-    stage of a Runge-Kutta step, where they differ by O(h^3) for the time step h. The initial quaternion is normalised after noise is
-    added; Gymnasium's first observation has the quaternion before normalisation.
+    Rewards and observations differ slightly from Gymnasium's. They use the torso's position after the step; Gymnasium uses that of the
+    last stage of MuJoCo's Runge-Kutta step, which differs by O(h^3) for the time step h. The same holds for the point about which the
+    observed contact torques act. The initial quaternion is normalised after noise is added; Gymnasium's first observation has the
+    quaternion before normalisation.
     """
 
     camera: ClassVar[Camera] = {"distance": 4.0}

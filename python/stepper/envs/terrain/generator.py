@@ -47,7 +47,8 @@ class Terrain:
         seed: Seed of all random numbers of the terrain.
 
     Raises:
-        ValueError: There are no kinds or rows, a tile or border is not a whole number of cells, or a difficulty is out of range.
+        ValueError: There are no kinds, num_rows is no whole number of at least 1, a tile or border is not a whole number of cells, or a
+            difficulty is out of range.
     """
 
     sub_terrains: Mapping[str, SubTerrain]
@@ -62,8 +63,10 @@ class Terrain:
         kinds = self.sub_terrains
         if not isinstance(kinds, Mapping) or not all(isinstance(kind, SubTerrain) for kind in kinds.values()):
             raise TypeError(f'sub_terrains is {kinds!r}, must be a mapping from names to kinds of terrain, such as {{"flat": Flat()}}')
-        if not self.sub_terrains or self.num_rows < 1:
-            raise ValueError(f"there are {len(self.sub_terrains)} sub_terrains and {self.num_rows} rows, must be at least 1 of each")
+        if not isinstance(self.num_rows, int | np.integer) or self.num_rows < 1:
+            raise ValueError(f"num_rows is {self.num_rows!r}, must be a whole number of at least 1")
+        if not kinds:
+            raise ValueError("sub_terrains is empty, must have at least one kind of terrain")
         if not self.horizontal_scale > 0.0:
             raise ValueError(f"horizontal_scale is {self.horizontal_scale}, must be above 0 m")
         for name in ("size", "border_width"):

@@ -129,7 +129,7 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
 
 
 def _words(found: ChartData) -> list[str]:
-    """Paragraphs for the document of a chart that explain errors, costs and the reference."""
+    """Paragraphs for the document that accompanies a chart. They explain its errors, costs and reference solution."""
     ground = found.ground
     reference, unit, horizon = ground.reference, ground.distance.unit, ground.distance.horizon
     what = "largest distance of a body, geom or site" if unit == "m" else "largest angle of a body"

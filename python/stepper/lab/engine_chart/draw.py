@@ -85,7 +85,10 @@ def _plot_lines(axes: Axes, rows: Sequence[Row], markers: Mapping[float, str]) -
 
 
 def _legends(figure: Figure, axes: Axes, markers: Mapping[float, str]) -> None:
-    """Adds legends for the time steps and for the settings to the picture of a chart."""
+    """Adds two legends to the picture of a chart: markers of time steps, and line colours of engines with their settings.
+
+    `markers` has the marker of each time step in s.
+    """
     lines = require("matplotlib.lines", "to draw a chart")
     by_dt = [lines.Line2D([], [], marker=mark, color="#444444", linestyle="none", label=f"{dt * 1e3:g} ms") for dt, mark in markers.items()]
     steps = axes.legend(handles=by_dt, title="time step", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)

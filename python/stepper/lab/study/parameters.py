@@ -67,7 +67,8 @@ class Parameter:
             the inertia is multiplied by the same factor as the mass, as with a change of density.
         low: Lowest plausible value.
         high: Highest plausible value.
-        values: Values of a sweep, in place of five values from low to high; values of settings may be texts.
+        values: Values at which a sweep evaluates the parameter. Without them, a sweep takes five values from low to high. Settings such as
+            "controller" may have texts as values.
         nominal: Nominal value, for episodes in which other parameters vary; None keeps the model's number.
         unit: Unit of the value, for tables.
         source: Source of the range: a data sheet, a measurement, a paper.

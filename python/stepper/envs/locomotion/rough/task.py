@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.locomotion.base import in_base, linear_velocity, stance
+from stepper.envs.locomotion.base import check_weights, in_base, linear_velocity, stance
 from stepper.envs.locomotion.rough.commands import (
     STAGES,
     Stages,
@@ -80,8 +80,8 @@ class RoughTask(Task):
         weights: Weights of some or all terms of the reward, by name; other terms have those of `WEIGHTS`.
 
     Raises:
-        TypeError: The terrain is no `Terrain`.
-        ValueError: A noise, push or max_init_level is negative, weights is no mapping, or a weight belongs to no term.
+        TypeError: The terrain is no `Terrain`, or weights is no mapping.
+        ValueError: A noise, push or max_init_level is negative, or a weight belongs to no term or is not finite.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -135,10 +135,7 @@ class RoughTask(Task):
         for name in ("noise", "push", "max_init_level"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")
-        if not isinstance(self.weights, Mapping | None):
-            raise ValueError(f'weights is {self.weights!r}, must be a mapping such as {{"pose": 0.5}}, or None for those of WEIGHTS')
-        if unknown := sorted(set(self.weights or {}) - set(TERMS)):
-            raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(TERMS)}")
+        check_weights(self.weights, TERMS)
 
     @property
     def levels(self) -> TerrainCurriculum:

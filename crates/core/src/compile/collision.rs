@@ -30,6 +30,8 @@ pub struct CompiledGeom<S> {
     pub full_orientation: bool,
     /// Collision shape for [`Kernel::Convex`] and the tunnelling check; `None` if no pair needs it.
     pub solid: Option<Solid>,
+    /// Radii of a mesh or height field, which are equal in all variants of the model; `None` for other shapes.
+    pub(super) fixed_radii: Option<Bulk>,
 }
 
 impl<S: Scalar> CompiledGeom<S> {
@@ -322,6 +324,7 @@ fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom
         mat: matrix(&quat),
         full_orientation: !matches!(g.shape, Shape::Plane | Shape::Sphere { .. } | Shape::Capsule { .. }),
         solid: None,
+        fixed_radii: matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. }).then(|| bulk(model, index)),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use stepper_real::Scalar;
 
-use crate::compile::collision::{Bulk, bulk, size};
+use crate::compile::collision::{Bulk, CompiledGeom, bulk, size};
 use crate::compile::compiled_model::ModelStructure;
 use crate::compile::limits::is_scalar;
 use crate::compile::merging::{combined, vector};
@@ -28,7 +28,7 @@ impl<S: Scalar> ModelStructure<S> {
             ball_limits: joints.filter(|j| j.kind == JointKind::Ball).filter_map(|j| j.range).map(widest).collect(),
             frictions: self.frictions.iter().map(|f| model.joints[f.joint].frictionloss).collect(),
             actuators: model.actuators.iter().map(|a| a.affine_force()).map(|(gain, bias)| ActuatorParams { gain, bias }).collect(),
-            geoms: self.geoms.iter().map(|g| source.geom(g.index)).collect(),
+            geoms: self.geoms.iter().map(|g| source.geom(g)).collect(),
             pairs: source.pairs().collect(),
             members: source.members().collect(),
             bodies: (0..model.bodies.len()).map(|b| source.position(Object::Body(b))).collect(),
@@ -76,10 +76,10 @@ impl<S: Scalar> Source<'_, S> {
         self.structure.sensing.subtrees.iter().map(|tree| bodies.iter().zip(&tree.bodies).filter(|b| *b.1).map(|b| b.0.mass).sum())
     }
 
-    fn geom(&self, geom: usize) -> GeomParams<f64> {
-        let Bulk { bounding_radius, inscribed_radius } = bulk(self.model, geom);
+    fn geom(&self, geom: &CompiledGeom<S>) -> GeomParams<f64> {
+        let Bulk { bounding_radius, inscribed_radius } = geom.fixed_radii.unwrap_or_else(|| bulk(self.model, geom.index));
         let rotation_reach = if bounding_radius.is_finite() { bounding_radius - inscribed_radius } else { 0.0 };
-        let (pos, size) = (self.position(Object::Geom(geom)), size(&self.model.geoms[geom].shape));
+        let (pos, size) = (self.position(Object::Geom(geom.index)), size(&self.model.geoms[geom.index].shape));
         GeomParams { pos, size, bounding_radius, inscribed_radius, rotation_reach }
     }
 

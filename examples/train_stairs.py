@@ -1,0 +1,229 @@
+"""Trains the quadruped Go1 to climb stairs, beginning with a policy that walks on plain ground.
+
+    python examples/train_stairs.py --out out/train/stairs
+    python benches/climbing.py out/train/stairs/rough/policy.npz
+
+With the reward of `stepper/Go1Rough-v0` alone, the robot learns to stand still: its first steps cost more than they gain. This script
+has three stages, each of which continues from its last checkpoint if the same command is given again:
+
+1. The policy of `stepper/Go1Velocity-v0` shows how to walk. The new policy learns to act as it does, from states which both reach
+   (DAgger: Ross et al. 2011, https://arxiv.org/abs/1011.0686).
+2. PPO on stairs that become higher as the robot climbs them. The commands are to walk straight ahead, without noise and pushes.
+3. PPO in `stepper/Go1Rough-v0` itself, with its commands, noise and pushes.
+
+It needs the extras `train` and `mjcf`, and `pip install --no-deps mjlab`, whose model of the robot it reads.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import torch
+from stepper import Stepper
+from stepper.envs.locomotion import Go1Rough
+from stepper.envs.locomotion.base import linear_velocity, stance
+from stepper.envs.locomotion.rough.commands import command
+from stepper.envs.locomotion.rough.state import action_scale
+from stepper.envs.locomotion.velocity import vertical
+from stepper.envs.task import Array, Moment, Terms
+from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain
+from stepper.policies import Policy, load
+from stepper.policies.ppo import Run, train
+from stepper.policies.ppo_settings import Settings
+from stepper.shared.streams import Rng
+
+TEACHER = Path(__file__).parent / "policies/go1_velocity.npz"
+WEIGHTS: Mapping[str, float] = {
+    "track_linear_velocity": 5.0,
+    "track_angular_velocity": 0.75,
+    "air_time": 0.3,
+    "action_rate": -0.01,
+    "foot_clearance": -0.3,
+    "foot_swing_height": -0.05,
+    "pose": 0.3,
+}
+"""Weights of the reward. Those of mjlab reward the pose more and the commanded velocity less: the robot would rather stand."""
+STAIRS = Terrain(
+    sub_terrains={
+        "flat": Flat(proportion=0.05),
+        "stairs": PyramidStairs(proportion=0.25),
+        "stairs_inv": PyramidStairs(proportion=0.5, inverted=True),
+        "slope_inv": PyramidSlope(proportion=0.1, slope_range=(0.0, 0.7), inverted=True),
+        "rough": RandomRough(proportion=0.1, height_range=(0.02, 0.1)),
+    },
+    num_rows=20,
+    border_width=4.0,
+)
+"""Terrain of the second stage. From row to row, the steps of its stairs are 1 cm higher, up to 0.2 m."""
+SPEEDS = (0.5, 1.0)
+"""Lowest and highest commanded velocity straight ahead, m/s."""
+STRAIGHT = 0.85
+"""Fraction of the episodes of the second stage with a command straight ahead. The others have commands as in `Go1Rough`."""
+EDGE = 4.3
+"""Distance from the middle of a tile in x or y, m, at which an episode of the second stage ends. Half a tile is 4 m long."""
+
+NOISE = 0.12
+"""Standard deviation of the actions in the imitation and at the beginning of PPO, as a fraction of the largest action."""
+PASSES, MINIBATCH = 4, 4096
+"""Number of passes over the teacher's actions after each round of the imitation, and number of actions per gradient step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Go1Stairs(Go1Rough):
+    """Task of the second stage: `Go1Rough` on `STAIRS` with commands straight ahead. An episode is truncated at the edge of its tile."""
+
+    terrain: Terrain = STAIRS
+    episode_steps: int = 600
+
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
+        """Draw the parameters of `Go1Rough`, and in most episodes a speed and a heading that are commanded to the end."""
+        super().on_reset(sim, episode_state, mask, rng)
+        drawn = rng.uniform(0.0, 1.0, 3)
+        straight = drawn[:, 0] < STRAIGHT
+        envs = rng.envs[straight]
+        low, high = SPEEDS
+        episode_state["velocity_command"][envs] = 0.0
+        episode_state["velocity_command"][envs, 0] = (low + (high - low) * drawn[:, 1])[straight]
+        episode_state["heading_command"][envs] = np.pi * (2.0 * drawn[straight, 2] - 1.0)
+        episode_state["stands"][envs], episode_state["turns_to_heading"][envs] = False, True
+        episode_state["command_left"][envs] = self.episode_steps + 1
+
+    def truncated(self, now: Moment) -> Array:
+        """Whether the robot has left its tile, (num_envs,)."""
+        away = now.qpos[:, :2] - now.episode_state["terrain_origin"][:, :2]
+        return super().truncated(now) | (np.abs(away).max(axis=1) > EDGE)
+
+
+class Teacher:
+    """Policy of `Go1Velocity` as a policy of the rough task.
+
+    Attributes:
+        policy: Policy from observations of `Go1Velocity` to set points, rad.
+    """
+
+    def __init__(self, policy: Policy):
+        self.policy = policy
+
+    def __call__(self, now: Moment) -> Array:
+        """Actions of the rough task, (num_envs, nu), from a view of all environments."""
+        model = now.sim.model
+        last = action_scale(model) * now.episode_state["last"]
+        parts = (
+            linear_velocity(now),
+            now.qvel[:, 3:6],
+            vertical(now),
+            command(now),
+            now.qpos[:, 7:] - stance(model),
+            now.qvel[:, 6:],
+            last,
+        )
+        actions: Array = (self.policy(np.hstack(parts)) - stance(model)) / action_scale(model)
+        return actions
+
+
+def imitate(run: Run, teacher: Teacher, *, rounds: int, steps: int) -> None:
+    """Stage 1: trains the actor of a run to act like the teacher.
+
+    In the first round the teacher acts. In each later round the teacher acts in half as many of the steps, and the actor in the others.
+    After every round the actor learns all the teacher's actions so far.
+
+    Args:
+        run: Run, whose actor and observation moments change.
+        teacher: Teacher.
+        rounds: Number of rounds.
+        steps: Number of actions per round, in each environment.
+    """
+    batch, rng = run.envs.unwrapped, np.random.default_rng(run.settings.seed)
+    optimizer = torch.optim.Adam(run.net.actor.parameters(), lr=1e-3)
+    seen, shown = [], []
+    for k in range(rounds):
+        error = 0.0
+        for _ in range(steps):
+            wanted = teacher(batch.now) / run.half
+            with torch.no_grad():
+                own = run.net.actor(run.normal(run.observation)).numpy()
+            seen.append(run.observation.astype(np.float32))
+            shown.append(wanted.astype(np.float32))
+            shows = rng.random((len(own), 1)) < 0.5**k
+            action = np.where(shows, wanted, own) + NOISE * rng.standard_normal(own.shape)
+            run.observation, *_, info = run.envs.step(run.half * np.clip(action, -1.0, 1.0))
+            error += info["tracking_error"].mean() / steps
+        if k == 0:
+            run.observed.update(np.concatenate(seen))
+        states, actions = run.normal(np.concatenate(seen)), torch.from_numpy(np.concatenate(shown))
+        for _ in range(PASSES):
+            for part in torch.randperm(len(states)).split(MINIBATCH):
+                loss = (run.net.actor(states[part]) - actions[part]).square().mean()
+                optimizer.zero_grad()
+                loss.backward()
+                optimizer.step()
+        print(
+            f"imitation {k + 1} of {rounds}: velocity error {error:.3f} m/s, error of the actions {float(loss.detach()) ** 0.5:.3f}",
+            flush=True,
+        )
+
+
+def train_critic(run: Run, updates: int) -> None:
+    """Trains the critic of a run, while the actor stays as it is, so that PPO does not begin with a critic that knows nothing."""
+    frozen = [*run.net.actor.parameters(), run.net.log_std]
+    for parameter in frozen:
+        parameter.requires_grad_(False)
+    for _ in range(updates):
+        run.update(run.collect())
+        for group in run.optimizer.param_groups:  # The update adapts the learning rate to changes of the actor.
+            group["lr"] = run.settings.learning_rate
+    for parameter in frozen:
+        parameter.requires_grad_(True)
+
+
+def main() -> None:
+    """Runs the stages that the folder does not have yet, and continues the last one."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("out/train/stairs"), help="folder for both runs of PPO [out/train/stairs]")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers [1]")
+    parser.add_argument("--stairs", type=int, default=20_000_000, help="number of steps on stairs [20000000]")
+    parser.add_argument("--rough", type=int, default=20_000_000, help="number of steps in the task itself [20000000]")
+    given = parser.parse_args()
+    gymnasium.register(
+        "stepper/Go1Stairs-v0",
+        vector_entry_point="stepper.envs:StepperVectorEnv",
+        max_episode_steps=Go1Stairs.episode_steps,
+        kwargs={"task": Go1Stairs},
+    )
+    rough = Settings.of_task(
+        "stepper/Go1Rough-v0",
+        seed=given.seed,
+        steps=given.rough,
+        hidden=128,
+        entropy=0.002,
+        learning_rate=3e-4,
+        initial_std=NOISE,
+        values={"weights": dict(WEIGHTS)},
+    )
+    stairs = dataclasses.replace(rough, env="stepper/Go1Stairs-v0", steps=given.stairs, values={**rough.values, "noise": 0.0, "push": 0.0})
+    torch.set_num_threads(rough.threads)
+    if not (given.out / "stairs/checkpoint.pt").exists():
+        run = Run(stairs)
+        imitate(run, Teacher(load(TEACHER)), rounds=6, steps=100)
+        print("training the critic", flush=True)
+        train_critic(run, updates=25)
+        (given.out / "stairs").mkdir(parents=True, exist_ok=True)
+        run.save(given.out / "stairs/checkpoint.pt")
+    before = train(stairs, given.out / "stairs")
+    if not (given.out / "rough/checkpoint.pt").exists():
+        run = Run(rough)
+        run.net.load_state_dict(before.net.state_dict())
+        run.observed, run.returned = before.observed, before.returned
+        (given.out / "rough").mkdir(parents=True, exist_ok=True)
+        run.save(given.out / "rough/checkpoint.pt")
+    train(rough, given.out / "rough")
+
+
+if __name__ == "__main__":
+    main()

@@ -170,7 +170,7 @@ def imitate(run: Run, teacher: Teacher, *, rounds: int, steps: int) -> None:
 
 
 def train_critic(run: Run, updates: int) -> None:
-    """Trains the critic of a run, while the actor stays as it is, so that PPO does not begin with a critic that knows nothing."""
+    """Trains the critic of a run, while the actor stays as it is. PPO with an untrained critic would spoil the actor."""
     frozen = [*run.net.actor.parameters(), run.net.log_std]
     for parameter in frozen:
         parameter.requires_grad_(False)

@@ -47,8 +47,8 @@ class Terrain:
         seed: Seed of all random numbers of the terrain.
 
     Raises:
-        ValueError: There are no kinds, num_rows is no whole number of at least 1, a tile or border is not a whole number of cells, or a
-            difficulty is out of range.
+        ValueError: There are no kinds, or num_rows is no whole number of at least 1. Or a tile or border is not a whole number of cells,
+            or a difficulty is out of range.
     """
 
     sub_terrains: Mapping[str, SubTerrain]

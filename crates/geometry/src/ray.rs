@@ -83,8 +83,8 @@ impl RaySurface {
     }
 }
 
-/// Number of times that the straight path from `p` to `q` crosses a surface; 2 for more than once. Both points are in the surface's frame,
-/// m.
+/// Number of times that the straight path from `p` to `q` crosses a surface; 2 stands for two or more. Both points are in the surface's
+/// frame, m.
 ///
 /// A single crossing from the inside of a mesh to the outside does not count.
 pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
@@ -175,7 +175,7 @@ impl Sheared {
             let q = sub(p, self.origin);
             [q[i] - self.slopes[0] * q[k], q[j] - self.slopes[1] * q[k], self.scale * q[k]]
         });
-        // The triangle across an edge has exactly the opposite number for that edge.
+        // For the neighbour across an edge, the number of that edge has the same magnitude, to the bit, and the opposite sign.
         let across = |p: V, q: V| p[0] * q[1] - p[1] * q[0];
         let [u, v, w] = [across(b, c), across(c, a), across(a, b)];
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
@@ -207,7 +207,7 @@ fn over_field(grid: &Grid, o: V, d: V) -> f64 {
     if enter > leave || !leave.is_finite() {
         return f64::INFINITY;
     }
-    // `s` is the distance from the start of that part. Coordinates across the grid are in cells.
+    // `s` is the distance from the start of this part, m. Coordinates across the grid are in cells.
     let start = add_scaled(o, d, enter);
     let cells = [grid.shape[1] - 1, grid.shape[0] - 1].map(|n| n as f64);
     let per_length = [0, 1].map(|k| cells[k] / (2.0 * grid.half[k]));

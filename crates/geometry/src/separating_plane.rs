@@ -1,7 +1,7 @@
 //! Separating plane of two hulls that remains valid for many steps. It consists of a half space that contains the first hull, and a ball
 //! that contains the second hull and bulges little towards the first one.
 //!
-//! Both are fixed to their hulls and depend on their vertices alone, so that a change of poses or states does not invalidate them. Let the
+//! Both are fixed to their hulls and depend only on the hulls' vertices. They therefore remain valid when poses or states change. Let the
 //! first hull be within n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its frame. The separation of the
 //! hulls along n is then at least
 //!
@@ -71,7 +71,7 @@ impl SeparatingPlane {
         let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, spare > LEAST * pair.size) else {
             return unknown;
         };
-        // Computed from the rounded numbers that are stored, so that the plane is valid in spite of rounding.
+        // The plane is computed from the rounded numbers that are stored. Rounding then does not make it invalid.
         let wide = |x: [f32; 3]| x.map(f64::from);
         let [i, j] = facing.corners.map(|c| c as usize);
         let tip = b.points()[j].map(|x| x as f32);
@@ -110,7 +110,7 @@ pub struct SeparatingPlanes<R: Real> {
 }
 
 impl<R: Real> SeparatingPlanes<R> {
-    /// Value for lanes of which none has a separating plane.
+    /// Value without a separating plane in any lane.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = R::zero();

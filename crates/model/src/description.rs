@@ -44,7 +44,8 @@ pub struct Description {
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms never collide.
     pub excludes: Vec<[usize; 2]>,
-    /// Overlaps of geoms for which collisions are disabled, see [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
+    /// Pairs of geoms that overlap in the reference pose and whose collisions are disabled, see
+    /// [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
     #[serde(default, with = "added_fields")]
     pub excluded_overlaps: Vec<Overlap>,
     /// Fixed tendons: linear combinations of joint positions.

@@ -11,7 +11,7 @@ type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 /// Field of a model: a named array of values, which can be read and replaced.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
-    /// Name of the field in MuJoCo.
+    /// Name of the field: MuJoCo's name, if MuJoCo has such a field.
     pub name: &'static str,
     /// Text with the quantity, such as "mass".
     pub what: &'static str,
@@ -301,7 +301,7 @@ fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
 impl Field {
     /// Text with the quantity and its unit, such as "mass, kg".
     pub fn meaning(&self) -> String {
-        // The description already contains the units if there are several.
+        // The text `what` already contains the units if there are several.
         match self.unit {
             "" | "1, m, m" => self.what.to_owned(),
             unit => format!("{}, {unit}", self.what),

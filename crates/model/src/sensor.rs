@@ -106,7 +106,8 @@ pub enum ContactSide {
 /// Quantity that a contact sensor reads for each contact. The reading contains these quantities in the order of the variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum ContactField {
-    /// Number of contacts that match both sides of the sensor. It is 0 where the sensor has no contact to report.
+    /// Number of contacts that match both sides of the sensor. It is 0 in the slots without a contact, if the sensor has more slots than
+    /// contacts.
     Found,
     /// Force in the contact's frame (normal, first and second tangent), N.
     Force,

@@ -1,7 +1,7 @@
 //! Sets of admissible impulses for Newton's method, lane by lane in scalar f64, for any number of rows.
 //!
-//! A set has its projection, the derivative of the projection, De Saxce's term and the residual of the natural map. A new type of set needs
-//! a variant in this file only.
+//! A set has its projection, the derivative of the projection, De Saxce's term (of a contact: mu |v_t|, which the solver adds to the normal
+//! velocity), and the residual of the natural map. A new type of set needs a variant in this file only.
 
 use crate::vectors::{TILE, add_scaled, norm, tile};
 

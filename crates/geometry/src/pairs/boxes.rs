@@ -23,7 +23,7 @@ pub struct Cuboid<R> {
     pub half: V3<R>,
 }
 
-/// Closest points of a box and a shape without its rounding radius, in the box's frame.
+/// Closest points of a box and another shape without its rounding radius, in the box's frame.
 struct Touch<R> {
     /// Point of the shape, without its rounding radius, that is closest to the box, m.
     x: V3<R>,
@@ -57,7 +57,7 @@ impl<R: Real> Cuboid<R> {
         ContactPoint { distance, pos: add(self.centre, rotate(&self.mat, pos)), normal: rotate(&self.mat, scale(touch.u, -R::one())) }
     }
 
-    /// Face of the box that is closest to the point `x`, which should be inside.
+    /// Point `x` and the face of the box that is closest to it. The point should be inside the box.
     #[inline(always)]
     fn nearest_face(&self, x: V3<R>) -> Touch<R> {
         let (mut gap, mut u) = (R::of(f64::NEG_INFINITY), zero());

@@ -53,8 +53,8 @@ pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>)
     )
 }
 
-/// Contact of a half space and a point, such as one of a cylinder's rim. `origin` is a point of the boundary, m, and `normal` the outward
-/// unit normal.
+/// Contact of a half space and a point, such as a point of a cylinder's rim. `origin` is a point of the half space's boundary, m, and
+/// `normal` its outward unit normal.
 #[inline(always)]
 pub fn plane_point<R: Real>(origin: V3<R>, normal: V3<R>, point: V3<R>) -> ContactPoint<R> {
     plane_sphere(origin, normal, point, R::zero())

@@ -1,4 +1,4 @@
-//! Tests of bodies that lie on a flat face with a small tilt from rounding or motion: they touch the face wherever they are above it.
+//! Tests of bodies that lie on a flat face with a small tilt from rounding or motion. They must touch the face everywhere above it.
 //! PROPTEST_CASES=5000 searches longer.
 
 use std::sync::Arc;
@@ -15,7 +15,7 @@ const BODY: [f64; 3] = [0.03, 0.02, 0.02];
 /// Largest distance of a contact in the search, m. It exceeds the height of the highest corner of the most tilted body.
 const PREDICTION: f64 = 1e-3;
 
-/// Least share of the common area that the contact points span. Four corners of a hexagon span at least a half of it, and those of an
+/// Smallest share of the common area that the contact points must span. Four corners of a hexagon span at least half of it, and those of an
 /// octagon at least 0.6.
 const LEAST_SHARE: f64 = 0.5;
 
@@ -92,7 +92,7 @@ fn over_floor(corners: &[P]) -> Vec<P> {
     polygon
 }
 
-/// Contact points of a tilted body and the floor, and the area of the part of the body over the floor.
+/// Contact points of a tilted body and the floor, and the area of the body's part above the floor.
 fn meet(floors: usize, bodies: usize, epsilon: f64, at: P, yaw: f64, tilt: (V3<f64>, f64), depth: f64) -> (Vec<Point>, f64) {
     let ((ground, top), shape) = (floor(floors), body(bodies));
     let axis = [tilt.0[0], tilt.0[1], 0.0];

@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::linear_algebra::*;
 use crate::vectors::V;
 
-/// Largest mean number of cells that the bounding box of a triangle overlaps. It bounds the time of the construction.
+/// Largest number of cells that a triangle's bounding box overlaps, on average. It bounds the time of the construction.
 const MAX_CELLS_MET: usize = 8;
 
 /// Largest number of cells per triangle. It bounds the memory of narrow meshes.
@@ -28,7 +28,7 @@ pub(crate) struct MeshHeights {
 }
 
 impl MeshHeights {
-    /// Heights of the mesh whose triangles have the bounding boxes `boxes`: smallest and largest coordinates, m.
+    /// Grid of largest heights, from the bounding boxes of the mesh's triangles: the smallest and largest coordinates of each triangle, m.
     pub(crate) fn new(boxes: &[[V; 2]]) -> Self {
         let corner = |pick: fn(f64, f64) -> f64, end: usize| {
             boxes.iter().map(|b| b[end]).reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default()
@@ -87,7 +87,7 @@ impl MeshHeights {
 /// Range of the cells of an axis that overlap the interval from `low` to `high`. Coordinates are in cells. The axis has `count` cells, and
 /// cell 0 begins at 0.
 ///
-/// The range is empty if the whole interval is on one side of the axis's cells.
+/// The range is empty if the interval ends before the first cell or begins after the last one.
 pub(crate) fn cells_between([low, high]: [f64; 2], count: usize) -> Range<usize> {
     // The casts saturate, so that a coordinate may be negative or infinite.
     let last = high.floor();

@@ -139,7 +139,7 @@ impl<'a> Pair<'a> {
         dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))
     }
 
-    /// Separation of the cores (shapes without their rounding radius) along the unit vector `n`, m, and the vertex of each that is closest.
+    /// Separation of the cores (shapes without their rounding radius) along the unit vector `n`, m, and the closest vertex of each core.
     ///
     /// The search for these vertices starts at the given ones. `n` points from the first shape to the second.
     pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> (f64, [u32; 2]) {

@@ -9,12 +9,13 @@
 //! The thickness is the relative displacement below which neither shape can pass the other. A collision is an overlap of an eighth of the
 //! thickness, because resting contacts overlap by rounding and slop.
 //!
-//! The search is conservative advancement (Mirtich, 1996). With a bound c on the relative speed of their points, the distance falls by at
-//! most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of the thickness long.
+//! The search is conservative advancement (Mirtich, 1996). Let c be a bound of the relative speed of any two points of the shapes. The
+//! distance then falls by at most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of
+//! the thickness long.
 //!
-//! A shape passes a triangle surface if a point inside the shape enters it and leaves it again. A shape that ends behind the surface does
-//! not pass if contact forces push it back in the next step. They always do for a height field, which is solid down to its base. For a mesh
-//! they do if the normal of the deepest contact opposes the displacement.
+//! A shape passes a triangle surface if one of its inner points enters the surface and leaves it again. A shape that ends behind the
+//! surface does not pass if contact forces push it back in the next step. They always do for a height field, which is solid down to its
+//! base. For a mesh they do if the normal of the deepest contact opposes the displacement.
 
 use crate::expand::Polytope;
 use crate::linear_algebra::*;
@@ -217,7 +218,7 @@ impl RelativePath {
         if let Surface::Grid(grid) = surface
             && grid.is_inside(start)
         {
-            // The height field pushes a point that starts inside out.
+            // The height field pushes out a point that starts inside it.
             return (Crossing::None, [0.0; 3]);
         }
         let (mut here, mut count) = (start, 0);

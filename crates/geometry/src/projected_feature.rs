@@ -179,7 +179,7 @@ impl ProjectedFeature {
         let k = widest(d);
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let top = u32::from(d[k] > 0.0) << k;
-        // In order around the face. Edge e starts at corner e and runs along axis i or j.
+        // The corners are in order around the face. Edge e starts at corner e and runs along axis i or j.
         for (e, (si, sj)) in [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().enumerate() {
             let id = top | si << i | sj << j;
             let along = if e % 2 == 0 { i } else { j };
@@ -236,7 +236,7 @@ pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Op
             (d[2].abs() < tolerance).then_some([[x, y, -h], [x, y, *h]])
         }
         ConvexShape::Box { half } => {
-            // Next to a slightly tilted face, two edges are nearly perpendicular to the direction.
+            // Next to a slightly tilted face, two edges are nearly perpendicular to the direction. The closer one is chosen.
             let k = (0..3).min_by(|&i, &j| d[i].abs().total_cmp(&d[j].abs())).filter(|&k| d[k].abs() < tolerance)?;
             let mut ends = [shape.support(d); 2];
             (ends[0][k], ends[1][k]) = (-half[k], half[k]);

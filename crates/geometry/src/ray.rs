@@ -1,8 +1,8 @@
 //! Distances along rays to meshes and height fields, one ray at a time, in f64.
 //!
 //! The triangles of a mesh are in a tree of boxes. The test of a triangle is that of Woop, Benthin & Wald (2013). With it, no ray passes
-//! between two triangles that share an edge. This can happen with tests that round each triangle separately (parry's, MuJoCo's). Triangles
-//! have two sides: a ray that starts inside a mesh hits the surface where it leaves.
+//! between two triangles that share an edge. With tests that round each triangle separately (parry's, MuJoCo's), a ray can. Triangles have
+//! two sides: a ray that starts inside a mesh hits the surface where it leaves.
 //!
 //! A height field needs no triangles. Along a ray, the height above the ground is linear between crossings of the grid's lines and the
 //! cells' diagonals. The ray hits the ground where this height changes its sign. The field is solid from the ground to its base.
@@ -175,7 +175,7 @@ impl Sheared {
             let q = sub(p, self.origin);
             [q[i] - self.slopes[0] * q[k], q[j] - self.slopes[1] * q[k], self.scale * q[k]]
         });
-        // For the neighbour across an edge, the number of that edge has the same magnitude, to the bit, and the opposite sign.
+        // In the neighbouring triangle, `across` of the same edge has exactly the opposite value.
         let across = |p: V, q: V| p[0] * q[1] - p[1] * q[0];
         let [u, v, w] = [across(b, c), across(c, a), across(a, b)];
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {

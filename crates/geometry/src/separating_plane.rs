@@ -1,9 +1,9 @@
 //! Separating plane of two hulls that remains valid for many steps. It consists of a half space that contains the first hull, and a ball
 //! that contains the second hull and bulges little towards the first one.
 //!
-//! Both are fixed to their hulls and depend only on the hulls' vertices. They therefore remain valid when poses or states change. Let the
-//! first hull be within n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its frame. The separation of the
-//! hulls along n is then at least
+//! Both are fixed to their hulls and depend only on the hulls' vertices. They therefore remain valid when poses or states change. Let `pos`
+//! and `mat` be the pose of the second hull in the frame of the first. Let the first hull be within n . x <= a, and the second within the
+//! ball of radius q |m| + e about p - q m in its frame. The separation of the hulls along n is then at least
 //!
 //! ```text
 //! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)
@@ -40,7 +40,8 @@ const LEAST: f64 = 5e-5;
 pub struct SeparatingPlane {
     /// Unit normal n from the first to the second hull, in the frame of the first.
     normal: [f32; 3],
-    /// Vertex of each hull where the normal was found: the farthest along it, and the farthest in the opposite direction.
+    /// Vertices where the normal was found: the vertex of the first hull that is farthest along it, and that of the second hull in the
+    /// opposite direction.
     corners: [u32; 2],
     /// For each vertex in `corners`, the vertex at the other end of the edge that is perpendicular to the normal. Equal to `corners` unless
     /// the normal is perpendicular to an edge of each hull.
@@ -51,13 +52,13 @@ pub struct SeparatingPlane {
     axis: [f32; 3],
     /// Distance of the centre of the ball that contains the second hull from the hull's vertex `tip`, m.
     curve: f32,
-    /// Offset along the normal n of the plane that contains the first hull, plus the length by which the ball around the second hull
-    /// bulges, m. Infinite without a separating plane.
+    /// Offset along the normal n of the plane that bounds the first hull, plus the bulge of the ball around the second hull, m. Infinite
+    /// without a separating plane.
     offset: f32,
 }
 
 impl SeparatingPlane {
-    /// Value for two hulls that have neither a known normal nor a separating plane.
+    /// Value for two hulls that have neither a cached normal nor a separating plane.
     pub const NONE: Self =
         Self { normal: [0.0; 3], corners: [0; 2], ends: [0; 2], tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY };
 
@@ -104,8 +105,8 @@ pub struct SeparatingPlanes<R: Real> {
     axis: V3<R>,
     /// Distance of the centre of the ball that contains the second hull from the hull's vertex `tip`, m.
     curve: R,
-    /// Offset along the normal n of the plane that contains the first hull, plus the length by which the ball around the second hull
-    /// bulges, m. Infinite without a separating plane.
+    /// Offset along the normal n of the plane that bounds the first hull, plus the bulge of the ball around the second hull, m. Infinite
+    /// without a separating plane.
     offset: R,
 }
 

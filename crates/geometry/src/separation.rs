@@ -4,15 +4,16 @@
 //! facet of their difference that is nearest to the origin (`expand.rs`). If the result is near that of the previous step, neither search
 //! is needed (`warm_start.rs`).
 //!
-//! Round shapes that touch or overlap, and polytopes for which rounding hides the result, need another method. The second core is moved
-//! along the best direction n0 so far until there is a small gap. The direction n1 between the closest points across that gap is at least
-//! as good. With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
+//! Round shapes that touch or overlap, and polytopes for which rounding hides the result, need another method. Let s(n) be the separation
+//! along the unit vector n. The second core is moved along the best direction n0 so far until there is a small gap. The direction n1
+//! between the closest points across that gap is at least as good. With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) =
+//! s(n) + t n . n0, so that
 //!
 //! ```text
 //! s(n1) = s'(n1) - t n1 . n0 >= s'(n0) - t = s(n0).
 //! ```
 //!
-//! Repetition converges to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
+//! Repetition climbs to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
 //! curvature + gap). There is always a result, because the climb starts from the best of the face normals and axes of both shapes.
 //!
 //! The overlap may be shallower in another direction. Three conditions exclude this. A closest point is as deep below the other shape's
@@ -46,7 +47,8 @@ pub(super) const NEAR_FACE: f64 = 0.05;
 /// other shape's closest point is not above the face.
 pub(super) const SIDEWAYS: f64 = 1e-7;
 
-/// Largest separation of two shapes without their rounding radii. The normal is that of a face, if the separation is equal up to rounding.
+/// Largest separation of two shapes without their rounding radii. The normal is that of a face, if the separation along it is equal up to
+/// rounding.
 ///
 /// If `limits` exclude a contact, the search may stop early, and the separation is a lower bound or an estimate. A cached normal saves time
 /// and does not change the result.
@@ -65,7 +67,7 @@ pub(super) fn nearest(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Pol
 pub(super) fn search(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Polytope) -> Facing {
     let distance = limits.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance, polytope) };
-    // This normal is exactly that of the facet, without the rounding error of the search.
+    // The normal in `own` is exactly that of the facet, without the rounding error of the search.
     let own = if limits.excludes(pair, &found) { None } else { facet(pair, found.normal, limits) };
     own.unwrap_or_else(|| Facing::new(pair, found))
 }
@@ -102,7 +104,7 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     if -found.separation <= certain_depth(pair, &found) + least || is_certain(pair, &found, from_outline) {
         return found;
     }
-    // Near a small facet, the polytope would have narrow faces.
+    // With the vertices of a small facet, the polytope would have narrow faces.
     polytope.enclose(pair, first.vertices(), if from_outline > WIDE * pair.size { near.vertices() } else { &[] });
     for _ in 0..CLIMBS {
         let Some(normal) = polytope.shallower(pair, -found.separation, least) else { break };
@@ -200,7 +202,8 @@ fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
     found.separation > 0.0 && pair.is_polytope() && norm(add_scaled(apart, flat, -dot(apart, flat))) > SIDEWAYS * pair.size
 }
 
-/// Replaces the contact normal by that of a face, if the separation is equal up to rounding. The first shape's face is preferred.
+/// Replaces the contact normal by that of a face, if the separation along the face's normal is equal up to rounding. The first shape's face
+/// is preferred.
 ///
 /// Normals of resting contacts are therefore exact, and do not change from step to step.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
@@ -214,7 +217,7 @@ fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
         if is_beside(pair, &found, flat) {
             continue;
         }
-        // The distance of any two points along the direction is an upper bound of its separation.
+        // The distance of any two points along the direction is an upper bound of the separation along it.
         if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE && pair.apart_at(flat, corners) >= worse {
             let (separation, corners) = pair.separation_near(flat, corners);
             if separation >= worse {

@@ -10,9 +10,9 @@
 //!
 //! for every direction u along the surface that starts at p.
 //!
-//! Inside a triangle, d is its normal. At an edge, such d are between the normals of the two triangles. At a corner, they are in the cone
-//! of the normals around it. (This cone is the Gauss image of the corner, and the shape is in its Voronoi region: Lin & Canny, 1991.) At a
-//! concave edge there are none.
+//! Inside a triangle, only its normal is such a d. At an edge, the vectors d are between the normals of the two triangles. At a corner,
+//! they are in the cone of the normals of its triangles. (This cone is the Gauss image of the corner, and the shape is in its Voronoi
+//! region: Lin & Canny, 1991.) A concave edge has no such d.
 //!
 //! If the closest point belongs to a neighbour, the triangle has no contact there. Such a contact would be a tilted plane that is not part
 //! of the surface, and would brake a shape that slides past. Corners of the shape above the triangle are still contacts, with the
@@ -48,7 +48,7 @@ pub const MAX_SURFACE_POINTS: usize = 16;
 /// closer to another triangle. Contacts at rest are at most 1e-4 deep.
 const SHALLOW: f64 = 1e-3;
 
-/// Distance of a deep contact point from another triangle, relative to its depth, below which it belongs to that triangle.
+/// Distance of a deep contact point from another triangle, relative to the point's depth, below which the point belongs to that triangle.
 ///
 /// Example: a peg overlaps the wall of its hole by micrometres, and is centimetres below the face around the hole.
 const NEARER: f64 = 0.5;
@@ -593,8 +593,8 @@ pub fn collide_surface(
 /// Triangles count if they are within `reach` of the shape without its rounding radius, m. If `approach` is given, they count only if their
 /// contacts can push within the step.
 ///
-/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. With `approach`, the box may
-/// be smaller, but never smaller than for a shape at rest.
+/// A contact joins a point x of the surface and a point y of the shape. For contacts that can push, [`Approach::max_components`] bounds y -
+/// x. The box can therefore be smaller with `approach`, but is never smaller than for a shape at rest.
 pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
     let [low, high] = whole.extent_b(core);
     let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));

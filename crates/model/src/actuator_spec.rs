@@ -26,7 +26,7 @@ pub struct ActuatorSpec {
     pub motor: Option<Motor>,
 }
 
-/// PID servo. The control is the target of the actuator's length, which is the joint position or tendon length times the gear.
+/// PID servo. The control is the target of the actuator's length, which is the joint position or tendon length, times the gear.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {

@@ -1,9 +1,10 @@
 //! Lanes in one AVX-512 register, with masks in mask registers. Features: `avx512f,avx512dq,avx512vl`.
 //!
-//! # Safety The functions here are safe to call but execute AVX-512 instructions. The module is private, and its types can only be named
-//! through an unsafe trait in [`at_level!`](crate::at_level), which checks the CPU level first. Every method is `#[inline(always)]`: the
-//! intrinsics are inlined into the function that [`Real::vectorize`] makes, and inherit its `#[target_feature]`. Outside such a function
-//! they are calls, which are slow but correct.
+//! # Safety
+//! The functions here are safe to call but execute AVX-512 instructions. The module is private, and its types can only be named through an
+//! unsafe trait in [`at_level!`](crate::at_level), which checks the CPU level first. Every method is `#[inline(always)]`: the intrinsics
+//! are inlined into the function that [`Real::vectorize`] makes, and inherit its `#[target_feature]`. Outside such a function they are
+//! calls, which are slow but correct.
 
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};

@@ -39,6 +39,7 @@ impl Level {
     /// Fastest available level, or the level that the environment variable `STEPPER_CPU_LEVEL` names (`baseline`, `avx2` or `avx512`). The
     /// variable is read at the first call.
     ///
+    /// # Errors
     /// [`LevelError`] if the variable does not name a level, or names one that this machine or build lacks. Measurements thus never run at
     /// an unexpected level.
     pub fn best() -> Result<Level, LevelError> {

@@ -128,8 +128,8 @@ pub trait Real:
         }
         self
     }
-    /// Value whose lane i is lane `sources[i]` of two values, where the lanes of `high` are numbered after those of `low`. For a source
-    /// that does not exist, the lane gets an arbitrary number, or the call panics.
+    /// Value whose lane i is lane `sources[i]` of `low` and `high` together: the lanes of `high` are numbered after those of `low`. For a
+    /// source that does not exist, the lane gets an arbitrary number, or the call panics.
     #[inline(always)]
     fn gather_lanes_of_two(low: Self, high: Self, sources: &[u32]) -> Self {
         let mut gathered = Self::zero();

@@ -28,7 +28,8 @@ pub struct Cylinder<R> {
 /// `mjc_PlaneCylinder` has the lowest two points and a triangle.
 ///
 /// `tip` is the change of the normal in the frame of the cylinder within the step, n x omega h. If it exceeds the cylinder's tilt, the
-/// lowest point is the one toward which the cylinder tips. It therefore tips over its rim, and not over a line between two points.
+/// lowest point is the one toward which the cylinder tips. The cylinder therefore tips over its rim, and not over a line between two
+/// points.
 #[inline(always)]
 pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>) -> [V3<R>; 8] {
     let axis = column(&cylinder.mat, 2);

@@ -1,5 +1,5 @@
-//! Tests of collisions of general convex shapes: comparison with a search over directions, and the symmetries that they must have.
-//! PROPTEST_CASES=5000 searches longer.
+//! Tests of collisions of general convex shapes: comparison with a search over directions, and the symmetries that collisions must have.
+//! PROPTEST_CASES=5000 tests more cases.
 
 use std::sync::Arc;
 
@@ -149,7 +149,8 @@ proptest! {
         }
         let nearest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
         if !points.is_empty() && depth > -0.02 {
-            // Faces are preferred to edges with a depth that differs by a millionth of the size, and for boxes by the rule of [`by_faces`].
+            // Faces are preferred to edges if their depths differ by up to a millionth of the size, and for boxes by the rule of
+            // [`by_faces`].
             let boxes = [&a, &b].iter().all(|s| matches!(s, ConvexShape::Box { .. }));
             let deepest = if boxes { by_faces(depth) } else { depth };
             prop_assert!(nearest > deepest - 1e-5 && nearest < depth + 1e-5, "{nearest} {depth}");

@@ -100,7 +100,7 @@ fn size(a: &Hull, b: &Hull) -> f64 {
     [a, b].iter().map(|h| h.points().iter().map(|p| norm(sub(*p, h.centre()))).fold(0.0, f64::max)).sum()
 }
 
-/// Poses of two hulls that are `gap` apart along the line between their nearest points, which goes roughly `towards` the second.
+/// Poses of two hulls with the distance `gap`, m, and the unit normal between them. The second hull is roughly in the direction `towards`.
 fn beside(a: &ConvexShape, ma: M3<f64>, b: &ConvexShape, mb: M3<f64>, towards: V, gap: f64) -> (Pose, Pose, V) {
     let (pa, far) = (Pose { pos: [0.1, -0.2, 0.3], mat: ma }, Pose { pos: scale(towards, 3.0), mat: mb });
     let (apart, n) = distance(a, &pa, b, &far);
@@ -190,8 +190,8 @@ proptest! {
         }
     }
 
-    /// No contact is missing that stage 3 of the step would accept: all contacts closer than the slack plus the distance that the bodies
-    /// close in two steps.
+    /// No contact is missing that stage 3 of the step would accept. Stage 3 accepts contacts that are closer than the slack plus the
+    /// distance that the bodies close in two steps.
     #[test]
     fn only_contacts_that_do_not_count_are_left_out(a in hull(), ma in rotation(), b in hull(), mb in rotation(), towards in unit(),
                                                     gap in prop_oneof![1e-5..0.02f64, 1e-5..1e-3f64], way in vector(1.0), turn in vector(1.0),

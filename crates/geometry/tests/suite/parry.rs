@@ -15,7 +15,8 @@ use crate::shapes::{Body, cases, room, vector};
 /// Distance above which directions are compared, m. Below it, parry's directions have large rounding errors.
 const APART: f64 = 1e-4;
 
-/// Largest excess of parry's distances, m, because its search along a cylinder's rim ends early. It was 1e-5 in 20,000 cases.
+/// Largest excess of parry's distances over the exact ones, m. Parry's search along a cylinder's rim ends early. The excess was 1e-5 in
+/// 20,000 cases.
 const EXCESS: f64 = 5e-5;
 
 /// Largest distance of closest points from the surface of their shape, m. The points are inexact where the distance changes little around
@@ -49,7 +50,7 @@ fn of(x: V3<f64>) -> Vector {
     Vector::new(x[0], x[1], x[2])
 }
 
-/// Shape in parry, and the rotation of its frame, because parry's cylinder is along y.
+/// Parry's shape and its pose. For a cylinder the axes are exchanged, because parry's cylinder is along y.
 fn in_parry(shape: &ConvexShape, pose: &Pose) -> (Box<dyn Shape>, ParryPose) {
     let [x, y, z] = [0, 1, 2].map(|k| of(column(&pose.mat, k)));
     let (shape, axes): (Box<dyn Shape>, _) = match shape {
@@ -94,8 +95,8 @@ fn body_in_parry(body: &Body) -> Option<(Box<dyn Shape>, ParryPose)> {
     Some(in_parry(&shape, &Pose { pos, mat }))
 }
 
-/// Two edges that pass each other at a distance have a contact whose position is on both shapes. An earlier version had such a contact 0.28
-/// m away from a box.
+/// Contacts of two edges that pass each other at a distance have their closest points on both shapes. An earlier version had such a contact
+/// 0.28 m away from a box.
 #[test]
 fn edges_that_pass_beside_one_another_share_no_contact() {
     let tilted = [
@@ -140,7 +141,8 @@ proptest! {
     fn nearest_points_are_on_the_shapes_of_parry(a in shape(), pa in pose(), b in shape(), pb in pose()) {
         let (found, _) = distance(&a, &pa, &b, &pb);
         if found > 0.0 {
-            // Two edges of boxes that are parallel up to a hundredth touch at the ends of their overlapping part, halfway between them.
+            // Two edges of boxes that are parallel within a hundredth have contacts at the ends of their overlapping part. A contact may
+            // then be off its shapes by a hundredth of their size.
             let leaning = if let (ConvexShape::Box { half: x }, ConvexShape::Box { half: y }) = (&a, &b) { 1e-2 * norm(*x).max(norm(*y)) } else { 0.0 };
             let points = manifold(&a, &pa, &b, &pb, found + 1e-3).points;
             let nearest = points.iter().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a contact within reach");

@@ -1,4 +1,4 @@
-//! Tests of the check whether moving solids pass through each other. PROPTEST_CASES=5000 searches longer.
+//! Tests of the check whether moving solids pass through each other. PROPTEST_CASES=5000 tests more cases.
 
 use crate::shapes::{simple, unit};
 use proptest::prelude::*;

@@ -51,7 +51,7 @@ impl Body {
         }
     }
 
-    /// Radius around the core, m.
+    /// Rounding radius of the body, m; 0 except for capsules.
     fn radius(&self) -> f64 {
         if let Self::Capsule(s) = self { s.radius } else { 0.0 }
     }

@@ -1,5 +1,5 @@
 //! Tests of concave meshes and height fields. Shapes must slide over seams between triangles as over one face, and a closed surface must
-//! act as the solid that it bounds. PROPTEST_CASES=5000 searches longer.
+//! act as the solid that it bounds. PROPTEST_CASES=5000 tests more cases.
 
 use std::sync::Arc;
 
@@ -243,7 +243,8 @@ fn bound(shape: &ConvexShape) -> f64 {
     }
 }
 
-/// Radius of a ball about the origin of a shape through which the lines of all contact normals pass, m. Contacts are at most `reach` long.
+/// Radius of a ball about the origin of a shape through which the lines of all contact normals pass, m. `reach` is the largest distance of
+/// a contact, m.
 fn contact_radius(shape: &ConvexShape, reach: f64) -> f64 {
     match *shape {
         ConvexShape::Sphere { .. } => 0.0,

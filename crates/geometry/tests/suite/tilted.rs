@@ -1,5 +1,5 @@
 //! Tests of bodies that lie on a flat face with a small tilt from rounding or motion. They must touch the face everywhere above it.
-//! PROPTEST_CASES=5000 searches longer.
+//! PROPTEST_CASES=5000 tests more cases.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::{ConvexShape, Grid, Hull, Narrow, Point, Pose, SearchLimits, Solid, Surface};
 
-/// Half sizes of the floor, and of the body along x and y, m.
+/// Half sizes of the floor along x and y, and of the body along x, y and z, m.
 const FLOOR: [f64; 2] = [0.05, 0.3];
 const BODY: [f64; 3] = [0.03, 0.02, 0.02];
 
@@ -104,7 +104,7 @@ fn meet(floors: usize, bodies: usize, epsilon: f64, at: P, yaw: f64, tilt: (V3<f
         [at[0] + p[0], at[1] + p[1]]
     });
     let common = over_floor(&corners);
-    // The lowest point of the part over the floor is `depth` below it.
+    // The lowest point of the part over the floor is `depth` below the floor's top.
     let normal = rotate(&mat, [0.0, 0.0, 1.0]);
     let origin = rotate(&mat, [0.0, 0.0, -BODY[2]]);
     let height = |p: &P| origin[2] - (normal[0] * (p[0] - at[0] - origin[0]) + normal[1] * (p[1] - at[1] - origin[1])) / normal[2];

@@ -96,7 +96,7 @@ fn sin_cos_out_of_range_stay_on_the_circle() {
     for x in magnitudes(1e6, 1e308, 200_000).chain([f64::MAX, f64::MIN]) {
         let (s, c) = Real::sin_cos(x);
         assert!(unit(s) && unit(c), "{x:e}: {s:e} {c:e}");
-        // Beyond the range of the argument reduction, the error is about that of an error of one ulp in the angle.
+        // Beyond the range of the argument reduction, the error is about as large as the effect of one ulp of the angle.
         if x.abs() < 1e9 {
             let bound = 2.0 * (x.abs().next_up() - x.abs()) + f64::EPSILON;
             assert!((s - x.sin()).abs() < bound && (c - x.cos()).abs() < bound, "{x:e}: {s:e} {c:e}");

@@ -192,7 +192,7 @@ proptest! {
         prop_assume!((distance_to(centre) - radius - gap).abs() < 1e-9);
         let pose = Pose { pos: centre, ..STILL };
         let points = touch(&surface, &ConvexShape::Sphere { radius }, &pose, 0.06).points;
-        // One contact has the smallest distance.
+        // The contacts include the closest point of the surface.
         let least = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
         prop_assert!((least - gap).abs() < 1e-8, "{least} {gap}");
         // From each contact, no path along the surface leads closer to the ball. Since the distance to a triangle is convex, the contact

@@ -1,18 +1,18 @@
-//! Largest heights of a mesh over a grid of cells. They show that most shapes near a concave mesh are above it.
+//! Largest heights of a mesh over a grid of cells. A shape that is above these heights needs no test of single triangles.
 
 use std::ops::Range;
 
 use crate::linear_algebra::*;
 use crate::vectors::V;
 
-/// Largest mean number of cells that the bounding box of a triangle overlaps. It bounds the time of the construction.
+/// Largest number of cells that a triangle's bounding box overlaps, on average. It bounds the time of the construction.
 const MAX_CELLS_MET: usize = 8;
 
 /// Largest number of cells per triangle. It bounds the memory of narrow meshes.
 const MAX_CELLS: usize = 2;
 
-/// Largest height of a mesh in each cell of a grid. Heights are coordinates along the axis of the mesh's frame along which the mesh is
-/// shortest.
+/// Largest height of a mesh in each cell of a grid. Heights are coordinates along the axis of the mesh's frame in which the mesh has the
+/// smallest extent.
 #[derive(Clone, Debug)]
 pub(crate) struct MeshHeights {
     /// The two axes of the mesh's frame along which the grid of heights extends.
@@ -28,7 +28,7 @@ pub(crate) struct MeshHeights {
 }
 
 impl MeshHeights {
-    /// Heights of a mesh from the smallest and largest coordinates of each of its triangles, m.
+    /// Grid of largest heights, from the bounding boxes of the mesh's triangles: the smallest and largest coordinates of each triangle, m.
     pub(crate) fn new(boxes: &[[V; 2]]) -> Self {
         let corner = |pick: fn(f64, f64) -> f64, end: usize| {
             boxes.iter().map(|b| b[end]).reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default()
@@ -38,7 +38,8 @@ impl MeshHeights {
         let shortest = (0..3).min_by(|&a, &b| side[a].total_cmp(&side[b])).unwrap_or(2);
         let axes = [(shortest + 1) % 3, (shortest + 2) % 3];
         let mut heights = Self { axes, low: axes.map(|k| low[k]), cells_per_metre: 0.0, cells: [1; 2], highest: vec![] };
-        // A level mesh with triangles of one size has two in each cell. Long triangles get larger cells.
+        // The first cell size gives two triangles per cell, if all triangles are level and equally large. The loop doubles it until both
+        // limits are met.
         let [a, b] = axes.map(|k| side[k]);
         let mut cell = (2.0 * a * b / boxes.len().max(1) as f64).sqrt();
         while cell > 0.0 {
@@ -66,8 +67,8 @@ impl MeshHeights {
         3 - self.axes[0] - self.axes[1]
     }
 
-    /// Largest height of the mesh in the grid cells below or above a box, m; minus infinity if there are none. `low` and `high` are the
-    /// corners of the box, m.
+    /// Largest height of the mesh in the grid cells below or above a box, m; minus infinity without a triangle in these cells. `low` and
+    /// `high` are the corners of the box, m.
     pub(crate) fn highest_in(&self, low: &V, high: &V) -> f64 {
         let [columns, rows] = self.cells_of(low, high);
         let row = |row: usize| &self.highest[row * self.cells[0] + columns.start..][..columns.len()];
@@ -83,9 +84,10 @@ impl MeshHeights {
     }
 }
 
-/// Range of cells, among `count` cells along an axis, between two coordinates. The coordinates are in cells, and cell 0 begins at 0.
+/// Range of the cells of an axis that overlap the interval from `low` to `high`. Coordinates are in cells. The axis has `count` cells, and
+/// cell 0 begins at 0.
 ///
-/// The range is empty if both coordinates are on the same side of all cells.
+/// The range is empty if the interval ends before the first cell or begins after the last one.
 pub(crate) fn cells_between([low, high]: [f64; 2], count: usize) -> Range<usize> {
     // The casts saturate, so that a coordinate may be negative or infinite.
     let last = high.floor();
@@ -106,7 +108,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
-        /// No box that overlaps the query is higher than the result, even if the query is infinite or outside the mesh.
+        /// The result is an upper bound of the heights of all boxes below or above the query, even if the query is infinite or outside the
+        /// mesh.
         #[test]
         fn heights_bound_all_boxes_below_a_query(
             boxes in boxes(), low in prop::array::uniform3(-3.0..3.0f64), side in prop_oneof![0.0..0.3f64, 0.0..9.0, Just(f64::INFINITY)],

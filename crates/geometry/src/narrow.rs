@@ -69,7 +69,8 @@ impl Narrow {
 /// Finds the contact points of two convex shapes and writes them to `out`, in the world frame. There are none if the shapes are farther
 /// apart than `limits.prediction`. With `limits.approach`, contacts that cannot push within the step may be absent.
 ///
-/// There are at most [`MAX_POINTS`](crate::MAX_POINTS), ascending by feature. Normals point from the first shape to the second.
+/// There are at most [`MAX_POINTS`](crate::MAX_POINTS), in ascending order of [`Point::feature`]. Normals point from the first shape to the
+/// second.
 pub fn collide(
     a: &ConvexShape,
     pose_a: &Pose,
@@ -90,7 +91,7 @@ pub fn collide(
         let Some(by_axes) = boxes::separation(&pair, *ha, *hb, prediction) else { return };
         if let Some(found) = by_axes {
             workspace.clipper.manifold(&pair, &Facing::new(&pair, found), prediction, out);
-            // The distance along the face's normal is exact if a feature of the other box is above the face.
+            // The face's normal gives the exact distance if a feature of the other box is above the face.
             if found.separation <= 0.0 || (!out.is_single_unnamed() && out.deepest() <= found.separation + 1e-9 * pair.size) {
                 out.move_to_world(pose_a);
                 return;

@@ -26,8 +26,8 @@ pub(super) struct Pair<'a> {
     pub(super) apart: V,
     /// Size of the pair: sum of the bounding radii, m.
     pub(super) size: f64,
-    /// Distance below which two features of the shapes count as equal, m. Rounding then does not exchange the contact points of bodies at
-    /// rest.
+    /// Distance below which two features of the shapes count as equal, m. It exceeds rounding errors, so that bodies at rest keep their
+    /// contact points.
     pub(super) tolerance: f64,
 }
 
@@ -103,7 +103,7 @@ impl<'a> Pair<'a> {
 
     /// Smallest and largest coordinates of the second shape, without its rounding radius, in the frame of the first shape, m.
     ///
-    /// `ends` are the ends of its axis, if the second shape is a ball or capsule.
+    /// `ends` are the ends of the second shape's axis, if it is a ball or capsule.
     pub(super) fn extent_b(&self, ends: Option<&[V]>) -> [V; 2] {
         if let Some(ends) = ends {
             return [f64::min, f64::max].map(|pick| array_of(|k| ends.iter().map(|end| end[k]).reduce(pick).unwrap_or_default()));
@@ -139,7 +139,7 @@ impl<'a> Pair<'a> {
         dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))
     }
 
-    /// Separation of the cores (shapes without their rounding radius) along the unit vector `n`, m, and the vertex of each that is closest.
+    /// Separation of the cores (shapes without their rounding radius) along the unit vector `n`, m, and the closest vertex of each core.
     ///
     /// The search for these vertices starts at the given ones. `n` points from the first shape to the second.
     pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> (f64, [u32; 2]) {
@@ -159,8 +159,8 @@ impl<'a> Pair<'a> {
         [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]
     }
 
-    /// Component along `n` of the vector from vertex i of the first shape to vertex j of the second, m. Shapes other than hulls have their
-    /// support point instead.
+    /// Component along `n` of the vector from vertex i of the first shape to vertex j of the second, m. For a shape other than a hull, the
+    /// support point replaces the vertex.
     pub(super) fn apart_at(&self, n: V, [i, j]: [u32; 2]) -> f64 {
         let y = self.place(self.b.support_at(j, rotate_back(&self.mat, neg(n))));
         dot(n, sub(y, self.a.support_at(i, n)))

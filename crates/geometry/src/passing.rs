@@ -3,17 +3,19 @@
 //!
 //! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
 //! direction between them reverses, because contact forces would then push them on instead of back. They also pass if they overlap at the
-//! end of the path, and the depth in the direction of motion is smaller than against it. Contact forces would push them sideways, around
-//! the edge of a plate.
+//! end of the path, and the depth in the direction of motion is smaller than against it. An example is an overlap near the edge of a plate:
+//! contact forces would push the shape sideways around the edge.
 //!
-//! A collision is an overlap of an eighth of the thickness, because resting contacts overlap by rounding and slop.
+//! The thickness is the relative displacement below which neither shape can pass the other. A collision is an overlap of an eighth of the
+//! thickness, because resting contacts overlap by rounding and slop.
 //!
-//! The search is conservative advancement (Mirtich, 1996). With a bound c on the relative speed of their points, the distance falls by at
-//! most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of the thickness long.
+//! The search is conservative advancement (Mirtich, 1996). Let c be a bound of the relative speed of any two points of the shapes. The
+//! distance then falls by at most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of
+//! the thickness long.
 //!
-//! A shape passes a triangle surface if a point inside the shape enters it and leaves it again. A shape that ends behind the surface does
-//! not pass if contact forces push it back in the next step. They always do for a height field, which is solid down to its base. For a mesh
-//! they do if the normal of the deepest contact opposes the displacement.
+//! A shape passes a triangle surface if one of its inner points enters the surface and leaves it again. A shape that ends behind the
+//! surface does not pass if contact forces push it back in the next step. They always do for a height field, which is solid down to its
+//! base. For a mesh they do if the normal of the deepest contact opposes the displacement.
 
 use crate::expand::Polytope;
 use crate::linear_algebra::*;
@@ -28,15 +30,14 @@ use crate::surface::{Surface, collide_surface};
 use crate::vectors::{Pose, V, neg};
 use crate::workspace::Workspace;
 
-/// Smallest displacement between two collision tests along a path, relative to the displacement below which neither shape can pass the
-/// other.
+/// Smallest displacement between two collision tests along a path, relative to the thickness (see the module).
 const MIN_ADVANCE: f64 = 0.25;
 
 /// Largest number of collision tests along a path. If it is reached, the result is a collision. With [`MIN_ADVANCE`], a thousand tests
 /// cover a path of 250 thicknesses.
 const MAX_ADVANCES: usize = 1000;
 
-/// Overlap above which two moving shapes collide, relative to the displacement below which neither can pass the other.
+/// Overlap above which two moving shapes collide, relative to the thickness (see the module).
 const COLLISION_OVERLAP: f64 = 0.125;
 
 /// Largest rotation along a part of a path that counts as straight, rad. The chord of 0.5 rad deviates by 1/32 of the radius.
@@ -48,8 +49,9 @@ const MAX_PARTS: usize = 64;
 /// Path length above which points next to a shape's inner points are tested too. It is relative to the thickness, which is also the
 /// distance of these points.
 ///
-/// The path of a ball at half its radius above a point crosses its surface over a chord of 2 sqrt(1 - 1/4) radii. That is twice the
-/// thickness.
+/// Example: a ball whose centre passes half a radius beside the tip of a spike. Its thickness with a mesh is half its radius. The tip is
+/// inside the ball along 2 sqrt(1 - 1/4) radii of the path, which is 3.5 times the thickness. A much shorter path cannot pass the tip
+/// completely.
 const PASS_THROUGH_RATIO: f64 = 3.0;
 
 /// Motion of a solid in the world: its pose at time 0 and its constant twist in a frame that moves along a straight line.
@@ -157,7 +159,8 @@ fn convex_pass(
     true
 }
 
-/// Whether two overlapping shapes are separated by a shorter translation against the direction `towards` than along it.
+/// Whether two overlapping shapes are closer to separation against the direction `towards` than along it: whether the translation that
+/// separates them is shorter.
 ///
 /// `towards` is a direction from the first shape to the second, in the frame of the larger shape. At the edge of a plate the shortest
 /// translation of all is sideways, no matter on which side the shape was before.
@@ -215,7 +218,7 @@ impl RelativePath {
         if let Surface::Grid(grid) = surface
             && grid.is_inside(start)
         {
-            // The height field pushes a point that starts inside out.
+            // The height field pushes out a point that starts inside it.
             return (Crossing::None, [0.0; 3]);
         }
         let (mut here, mut count) = (start, 0);

@@ -29,7 +29,7 @@ pub(super) const EDGES: u32 = 1 << 14;
 /// Type of a [`ProjectedFeature`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Single points of a shape.
+    /// Separate points of a shape.
     #[default]
     Points,
     /// Two corners, the ends of a segment.
@@ -179,11 +179,11 @@ impl ProjectedFeature {
         let k = widest(d);
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let top = u32::from(d[k] > 0.0) << k;
-        // In order around the face. Edge e starts at corner e and runs along axis i or j.
+        // The corners are in order around the face. Edge e starts at corner e and runs along axis i or j.
         for (e, (si, sj)) in [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().enumerate() {
             let id = top | si << i | sj << j;
             let along = if e % 2 == 0 { i } else { j };
-            // The number of an edge consists of the lower one of its vertices and its axis.
+            // The number of an edge combines the number of its lower vertex with its axis.
             let next: u32 = [1 << i, 1 << j, 1 << i, 1 << j][e];
             let edge = (id & !next) | (along as u32) << 3;
             let p = std::array::from_fn(|a| if id >> a & 1 == 1 { half[a] } else { -half[a] });
@@ -225,8 +225,8 @@ impl ProjectedFeature {
 
 /// Ends of the straight line on a shape's surface that is farthest along `d`: an edge, or a line on the side of a round shape.
 ///
-/// `d` is a unit vector in the shape's frame, as are the ends, m. `corner` is the corner that is farthest along `d`. `None` if the sine of
-/// the line's inclination exceeds `tolerance`.
+/// `d` is a unit vector. Both `d` and the ends, m, are in the shape's frame. `corner` is the corner that is farthest along `d`. The result
+/// is `None` if the line is inclined: if the sine of its angle to the plane across `d` exceeds `tolerance`.
 pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Option<[V; 2]> {
     match shape {
         ConvexShape::Sphere { .. } | ConvexShape::Ellipsoid { .. } => None,
@@ -236,7 +236,7 @@ pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Op
             (d[2].abs() < tolerance).then_some([[x, y, -h], [x, y, *h]])
         }
         ConvexShape::Box { half } => {
-            // Next to a slightly tilted face, two edges are nearly perpendicular to the direction.
+            // Next to a slightly tilted face, two edges are nearly perpendicular to the direction. The closer one is chosen.
             let k = (0..3).min_by(|&i, &j| d[i].abs().total_cmp(&d[j].abs())).filter(|&k| d[k].abs() < tolerance)?;
             let mut ends = [shape.support(d); 2];
             (ends[0][k], ends[1][k]) = (-half[k], half[k]);

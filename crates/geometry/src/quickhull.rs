@@ -50,8 +50,8 @@ struct Growing<'a> {
     triangles: Vec<Triangle>,
     /// Distance from a triangle's plane up to which a point counts as inside, m.
     near: f64,
-    /// New triangles at the edges of the hole that was made last in the hull. For each point on the hole's edge, they are the triangles at
-    /// the edges that start and end there. Entries of other points have no meaning.
+    /// For each point on the border of the last hole: the two new triangles at the border's edges that start and end at the point. Entries
+    /// of other points have no meaning.
     rim: Vec<[usize; 2]>,
 }
 
@@ -72,8 +72,8 @@ pub(super) fn triangles(points: &[V]) -> Option<Vec<[u32; 3]>> {
     Some(hull.triangles.iter().filter(|t| t.alive).map(|t| t.corners).collect())
 }
 
-/// Four points that span a large volume. The last one is on the inner side of the triangle of the others. `None` if their thickness is at
-/// most `flat`, m.
+/// Four points that span a large volume. The last point is on the inner side of the triangle of the first three. `None` if all points are
+/// within the thickness `flat`, m.
 fn simplex(points: &[V], flat: f64) -> Option<[u32; 4]> {
     let most = |value: &dyn Fn(V) -> f64| {
         let best = |best: (f64, usize), (i, p): (usize, &V)| {
@@ -157,9 +157,10 @@ impl Growing<'_> {
         }
     }
 
-    /// Farthest of the points that are listed with a triangle. `None` if the list is empty or the triangle was removed.
+    /// Farthest point among those that are listed with a triangle. `None` if the list is empty or the triangle was removed.
     ///
-    /// Of equally far points it is the one with the largest coordinates in lexicographic order, which is certainly a corner of the hull.
+    /// Of equally far points, the result is the one with the largest coordinates in lexicographic order, which is certainly a corner of the
+    /// hull.
     fn furthest(&self, triangle: usize) -> Option<u32> {
         let t = &self.triangles[triangle];
         let greater = |a: (u32, f64), b: (u32, f64)| {
@@ -172,12 +173,12 @@ impl Growing<'_> {
 
     /// Adds the point `apex` to the hull.
     ///
-    /// All triangles are removed whose outer side the point is on. The triangle `from` must be one of them. New triangles connect the point
-    /// with the edges of the hole that remains.
+    /// Removes all triangles that have the point on their outer side. The triangle `from` must be one of them. New triangles connect the
+    /// point with the edges of the hole that remains.
     fn add(&mut self, from: usize, apex: u32) {
         let (mut seen, mut next) = (vec![from], 0);
         self.triangles[from].alive = false;
-        // Edges of the hole: both corners, in the order of the removed triangle, and the triangle across the edge that remains.
+        // Edges of the hole: both corners in the order of the removed triangle, and the remaining triangle on the other side of the edge.
         let mut rim = vec![];
         while next < seen.len() {
             let t = seen[next];

@@ -1,8 +1,8 @@
 //! Distances along rays to meshes and height fields, one ray at a time, in f64.
 //!
 //! The triangles of a mesh are in a tree of boxes. The test of a triangle is that of Woop, Benthin & Wald (2013). With it, no ray passes
-//! between two triangles that share an edge. This can happen with tests that round each triangle separately (parry's, MuJoCo's). Triangles
-//! have two sides: a ray that starts inside a mesh hits the surface where it leaves.
+//! between two triangles that share an edge. With tests that round each triangle separately (parry's, MuJoCo's), a ray can. Triangles have
+//! two sides: a ray that starts inside a mesh hits the surface where it leaves.
 //!
 //! A height field needs no triangles. Along a ray, the height above the ground is linear between crossings of the grid's lines and the
 //! cells' diagonals. The ray hits the ground where this height changes its sign. The field is solid from the ground to its base.
@@ -83,8 +83,8 @@ impl RaySurface {
     }
 }
 
-/// Number of times that the straight path from `p` to `q` crosses a surface; 2 for more than once. Both points are in the surface's frame,
-/// m.
+/// Number of times that the straight path from `p` to `q` crosses a surface; 2 stands for two or more. Both points are in the surface's
+/// frame, m.
 ///
 /// A single crossing from the inside of a mesh to the outside does not count.
 pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
@@ -175,7 +175,7 @@ impl Sheared {
             let q = sub(p, self.origin);
             [q[i] - self.slopes[0] * q[k], q[j] - self.slopes[1] * q[k], self.scale * q[k]]
         });
-        // The triangle across an edge has exactly the opposite number for that edge.
+        // In the neighbouring triangle, `across` of the same edge has exactly the opposite value.
         let across = |p: V, q: V| p[0] * q[1] - p[1] * q[0];
         let [u, v, w] = [across(b, c), across(c, a), across(a, b)];
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
@@ -207,7 +207,7 @@ fn over_field(grid: &Grid, o: V, d: V) -> f64 {
     if enter > leave || !leave.is_finite() {
         return f64::INFINITY;
     }
-    // `s` is the distance from the start of that part. Coordinates across the grid are in cells.
+    // `s` is the distance from the start of this part, m. Coordinates across the grid are in cells.
     let start = add_scaled(o, d, enter);
     let cells = [grid.shape[1] - 1, grid.shape[0] - 1].map(|n| n as f64);
     let per_length = [0, 1].map(|k| cells[k] / (2.0 * grid.half[k]));

@@ -1,4 +1,5 @@
-//! Closest points of a triangle and a ball or capsule, in closed form. The general search has the same results and takes longer.
+//! Closest points of a triangle and a ball or capsule, in closed form. The general search (`separation.rs`) has the same results and takes
+//! longer.
 
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
@@ -37,7 +38,7 @@ pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
 /// Whether a ball or capsule may be closer to a triangle than `reach`, m, or behind its plane. True means that it is possible.
 ///
 /// `ends` are the centre of the ball or the ends of the capsule's segment. A point behind the plane may be outside an edge by at most its
-/// depth. The result is false if one edge excludes both cases.
+/// depth. The result is false if all points are too far outside one of the edges.
 pub(super) fn may_touch(corners: &[V; 3], normal: V, ends: &[V], reach: f64) -> bool {
     (0..3).all(|k| {
         let edge = sub(corners[(k + 1) % 3], corners[k]);

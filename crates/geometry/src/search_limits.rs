@@ -21,13 +21,13 @@ pub struct SearchLimits {
 }
 
 impl SearchLimits {
-    /// Whether the separation `found` proves that the pair has no contact that can push within the step.
+    /// Whether the separation `found` proves that the pair has no contact within `self.prediction` that can push within the step.
     pub(super) fn excludes(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         self.excludes_gap(found.normal, found.separation - pair.thickness(), pair.size)
     }
 
-    /// Whether a separation of `gap`, m, along the unit vector `normal` proves that two shapes have no contact that can push within the
-    /// step. `size` is the size of the pair, m.
+    /// Whether a separation of `gap`, m, along the unit vector `normal` proves that two shapes have no contact within `self.prediction`
+    /// that can push within the step. `size` is the size of the pair, m.
     pub(super) fn excludes_gap(&self, normal: V, gap: f64, size: f64) -> bool {
         gap > self.prediction || self.approach.is_some_and(|a| a.is_separated(normal, gap, size))
     }

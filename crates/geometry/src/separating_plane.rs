@@ -1,9 +1,9 @@
 //! Separating plane of two hulls that remains valid for many steps. It consists of a half space that contains the first hull, and a ball
 //! that contains the second hull and bulges little towards the first one.
 //!
-//! Both are fixed to their hulls and depend on their vertices alone, so that a change of poses or states does not invalidate them. Let the
-//! first hull be within n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its frame. The separation of the
-//! hulls along n is then at least
+//! Both are fixed to their hulls and depend only on the hulls' vertices. They therefore remain valid when poses or states change. Let `pos`
+//! and `mat` be the pose of the second hull in the frame of the first. Let the first hull be within n . x <= a, and the second within the
+//! ball of radius q |m| + e about p - q m in its frame. The separation of the hulls along n is then at least
 //!
 //! ```text
 //! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)
@@ -40,7 +40,8 @@ const LEAST: f64 = 5e-5;
 pub struct SeparatingPlane {
     /// Unit normal n from the first to the second hull, in the frame of the first.
     normal: [f32; 3],
-    /// Vertex of each hull where the normal was found: the farthest along it, and the farthest in the opposite direction.
+    /// Vertices where the normal was found: the vertex of the first hull that is farthest along it, and that of the second hull in the
+    /// opposite direction.
     corners: [u32; 2],
     /// For each vertex in `corners`, the vertex at the other end of the edge that is perpendicular to the normal. Equal to `corners` unless
     /// the normal is perpendicular to an edge of each hull.
@@ -51,13 +52,13 @@ pub struct SeparatingPlane {
     axis: [f32; 3],
     /// Distance of the centre of the ball that contains the second hull from the hull's vertex `tip`, m.
     curve: f32,
-    /// Offset along the normal n of the plane that contains the first hull, plus the length by which the ball around the second hull
-    /// bulges, m. Infinite without a separating plane.
+    /// Offset along the normal n of the plane that bounds the first hull, plus the bulge of the ball around the second hull, m. Infinite
+    /// without a separating plane.
     offset: f32,
 }
 
 impl SeparatingPlane {
-    /// Value for two hulls that have neither a known normal nor a separating plane.
+    /// Value for two hulls that have neither a cached normal nor a separating plane.
     pub const NONE: Self =
         Self { normal: [0.0; 3], corners: [0; 2], ends: [0; 2], tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY };
 
@@ -71,7 +72,7 @@ impl SeparatingPlane {
         let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, spare > LEAST * pair.size) else {
             return unknown;
         };
-        // Computed from the rounded numbers that are stored, so that the plane is valid in spite of rounding.
+        // The plane is computed from the rounded numbers that are stored. Rounding then does not make it invalid.
         let wide = |x: [f32; 3]| x.map(f64::from);
         let [i, j] = facing.corners.map(|c| c as usize);
         let tip = b.points()[j].map(|x| x as f32);
@@ -104,13 +105,13 @@ pub struct SeparatingPlanes<R: Real> {
     axis: V3<R>,
     /// Distance of the centre of the ball that contains the second hull from the hull's vertex `tip`, m.
     curve: R,
-    /// Offset along the normal n of the plane that contains the first hull, plus the length by which the ball around the second hull
-    /// bulges, m. Infinite without a separating plane.
+    /// Offset along the normal n of the plane that bounds the first hull, plus the bulge of the ball around the second hull, m. Infinite
+    /// without a separating plane.
     offset: R,
 }
 
 impl<R: Real> SeparatingPlanes<R> {
-    /// Value for lanes of which none has a separating plane.
+    /// Value without a separating plane in any lane.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = R::zero();

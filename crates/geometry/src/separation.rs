@@ -1,24 +1,25 @@
-//! Direction of the largest separation of the cores of two convex shapes.
+//! Largest separation of the cores of two convex shapes (the shapes without their rounding radii), and its direction.
 //!
-//! If the cores are apart, it is the direction between their closest points (`gjk.rs`). If polytopes overlap, it is the normal of the facet
-//! of their difference that is nearest to the origin (`expand.rs`). If the result is near that of the previous step, neither is needed
-//! (`warm_start.rs`).
+//! If the cores are apart, the direction is that between their closest points (`gjk.rs`). If polytopes overlap, it is the normal of the
+//! facet of their difference that is nearest to the origin (`expand.rs`). If the result is near that of the previous step, neither search
+//! is needed (`warm_start.rs`).
 //!
-//! Round shapes that touch or overlap, and polytopes for which rounding hides the result, need another method. The second core is moved
-//! along the best direction n0 so far until there is a small gap. The direction n1 between the closest points across that gap is at least
-//! as good. With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
+//! Round shapes that touch or overlap, and polytopes for which rounding hides the result, need another method. Let s(n) be the separation
+//! along the unit vector n. The second core is moved along the best direction n0 so far until there is a small gap. The direction n1
+//! between the closest points across that gap is at least as good. With the shift t n0, t = gap - s(n0), the shifted separation is s'(n) =
+//! s(n) + t n . n0, so that
 //!
 //! ```text
 //! s(n1) = s'(n1) - t n1 . n0 >= s'(n0) - t = s(n0).
 //! ```
 //!
-//! Repetition converges to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
+//! Repetition climbs to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
 //! curvature + gap). There is always a result, because the climb starts from the best of the face normals and axes of both shapes.
 //!
-//! The overlap may be shallower in another direction. This is impossible in three cases. A closest point is as deep below the other shape's
-//! surface. Or the ball around the origin with the depth as radius is inside a ball that can roll within the difference. Or it is inside
-//! the part of the difference that is described in `warm_start.rs`. Otherwise a search of the difference (`expand.rs`) finds a shallower
-//! direction, or shows that there is none.
+//! The overlap may be shallower in another direction. Three conditions exclude this. A closest point is as deep below the other shape's
+//! surface. Or the ball around the origin with the depth as radius is inside a ball that can roll within the difference. Or this ball is
+//! inside the part of the difference that is described in `warm_start.rs`. Otherwise a search of the difference (`expand.rs`) finds a
+//! shallower direction, or shows that there is none.
 
 use crate::expand::Polytope;
 use crate::facing::{EQUAL_SEPARATION, Facing, GAP, Separation};
@@ -35,18 +36,19 @@ use crate::warm_start::{facet, is_certain, largest_separation_near};
 const CLEAR: f64 = 1e-9;
 /// Largest number of steps of [`climb`], which finds the direction of the largest separation of overlapping shapes. Two to four are usual.
 const CLIMBS: usize = 12;
-/// Smallest difference of penetration depth for which a shallower direction is searched for, relative to the size of the pair.
+/// Smallest reduction of the penetration depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
-/// Distance of a point from the outline of the facet of the Minkowski difference that contains it, relative to the size of the pair. The
-/// point is the nearest to the origin. If the distance is larger, the search for a shallower direction starts with the facet's vertices.
+/// Distance from the outline of a facet of the Minkowski difference to the facet's point that is nearest to the origin, relative to the
+/// size of the pair. If the distance is larger, the search for a shallower direction starts with the facet's vertices.
 const WIDE: f64 = 0.01;
-/// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace it.
+/// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace the contact normal.
 pub(super) const NEAR_FACE: f64 = 0.05;
 /// Sideways offset, parallel to a face, of the closest points of two polytopes, relative to the size of the pair. With a larger offset, the
 /// other shape's closest point is not above the face.
 pub(super) const SIDEWAYS: f64 = 1e-7;
 
-/// Largest separation of two shapes without their rounding radii. The normal is that of a face, if the separation is equal up to rounding.
+/// Largest separation of two shapes without their rounding radii. The normal is that of a face, if the separation along it is equal up to
+/// rounding.
 ///
 /// If `limits` exclude a contact, the search may stop early, and the separation is a lower bound or an estimate. A cached normal saves time
 /// and does not change the result.
@@ -65,7 +67,7 @@ pub(super) fn nearest(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Pol
 pub(super) fn search(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Polytope) -> Facing {
     let distance = limits.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance, polytope) };
-    // The normal is that of the facet, without the rounding error of the search.
+    // The normal in `own` is exactly that of the facet, without the rounding error of the search.
     let own = if limits.excludes(pair, &found) { None } else { facet(pair, found.normal, limits) };
     own.unwrap_or_else(|| Facing::new(pair, found))
 }
@@ -76,7 +78,7 @@ fn of_polytopes(pair: &Pair<'_>, max_distance: f64, polytope: &mut Polytope) -> 
     if let Some(normal) = first.normal(CLEAR * pair.size) {
         return first.separation(normal);
     }
-    // If the origin is inside the difference, the simplex is a tetrahedron.
+    // The GJK simplex is a tetrahedron, if the origin is inside the difference.
     polytope.nearest_facet(pair, first.vertices()).unwrap_or_else(|| of_overlap(pair, &first, polytope))
 }
 
@@ -102,7 +104,7 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     if -found.separation <= certain_depth(pair, &found) + least || is_certain(pair, &found, from_outline) {
         return found;
     }
-    // Near a small facet, the polytope would have narrow faces.
+    // With the vertices of a small facet, the polytope would have narrow faces.
     polytope.enclose(pair, first.vertices(), if from_outline > WIDE * pair.size { near.vertices() } else { &[] });
     for _ in 0..CLIMBS {
         let Some(normal) = polytope.shallower(pair, -found.separation, least) else { break };
@@ -190,17 +192,18 @@ fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
     (Separation { normal: best.normal, separation: best.separation, points }, near)
 }
 
-/// Whether the closest points of two polytopes are not above each other, seen along the normal `flat` of a face.
+/// Whether the closest points of two polytopes are offset sideways, seen along the normal `flat` of a face.
 ///
-/// The closest feature is then not above the face, and clipping with this face as the reference would lose it. Only polytopes have exact
-/// closest points.
+/// The closest feature is then not above the face. Clipping with this face as the reference would lose it. The result is false for other
+/// shapes, because only polytopes have exact closest points.
 fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
     let [x, y] = found.points;
     let apart = sub(y, x);
     found.separation > 0.0 && pair.is_polytope() && norm(add_scaled(apart, flat, -dot(apart, flat))) > SIDEWAYS * pair.size
 }
 
-/// Replaces the contact normal by that of a face, if the separation is equal up to rounding. The first shape's face is preferred.
+/// Replaces the contact normal by that of a face, if the separation along the face's normal is equal up to rounding. The first shape's face
+/// is preferred.
 ///
 /// Normals of resting contacts are therefore exact, and do not change from step to step.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
@@ -214,7 +217,7 @@ fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
         if is_beside(pair, &found, flat) {
             continue;
         }
-        // The distance of any two points along the direction bounds its separation.
+        // The distance of any two points along the direction is an upper bound of the separation along it.
         if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE && pair.apart_at(flat, corners) >= worse {
             let (separation, corners) = pair.separation_near(flat, corners);
             if separation >= worse {

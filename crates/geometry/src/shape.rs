@@ -224,7 +224,8 @@ impl ConvexShape {
         }
     }
 
-    /// Calls `visit` with directions that may have the largest separation from an overlapping shape, without the line between the centres.
+    /// Calls `visit` with candidates for the direction of the largest separation from an overlapping shape. The line between the centres is
+    /// not among them.
     ///
     /// `towards` is the centre of the other shape, m.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {

@@ -10,9 +10,9 @@
 //!
 //! for every direction u along the surface that starts at p.
 //!
-//! Inside a triangle, d is its normal. At an edge, such d are between the normals of the two triangles. At a corner, they are in the cone
-//! of the normals around it. (This cone is the Gauss image of the corner, and the shape is in its Voronoi region: Lin & Canny, 1991.) At a
-//! concave edge there are none.
+//! Inside a triangle, only its normal is such a d. At an edge, the vectors d are between the normals of the two triangles. At a corner,
+//! they are in the cone of the normals of its triangles. (This cone is the Gauss image of the corner, and the shape is in its Voronoi
+//! region: Lin & Canny, 1991.) A concave edge has no such d.
 //!
 //! If the closest point belongs to a neighbour, the triangle has no contact there. Such a contact would be a tilted plane that is not part
 //! of the surface, and would brake a shape that slides past. Corners of the shape above the triangle are still contacts, with the
@@ -44,17 +44,17 @@ use crate::workspace::Workspace;
 /// Largest number of contact points of a convex shape and a surface.
 pub const MAX_SURFACE_POINTS: usize = 16;
 
-/// Depth up to which a contact point belongs to the triangle above it, relative to the size of the pair. Deeper points may be closer to
-/// another triangle. Contacts at rest are at most 1e-4 deep.
+/// Depth up to which a contact point certainly belongs to the triangle above it, relative to the size of the pair. Deeper points may be
+/// closer to another triangle. Contacts at rest are at most 1e-4 deep.
 const SHALLOW: f64 = 1e-3;
 
-/// Distance of a deep contact point from another triangle, relative to its depth, below which it belongs to that triangle.
+/// Distance of a deep contact point from another triangle, relative to the point's depth, below which the point belongs to that triangle.
 ///
 /// Example: a peg overlaps the wall of its hole by micrometres, and is centimetres below the face around the hole.
 const NEARER: f64 = 0.5;
 
-/// Range of the cosine between the normals of two triangles of which one may take contact points of the other. Outside this range they are
-/// part of one face, or the two sides of a sheet.
+/// Range of the cosine between the normals of two triangles, within which a contact point of one may belong to the other. Above it the
+/// triangles are part of one face. Below it they are the two sides of a thin sheet.
 const TURNED: Range<f64> = -0.5..0.99;
 
 /// Surface of triangles in its frame, with lengths in m.
@@ -76,8 +76,8 @@ pub struct MeshSurface {
     faces: Vec<[u32; 3]>,
     /// Outward unit normal of each triangle.
     normals: Vec<V>,
-    /// Third vertex of the neighbour across the edge that starts at each corner of a triangle; `None` without a neighbour. Of several
-    /// neighbours, it is the one that rises most.
+    /// Third vertex of the neighbour across the edge that starts at each corner of a triangle; `None` without a neighbour. If an edge has
+    /// several neighbours, it is that of the neighbour that rises most.
     across: Vec<[Option<u32>; 3]>,
     /// Vertices that share an edge with each vertex. Those of vertex v are in `around[first[v]..first[v + 1]]`.
     around: Vec<u32>,
@@ -141,7 +141,7 @@ impl MeshSurface {
         let neighbour = |f: &[u32; 3], k: usize| {
             let [a, b, c] = [f[k], f[(k + 1) % 3], f[(k + 2) % 3]];
             let rise = |v: &u32| rise(&corners(&[a, b, c]), vertices[*v as usize]);
-            // The other side of a thin sheet is not a neighbour.
+            // The back side of a thin sheet is not a neighbour.
             let others = thirds.get(&[b, a]).into_iter().flatten().copied().filter(|&v| v != c);
             others.max_by(|x, y| rise(x).total_cmp(&rise(y)))
         };
@@ -305,7 +305,8 @@ impl Grid {
         for height in (r.start..=r.end).flat_map(|k| row(k, c.start..c.end + 1)) {
             highest = highest.max(*height);
         }
-        // Neighbouring cells must have the same height, because an edge may fall away to them. At the border of the grid it does.
+        // Neighbouring cells must have the same height, because the surface may fall off at the edge between them. At the border of the
+        // grid it does.
         let level = c.start > 0
             && r.start > 0
             && c.end < columns - 1
@@ -314,7 +315,7 @@ impl Grid {
         DiscHeights { highest, level }
     }
 
-    /// Adds the triangles of the cells below or inside a box with the corners `low` and `high`, m.
+    /// Adds to `out` the triangles of all cells below or inside a box with the corners `low` and `high`, m.
     fn under(&self, low: V, high: V, out: &mut Vec<u32>) {
         let columns = self.shape[1];
         for r in self.cells(1, low[1], high[1]) {
@@ -371,8 +372,8 @@ impl Surface {
 
     /// Whether `visit` returns true for all vertices next to a part (inside, edge or corner) of triangle `t`. It stops at the first false.
     ///
-    /// These are vertices of the neighbouring triangles, m. All directions along the surface that start at the part, except those along the
-    /// triangle itself, are between the directions to these vertices.
+    /// Each vertex is passed as its position, m. It belongs to a neighbouring triangle. All directions along the surface that start at the
+    /// part, except those along the triangle itself, are between the directions to these vertices.
     fn all_beside(&self, t: usize, facet: &Facet, at: &Outline, mut visit: impl FnMut(V) -> bool) -> bool {
         match (at, self) {
             (Outline::Inside, _) => true,
@@ -398,8 +399,8 @@ impl Surface {
             if inside > 0.0 && inside * inside > sideways * sideways * dot(edge, edge) {
                 return true;
             }
-            // Across the neighbour's other edges there may be lower triangles. If the neighbour overhangs, it is not on the other side of
-            // the edge.
+            // Beyond the neighbour's other edges there may be lower triangles. An overhanging neighbour is not on the other side of the
+            // shared edge.
             let facet = facet.get_or_insert_with(|| self.facet(t as usize));
             let is_far_from_others = |third: V| {
                 let third = add_scaled(third, normal, -dot(normal, sub(third, a)));
@@ -445,7 +446,8 @@ impl Surface {
         }
     }
 
-    /// Writes the triangles in the box from `low` to `high` to `out`, ascending. Other triangles near the box may be included.
+    /// Writes the indices of the triangles in the box from `low` to `high` to `out`, in ascending order. Triangles near the box may be
+    /// included.
     pub(super) fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
         out.clear();
         match self {
@@ -473,8 +475,8 @@ impl Surface {
 ///
 /// If `limits.approach` is given, points that cannot push within the step may be absent. The normal of a contact at an edge or corner is a
 /// positive combination of the normals of the triangles there. The contact's closing speed is therefore at most the same combination of the
-/// closing speeds of these triangles. It can push only if a contact with one of the triangles can. This need not be true at a border of the
-/// surface, where no triangle is left out.
+/// closing speeds of these triangles. The contact can push only if a contact with one of the triangles can. At a border of the surface this
+/// need not be true, so that all triangles there are tested.
 pub fn collide_surface(
     a: &Surface,
     pose_a: &Pose,
@@ -500,7 +502,7 @@ pub fn collide_surface(
     let mut culled = nearer.is_some();
     workspace.all.clear();
     workspace.owners.clear();
-    // Triangle with the smallest separation, among those whose closest point belongs to a neighbour.
+    // Triangle with the smallest separation, among the triangles whose closest point belongs to a neighbour.
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
         let corners = a.triangle(t);
@@ -521,7 +523,7 @@ pub fn collide_surface(
             continue;
         }
         if let Some(ends) = &core {
-            // Most triangles are outside the projection of a ball or capsule, and most balls are above one triangle.
+            // Most triangles are outside the projection of a ball or capsule. Most balls are above exactly one triangle.
             if !may_touch(&corners, normal, ends, reach) {
                 continue;
             }
@@ -537,7 +539,8 @@ pub fn collide_surface(
                     workspace.owners.push(t);
                     continue;
                 }
-                // The ball is behind a wall of a mesh, or too far from the outline.
+                // A ball beside the triangle may be too far from its outline, or have no contact that can push. A ball behind a triangle of
+                // a mesh is on the other side of a wall.
                 let mut is_far = || {
                     let apart = sub(centre, nearest_of_triangle(&corners, centre));
                     let (distance, n) = (norm(apart), unit_or(apart, normal));
@@ -570,10 +573,10 @@ pub fn collide_surface(
     }
     workspace.triangles = triangles;
     if culled && left.is_some() && workspace.all.is_empty() {
-        // The closest point may belong to a triangle that was left out because of the motion.
+        // The closest point may belong to a skipped triangle: one whose contacts cannot push within the step. The second search skips none.
         return collide_surface(a, pose_a, b, pose_b, prediction, out, workspace);
     }
-    // If no triangle accepted a point, rounding rejected the nearest one.
+    // If no triangle accepted a point, rounding caused all to reject the closest one.
     if let Some((t, facing)) = left.filter(|_| workspace.all.is_empty()) {
         let triangle = ConvexShape::Triangle(a.facet(t as usize).corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
@@ -590,8 +593,8 @@ pub fn collide_surface(
 /// Triangles count if they are within `reach` of the shape without its rounding radius, m. If `approach` is given, they count only if their
 /// contacts can push within the step.
 ///
-/// A contact joins a point x of the surface and a point y of the shape, and y - x is a multiple of its normal. The box is at least as large
-/// as for a shape at rest.
+/// A contact joins a point x of the surface and a point y of the shape. For contacts that can push, [`Approach::max_components`] bounds y -
+/// x. The box can therefore be smaller with `approach`, but is never smaller than for a shape at rest.
 pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, approach: Option<Approach>) -> [V; 2] {
     let [low, high] = whole.extent_b(core);
     let [against_axes, along_axes] = approach.map_or([[f64::INFINITY; 3]; 2], |approach| approach.max_components(whole.size));
@@ -627,8 +630,8 @@ fn feature_id(triangle: u32, feature: u32) -> u32 {
 
 /// Adds the contact points of triangle `t` and a shape to `out`. The shape is the second one of `pair`.
 ///
-/// `along` is the separation along the normal of the triangle, m. The result is the separation of triangle and shape, if there are no
-/// points because the closest point belongs to a neighbour.
+/// `along` is the separation along the normal of the triangle, m. If there are no points because the closest point belongs to a neighbour,
+/// the result is the separation of triangle and shape; else `None`.
 #[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch(
     surface: &Surface,
@@ -687,8 +690,8 @@ fn touch_any(
         // The whole shape is on the other side of a wall of a mesh.
         return None;
     }
-    // If the shape's centre is behind the face of a mesh, its closest point may be on the outline, at a sharp edge. Its corners above or
-    // below the face are then not contacts.
+    // If the shape's centre is behind a triangle of a mesh, its closest point may be on the triangle's outline, at a sharp edge. The
+    // shape's corners above or below the triangle are then not contacts.
     let over = |workspace: &mut Workspace, out: &mut Manifold| {
         if !behind {
             over(workspace, out);
@@ -716,7 +719,7 @@ fn touch_any(
     if cos > 0.0 && !matches!(at, Outline::Inside) && surface.is_nearest(t, facet, &at, p, found.normal) {
         workspace.clipper.manifold(pair, &facing, prediction, out);
         if out.is_single_unnamed() && 1.0 - cos <= LEVEL {
-            // A slightly tilted shape is as close at its other corners above the triangle, or will be soon.
+            // The other corners of a slightly tilted shape above the triangle are as close, or soon will be.
             over(workspace, out);
         }
         return None;

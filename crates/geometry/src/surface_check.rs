@@ -1,5 +1,5 @@
-//! Check that triangles are the surface of the convex hull of points. The triangles of a file are not trusted, and the check takes less
-//! time than a new hull.
+//! Check that triangles are the surface of the convex hull of points. Triangles from a file may be wrong, and the check takes less time
+//! than a new hull.
 //!
 //! A closed surface of triangles is that of a convex body under three conditions (Mehlhorn, Naher, Seel, Seidel, Schilz, Schirra & Uhrig,
 //! 1999). No edge is bent inwards, every triangle faces away from one inner point, and a ray from that point meets the surface once. Each
@@ -67,8 +67,8 @@ impl SurfaceCheck<'_> {
         })
     }
 
-    /// First edge of a triangle that has the ray from the inner point to `p` on its outer side. `None` if the ray crosses the triangle.
-    /// Rays through an edge up to rounding are not on its outer side.
+    /// First edge of a triangle that has the ray from the inner point to `p` on its outer side. `None` if the ray crosses the triangle. A
+    /// ray through an edge, up to rounding, counts as crossing the triangle.
     fn edge_outside(&self, triangle: &[u32; 3], p: V) -> Option<usize> {
         let corners = self.corners(triangle).map(|q| sub(q, self.centre));
         let p = sub(p, self.centre);

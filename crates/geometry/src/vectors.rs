@@ -29,7 +29,7 @@ impl Pose {
     }
 }
 
-/// Index of the point that is farthest along `d`. Of several equally far points it is the first.
+/// Index of the point that is farthest along `d`. If several points are equally far, it is the first of them.
 pub(super) fn furthest(points: &[V], d: V) -> usize {
     let mut best = 0;
     let mut most = f64::NEG_INFINITY;
@@ -53,7 +53,7 @@ pub(super) fn neg(x: V) -> V {
     [-x[0], -x[1], -x[2]]
 }
 
-/// Index of the coordinate with the largest absolute value. Of several equal ones it is the first.
+/// Index of the coordinate with the largest absolute value. If several are equal, it is the first of them.
 pub(super) fn widest(d: V) -> usize {
     let a = d.map(f64::abs);
     if a[0] >= a[1] && a[0] >= a[2] {

@@ -2,15 +2,15 @@
 //!
 //! The candidates are the facets of the Minkowski difference A - B of the hulls near the cached normal. First comes the pair of edges of
 //! the previous step. Then come the faces of both hulls and the pair of edges along the cached normal. The last candidate is the facet that
-//! a GJK search from there finds. A facet is accepted only if it is certainly the one that is nearest to the origin. The result therefore
-//! does not depend on the cached normal: the search from scratch finds the same.
+//! a GJK search finds from the cached normal. A facet is accepted only if it is certainly the one that is nearest to the origin. The result
+//! therefore does not depend on the cached normal: a search without it finds the same.
 //!
 //! Let n be the facet's normal, s the separation along n, and p the point of the facet that is nearest to the origin. Let m be the distance
-//! of p from the outline of the facet. The facet is certain if the hulls are apart, because two points have the distance s. Let them
-//! overlap by d = -s. The facet is then certain if the ball of radius d around the origin is inside the convex hull of two sets. One is the
-//! disc of radius m around p on the facet. The other is the ball of radius r around the difference of the hulls' centres, which is inside
-//! A - B. With this centre at depth H below the facet and at distance L sideways from p, the conditions are 2 d < H and
-//! d (1 + 2 L / H) < min(m, r).
+//! of p from the outline of the facet. If the hulls are apart, the facet is certain, because two points of them have the distance s. Let
+//! them overlap by d = -s. The facet is then certain if the ball of radius d around the origin is inside the convex hull of two sets. One
+//! is the disc of radius m around p on the facet. The other is the ball of radius r around the difference of the hulls' centres, which is
+//! inside A - B. With this centre at depth H below the facet and at distance L sideways from p, the conditions are 2 d < H and d (1 + 2 L /
+//! H) < min(m, r).
 
 use crate::cached_normal::CachedNormal;
 use crate::facing::{Facing, GAP, Separation};
@@ -26,7 +26,7 @@ use crate::vectors::{V, neg};
 const SAFETY: f64 = 0.5;
 /// Distance of a point from the outline of a facet below which it counts as being on the outline, relative to the size of the pair.
 const ON_OUTLINE: f64 = 1e-9;
-/// Difference of the extents along a direction below which a vertex counts as equally far as an edge, relative to the size of the pair.
+/// Difference of the extents along a direction below which a vertex counts as no farther than an edge, relative to the size of the pair.
 const ROUNDING: f64 = 4e-15;
 /// Sine of the angle between two edges below which they count as parallel.
 const PARALLEL: f64 = 1e-3;
@@ -147,7 +147,7 @@ fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], guess: V, corners: [u32; 2],
 /// `from_outline` is the distance of the closest points from the ends of the edges, m.
 fn certain_edges(pair: &Pair<'_>, facing: Facing, from_outline: f64, limits: &SearchLimits) -> Option<Facing> {
     let Facing { found, corners, .. } = facing;
-    // No corner may be farther in this direction than the edges.
+    // No vertex may be farther along this normal than the edges.
     let furthest = pair.separation_near(found.normal, corners).0 >= found.separation - ROUNDING * pair.size;
     (furthest && (limits.excludes(pair, &found) || is_certain(pair, &found, from_outline))).then_some(facing)
 }
@@ -155,8 +155,8 @@ fn certain_edges(pair: &Pair<'_>, facing: Facing, from_outline: f64, limits: &Se
 /// Separation of two hulls along the common perpendicular of an edge of each, and distance of the closest points from the ends of the
 /// edges, m.
 ///
-/// `e` and `h` are the vertices of the edges of the first and second hull. Of both directions of the perpendicular, the result has the one
-/// closer to `towards`. `None` if the closest points are not inside the edges.
+/// `e` and `h` are the vertices of the edges of the first and second hull. The normal is the direction of the perpendicular that is closer
+/// to `towards`. `None` if the closest points are not inside the edges.
 fn across_edges(pair: &Pair<'_>, [a, b]: [&Hull; 2], [e, h]: [[u32; 2]; 2], towards: V) -> Option<(Facing, f64)> {
     let sorted = |[v, w]: [u32; 2]| [v.min(w), v.max(w)];
     let names = [sorted(e), sorted(h)];

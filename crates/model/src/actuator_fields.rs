@@ -59,8 +59,8 @@ impl Actuator {
         row(&self.bias[..self.force_model.bias.width()])
     }
 
-    /// Text with the property that determines how many columns of `field` the actuator uses, such as "it acts on a joint", and the number
-    /// of these columns.
+    /// Property of the actuator that determines how many columns of `field` it uses, and this number of columns. The property is a text
+    /// such as "it acts on a joint".
     fn reads(&self, field: &str) -> (String, usize) {
         match (field, self.transmission) {
             ("actuator_gainprm", _) => (format!("its gaintype is {:?}", self.force_model.gain.word()), self.force_model.gain.width()),
@@ -105,7 +105,7 @@ pub(crate) fn bias(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// Calls `f` for each parameter of one actuator: for the values `read`, which the actuator uses, and for a zero in every further column.
+/// Calls `f` for each parameter of one actuator: for the values `read` that the actuator uses, and for a zero in each remaining column.
 fn visit(read: &mut [f64], f: &mut dyn FnMut(&mut f64)) {
     let others = PARAMETERS - read.len();
     read.iter_mut().for_each(&mut *f);

@@ -4,14 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, ForceModel, Model, Transmission, label};
 
-/// Dynamics of an actuator between its control and its force. Every list has a single value for all environments, or a value for each
-/// environment.
+/// Dynamics of an actuator between its control and its force. Each list has one value for all environments, or one for each environment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorSpec {
     /// Delay of the control, s.
     pub delay: Vec<f64>,
-    /// Additional delay of the control in steps, which is added to `delay`.
+    /// Additional delay of the control, in steps.
     pub delay_steps: Vec<f64>,
     /// Time constant of the first-order lag between control and force, s; 0 means no lag.
     pub lag: Vec<f64>,
@@ -27,7 +26,7 @@ pub struct ActuatorSpec {
     pub motor: Option<Motor>,
 }
 
-/// PID servo. The control is the target of the actuator's length, which is the joint position or tendon length times the gear.
+/// PID servo. The control is the target of the actuator's length, which is the joint position or tendon length, times the gear.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {
@@ -103,7 +102,7 @@ impl ActuatorSpec {
         (0..num_envs).map(|env| self.steps(env, h)).fold(0.0, f64::max).ceil() as usize
     }
 
-    /// Whether the actuator has a servo without a sampling period.
+    /// Whether the actuator has a continuous servo: one without a sampling period.
     pub fn is_continuous_servo(&self) -> bool {
         self.servo.as_ref().is_some_and(|s| s.period.is_empty())
     }

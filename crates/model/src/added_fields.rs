@@ -1,4 +1,4 @@
-//! Serialization of fields of a description that did not exist in version 12 of the format of saved models.
+//! Serialization of those fields of a description that version 12 of the format of saved models does not have.
 //!
 //! In text formats, these fields are serialized as usual. In the binary format, which has no field names, `crate::file` writes them after
 //! the description. So a description in which these fields have their default values has the same bytes and digest as in version 12.

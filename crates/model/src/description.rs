@@ -44,7 +44,8 @@ pub struct Description {
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms never collide.
     pub excludes: Vec<[usize; 2]>,
-    /// Overlaps of geoms for which collisions are disabled, see [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
+    /// Pairs of geoms that overlap in the reference pose and whose collisions are disabled, see
+    /// [`Model::exclude_overlaps`](crate::Model::exclude_overlaps).
     #[serde(default, with = "added_fields")]
     pub excluded_overlaps: Vec<Overlap>,
     /// Fixed tendons: linear combinations of joint positions.
@@ -53,7 +54,7 @@ pub struct Description {
     pub equalities: Vec<Equality>,
     /// Actuators, one control each.
     pub actuators: Vec<Actuator>,
-    /// Frames on bodies that sensors refer to.
+    /// Frames that are fixed to bodies, for sensors and actuators.
     pub sites: Vec<Site>,
     /// Sensors.
     pub sensors: Vec<Sensor>,
@@ -199,7 +200,8 @@ pub struct Geom {
     pub priority: i32,
     /// Sliding, torsional (m) and rolling (m) friction coefficients. For each coefficient, a contact has the larger value of its two geoms.
     pub friction: [f64; 3],
-    /// Newton's coefficient of restitution, 0 to 1. A contact has the larger value of its two geoms; compliant contacts have none.
+    /// Newton's coefficient of restitution, 0 to 1. A contact has the larger value of its two geoms. Compliant contacts have no
+    /// restitution.
     pub restitution: f64,
     /// Margin: distance below which a contact pushes, m. A contact has the sum of the margins of its two geoms.
     pub margin: f64,
@@ -239,11 +241,10 @@ pub struct Pair {
     pub gap: f64,
     /// Softness in MuJoCo's contact law.
     pub softness: Softness,
-    /// [`Softness::solref`] of the constraints for friction in a contact. With zeros, they have the solref of the constraint along the
-    /// normal.
+    /// [`Softness::solref`] of the constraints for friction in a contact. Zeros select the solref of the constraint along the normal.
     pub solref_friction: [f64; 2],
-    /// Ratios of the friction along the second tangent to the friction along the first: for sliding, then for rolling friction. Only
-    /// MuJoCo's contact law uses these ratios.
+    /// Ratio of the friction coefficient along the second tangent to that along the first tangent: for sliding friction, then for rolling
+    /// friction. Only MuJoCo's contact law uses these ratios.
     pub anisotropy: [f64; 2],
     /// Spring and damper of the contact, which make it compliant.
     #[serde(default)]

@@ -29,12 +29,12 @@ const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models. It increases when the payload of a saved model changes.
 pub const FORMAT_VERSION: u32 = 15;
-/// Oldest file version with `Added` fields. A file of this version has no force models, so that each actuator gets the force model of
+/// Last version of the format without force models. From a file of this version, each actuator gets the force model of
 /// [`ForceModel::of_parameters`].
 const WITHOUT_FORCE_MODELS: u32 = 14;
-/// Oldest file version with noslip iterations. A file of this version has no [`Added`] fields.
+/// Last version of the format without [`Added`] fields.
 const WITHOUT_ADDED: u32 = 13;
-/// Oldest file version that can be read. A file of this version has no noslip iterations.
+/// Last version of the format without noslip iterations. It is the oldest version that can be read.
 const WITHOUT_NOSLIP: u32 = 12;
 
 const HEADER: usize = 8 + 4 + 32;
@@ -108,7 +108,7 @@ impl Model {
     /// The digest depends on the forces of the actuators, and not on the parameters that determine these forces (see [`ForceModel`]).
     pub fn digest(&self) -> [u8; 32] {
         let description = with_affine_forces(&self.description);
-        // Without noslip iterations and added fields, the digest must be that of versions before these fields.
+        // Without noslip iterations and added fields, the digest must equal that of older stepper versions, which had no such fields.
         let (noslip, added) = (self.soft.noslip, Added::of(self));
         let held = match (noslip == NoSlip::default(), added == Added::default()) {
             (true, true) => encoded(&*description),
@@ -371,7 +371,7 @@ mod tests {
         let back = Model::from_bytes(&model.to_bytes()).unwrap();
         assert_eq!(back, model);
         assert_eq!(back.to_bytes(), model.to_bytes());
-        // The order of the triangles is that of the file. A recomputed hull would have another order.
+        // The triangles are in the order of the file. A recomputed hull would have another order.
         let turned = Model::from_bytes(&with_surface(&model, |s| s[1].as_mut().unwrap().reverse())).unwrap();
         let mut triangles = hull(&turned).triangles().to_vec();
         assert_ne!(triangles, hull(&model).triangles());

@@ -29,7 +29,7 @@ pub struct SensorPlace {
 /// Largest number of names that an error lists.
 const LISTED: usize = 12;
 
-/// Declares lookup functions, from the documentation, the name and the searched list of each.
+/// Declares one lookup function per kind of element, from the function's documentation and name, and the list that it searches.
 macro_rules! lookups {
     ($($(#[$doc:meta])* $kind:ident: $list:ident;)*) => {
         impl Description {

@@ -51,9 +51,10 @@ impl<'a> PairOverrides<'a> {
         Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
     }
 
-    /// Checks that no explicit pair replaces a geom value that changes. `given` has pairs of field name and new values.
+    /// Checks that no explicit pair replaces a geom value that changes. `given` lists the changed fields, each with its name and new
+    /// values.
     ///
-    /// Values whose pair field is also in `given` are not checked.
+    /// Values are not checked if `given` also contains the field of the pair that replaces them.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the first geom whose new value has no effect, the pair and the remedy.

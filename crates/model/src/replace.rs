@@ -11,9 +11,9 @@ type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 /// Field of a model: a named array of values, which can be read and replaced.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
-    /// Name of the field in MuJoCo.
+    /// Name of the field: MuJoCo's name, if MuJoCo has such a field.
     pub name: &'static str,
-    /// Text with the quantity, such as "mass".
+    /// Name of the quantity, such as "mass".
     pub what: &'static str,
     /// Unit of the values. The text is empty if the values have no unit, or if their units differ.
     pub unit: &'static str,
@@ -299,9 +299,9 @@ fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
 }
 
 impl Field {
-    /// Text with the quantity and its unit, such as "mass, kg".
+    /// Quantity and unit as text, such as "mass, kg".
     pub fn meaning(&self) -> String {
-        // The description already contains the units if there are several.
+        // The text `what` already contains the units if there are several.
         match self.unit {
             "" | "1, m, m" => self.what.to_owned(),
             unit => format!("{}, {unit}", self.what),
@@ -387,12 +387,12 @@ impl Model {
 
     /// Copy of the model with new values in one field, checked like any other model, see [`REPLACEABLE`].
     ///
-    /// If the new values need a feature that stepper does not simulate, the result is an error. A model that already omits an element that
-    /// changes the motion omits the affected elements instead.
+    /// If the new values need a feature that stepper does not simulate, the result is an error. If the model already omits an element that
+    /// changes the motion, it omits the affected elements instead.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] if there is no such field, for a wrong number of values (with both shapes), for invalid values, and for
-    /// values of a geom that an explicit pair overrides. Also the errors of [`Description::finish`].
+    /// [`ModelError::Invalid`] if there is no such field, for a wrong number of values (the message has both shapes), for invalid values,
+    /// and for values of a geom that an explicit pair overrides. Also the errors of [`Description::finish`].
     pub fn replace(&self, name: &str, values: &[f64]) -> Result<Self, ModelError> {
         self.replace_all(&[(name, values)])
     }

@@ -95,7 +95,7 @@ pub enum ContactSide {
     Any,
     /// Single geom, by its index.
     Geom(usize),
-    /// Geoms of a body, by its index.
+    /// Geoms of a body, by the body's index.
     Body(usize),
     /// Geoms of a body and of all its descendants, by the body's index.
     Subtree(usize),
@@ -106,7 +106,7 @@ pub enum ContactSide {
 /// Quantity that a contact sensor reads for each contact. The reading contains these quantities in the order of the variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum ContactField {
-    /// Number of contacts that match both sides of the sensor. It is 0 where the sensor has no contact to report.
+    /// Number of contacts that match both sides of the sensor; 0 in slots without a contact.
     Found,
     /// Force in the contact's frame (normal, first and second tangent), N.
     Force,

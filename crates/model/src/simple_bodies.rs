@@ -11,7 +11,7 @@ const AXIS_EPSILON: f64 = 1e-14;
 /// Whether each body is simple, by the rule of MuJoCo's compiler (`body_simple`).
 ///
 /// A simple body has no child body, and its parent is the world or a body fixed to the world. The inertial frame of a simple body is its
-/// body frame. Its joints are at the origin of this frame, along the axes of the frame, and a rotation comes last.
+/// body frame. Its joints are at the origin of this frame, along the axes of the frame. A joint that rotates the body must be its last one.
 pub fn simple_bodies(model: &Model) -> Vec<bool> {
     let mut simple: Vec<bool> =
         (0..model.bodies.len()).map(|b| b > 0 && has_principal_frame(model, b) && is_child_of_world(model, b)).collect();

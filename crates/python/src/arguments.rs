@@ -10,7 +10,7 @@ use crate::array::whole;
 /// the names of its parameters.
 ///
 /// # Errors
-/// `TypeError` for the first unknown keyword, with its current name or similar names.
+/// `TypeError` for the first unknown keyword. The message has the present name of a renamed keyword, or similar names.
 pub(crate) fn no_others(call: &str, others: Option<&Bound<'_, PyDict>>, known: &[&str]) -> PyResult<()> {
     let Some((name, _)) = others.and_then(|others| others.iter().next()) else { return Ok(()) };
     let hints = name.py().import("stepper._hints")?;

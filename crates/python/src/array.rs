@@ -160,7 +160,7 @@ pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usiz
     if found.cast() != float64.as_ptr() || !array.is_c_contiguous() {
         return None;
     }
-    // SAFETY: its dtype is that of f64, and the type accepts any number of axes.
+    // SAFETY: the dtype of the array is float64, and the type `PyArrayDyn` accepts any number of axes.
     let array = unsafe { array.cast_unchecked::<PyArrayDyn<f64>>() };
     // SAFETY: the slice is used only here, while this thread is attached to the interpreter. This crate does not write to it meanwhile: it
     // accesses arrays of Python only while attached, and uses copies while detached. For other Python threads, pyo3's safe

@@ -18,7 +18,7 @@ pub(crate) struct DerivedArrays {
 }
 
 impl DerivedArrays {
-    /// Cached array of a quantity at the simulation's state number `revision`; `None` if it is not cached. If the revision has changed, the
+    /// Cached array of a quantity at this revision of the simulation's state; `None` if it is not cached. If the revision has changed, the
     /// cache is cleared first.
     pub(crate) fn get(&mut self, revision: u64, quantity: DerivedQuantity) -> Option<&Py<PyAny>> {
         if self.revision != revision {

@@ -7,7 +7,7 @@ use stepper_core::{ActuatorSpec, Transfer};
 use crate::array::described;
 use crate::model::Model;
 
-/// Transfer functions of a `stepper.SensorModel` for all sensors of a model.
+/// Error models (transfers) from a `stepper.SensorModel` for all sensors of a model.
 pub(crate) fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<Transfer>>> {
     let all = resolved(sensors, (model.clone_ref(sensors.py()), num_envs), ["sensors", "transfers", "SensorModel"])?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("sensors: {e}")))

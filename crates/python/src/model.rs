@@ -228,7 +228,7 @@ impl Model {
                 return Err(unknown_field(given.py(), "Model.replace", &name, known, "help(stepper.Model)")?);
             };
             let numbers = readonly(&given, &name)?;
-            // The conversion gives a scalar an axis.
+            // The conversion to an array gives a scalar the shape (1,).
             let scalar = shape.is_empty() && numbers.shape() == [1];
             if !scalar {
                 check_shape_of(&given, &name, numbers.shape(), &[&shape])?;
@@ -424,7 +424,8 @@ impl Model {
         assign_attribute(slf, name, value)
     }
 
-    /// Options contact, integrator and iterations of the source file, for `Options.from_model`; empty for models made in code.
+    /// Dictionary of the options `contact`, `integrator` and `iterations` that the source file implies, for `Options.from_model`. It is
+    /// empty for models made in code.
     fn _requested_options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let settings = PyDict::new(py);
         if self.core.requested.is_some() {

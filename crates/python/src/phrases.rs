@@ -1,6 +1,6 @@
 //! Translation of the core's messages for Python: names of Rust calls become names of Python calls.
 
-/// Pairs of phrases: one of the core's messages, which names a Rust call, and its replacement, which names the Python call.
+/// Pairs of phrases: a part of a message of the core that names a Rust call, and its replacement with the name of the Python call.
 const PHRASES: [(&str, &str); 15] = [
     ("Options::from_model(&model)", "Options.from_model(model)"),
     ("choose ContactLaw::Mujoco and an integrator", "choose Options(contact=\"mujoco\", integrator=...)"),

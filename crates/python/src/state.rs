@@ -43,7 +43,7 @@ impl State {
         PyBytes::new(py, &self.saved.to_bytes())
     }
 
-    /// SHA-256 of the model of the state.
+    /// SHA-256 digest of the model to which the state belongs.
     #[getter]
     fn digest<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.saved.model())

@@ -124,10 +124,10 @@ fn precision_name(precision: Precision) -> &'static str {
     }
 }
 
-/// Shared borrow of a stepper for reading. The conversion to it fails while another thread steps the stepper.
+/// Shared borrow of a stepper for reading. The borrow fails while another thread steps the stepper.
 pub(crate) struct Reading<'py>(PyRef<'py, Stepper>);
 
-/// Exclusive borrow of a stepper for writing. The conversion to it fails while another thread uses the stepper.
+/// Exclusive borrow of a stepper for writing. The borrow fails while another thread uses the stepper.
 pub(crate) struct Writing<'py>(PyRefMut<'py, Stepper>);
 
 impl<'py> TryFrom<&Bound<'py, Stepper>> for Reading<'py> {

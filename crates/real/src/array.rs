@@ -1,4 +1,4 @@
-//! Portable lanes: arrays and element-wise loops, which the compiler vectorises with the instructions of the baseline (SSE2, NEON).
+//! Portable lanes: arrays and element-wise loops, which the compiler vectorises with the instructions of the baseline level (SSE2, NEON).
 //!
 //! They are the only level of all architectures except x86-64, and the reference for the other lane types.
 

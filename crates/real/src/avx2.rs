@@ -3,8 +3,8 @@
 //! # Safety
 //! The functions here are safe to call but execute AVX2 instructions. The module is private, and its types can only be named through an
 //! unsafe trait in [`at_level!`](crate::at_level), which checks the CPU level first. Every method is `#[inline(always)]`: the intrinsics
-//! are inlined into the function that [`Real::vectorize`] makes, and inherit its `#[target_feature]`. Outside of one they are calls, which
-//! are slow but correct.
+//! are inlined into the function that [`Real::vectorize`] makes, and inherit its `#[target_feature]`. Outside such a function they are
+//! calls, which are slow but correct.
 
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
@@ -97,7 +97,7 @@ macro_rules! avx2_lanes {
             fn store(self, s: &mut [$scalar]) {
                 let s = &mut s[..$n];
                 for (i, &register) in self.0.iter().enumerate() {
-                    // SAFETY: the module's contract, and within `s`.
+                    // SAFETY: the module's contract. The register is written within `s`.
                     unsafe { storeu(s.as_mut_ptr().add(i * WIDTH), register) }
                 }
             }
@@ -143,13 +143,13 @@ macro_rules! avx2_lanes {
             }
             #[inline(always)]
             fn pow2(self) -> Self {
-                // See the scalar's pow2.
+                // `pow2` in `single.rs` explains the method.
                 const BIASED: $scalar = (1u64 << $mantissa) as $scalar + $bias;
                 each!($name, $registers, |I| from_int(shift_left::<$mantissa>(to_int(add(self.0[I], set1(BIASED))))))
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {
-                // See the scalar's split.
+                // `split` in `single.rs` explains the method.
                 const ONE_BITS: $scalar = (1u64 << $mantissa) as $scalar;
                 const FRACTION: $scalar = $scalar::from_bits((1 << $mantissa) - 1);
                 let exponent = each!($name, $registers, |I| from_int(shift_right::<$mantissa>(to_int(self.0[I]))));
@@ -165,7 +165,7 @@ macro_rules! avx2_lanes {
             }
             #[inline(always)]
             fn from_bits(bits: u32) -> Self {
-                // Every lane gets all bits. Lane i is true if bit i is 1.
+                // Every lane gets all bits, and lane i tests bit i.
                 const BIT_OF_LANE: [$int; $n] = {
                     let mut of_lane = [0; $n];
                     let mut i = 0;

@@ -3,8 +3,8 @@
 //! # Safety
 //! The functions here are safe to call but execute AVX-512 instructions. The module is private, and its types can only be named through an
 //! unsafe trait in [`at_level!`](crate::at_level), which checks the CPU level first. Every method is `#[inline(always)]`: the intrinsics
-//! are inlined into the function that [`Real::vectorize`] makes, and inherit its `#[target_feature]`. Outside of one they are calls, which
-//! are slow but correct.
+//! are inlined into the function that [`Real::vectorize`] makes, and inherit its `#[target_feature]`. Outside such a function they are
+//! calls, which are slow but correct.
 
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
@@ -111,13 +111,13 @@ macro_rules! avx512_lanes {
             }
             #[inline(always)]
             fn pow2(self) -> Self {
-                // See the scalar's pow2.
+                // `pow2` in `single.rs` explains the method.
                 const BIASED: $scalar = (1u64 << $mantissa) as $scalar + $bias;
                 $name(unsafe { from_int(shift_left::<$mantissa>(to_int(add(self.0, set1(BIASED))))) })
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {
-                // See the scalar's split.
+                // `split` in `single.rs` explains the method.
                 const ONE_BITS: $scalar = (1u64 << $mantissa) as $scalar;
                 const FRACTION: $scalar = $scalar::from_bits((1 << $mantissa) - 1);
                 unsafe {

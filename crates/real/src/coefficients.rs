@@ -1,8 +1,8 @@
 //! Constants of the elementary functions, for each precision.
 //!
 //! The polynomials are minimax approximations. Those for f64 are from Sun's fdlibm (Ng, 1993). Those for f32 are from Cephes (Moshier,
-//! 1989) and FreeBSD's msun (Cox, Gladman). Each list begins with the constant term. The leading terms that [`crate::elementary`] adds are
-//! not in it.
+//! 1989) and FreeBSD's msun (Cox, Gladman). Each list begins with the constant term. It does not contain the leading terms, which
+//! [`crate::elementary`] adds.
 #![allow(clippy::excessive_precision, clippy::approx_constant, reason = "as published; the nearest number is meant")]
 
 /// Constants of one precision. The trait is public in a private module, which seals [`Scalar`](crate::Scalar).

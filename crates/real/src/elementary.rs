@@ -45,10 +45,10 @@ fn within<R: Real>(limit: R::Scalar, x: R) -> R {
 #[inline(always)]
 fn reduce<R: Real>(x: R) -> (R, R, R) {
     let pieces = <R::Scalar as Coefficients>::HALF_PI_PIECES;
-    // Adding zero makes -0 a +0, without which x = -0 would lose its sign in the first subtraction.
+    // Adding zero turns k = -0 into +0. Otherwise x = -0 would lose its sign in the first subtraction.
     let k = (x * R::of(core::f64::consts::FRAC_2_PI)).round_even() + R::zero();
-    // The first difference is exact, because k pi/2 is close to x. In the later ones either the minuend is larger, so that the two
-    // subtractions below recover the rounding error. Or cancellation leaves no rounding error to recover.
+    // The first difference is exact, because k pi/2 is close to x. In the later differences, the two subtractions below recover the
+    // rounding error if the minuend is larger. Otherwise cancellation leaves no rounding error to recover.
     let mut high = x - k * R::splat(pieces[0]);
     let mut low = R::zero();
     for i in 1..pieces.len() - 1 {
@@ -58,8 +58,8 @@ fn reduce<R: Real>(x: R) -> (R, R, R) {
         high = rest;
     }
     low -= k * R::splat(pieces[pieces.len() - 1]);
-    // For arguments out of range, the products of the pieces are rounded, and the rest is arbitrary. It is clamped to the domain of the
-    // polynomials.
+    // For arguments out of range, the products of the pieces are rounded, and the remainder is arbitrary. The remainder is clamped to the
+    // domain of the polynomials.
     (k, within(R::Scalar::REDUCED_MAX, high), within(R::Scalar::REDUCED_LOW_MAX, low))
 }
 
@@ -167,9 +167,9 @@ pub fn exp<R: Real>(x: R) -> R {
 
 /// Angle of the point (x, y) in rad, see `Real::atan2`.
 ///
-/// The angle in the first octant is that of the smaller coordinate over the larger one, and is then mirrored. An octant angle above
-/// atan(7/16) is measured from atan(1/2) or atan(1) by the addition theorem. The theorem is applied to the coordinates instead of their
-/// quotient, so that there is a single division.
+/// The function computes the angle in the first octant, from the quotient of the smaller coordinate and the larger one, and mirrors it. An
+/// octant angle above atan(7/16) is measured from atan(1/2) or atan(1) by the addition theorem. The theorem is applied to the coordinates
+/// instead of their quotient, so that there is a single division.
 #[inline(always)]
 pub fn atan2<R: Real>(y: R, x: R) -> R {
     let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));

@@ -36,12 +36,12 @@ impl Level {
         Level::available().contains(&self)
     }
 
-    /// Fastest available level, or that of the environment variable `STEPPER_CPU_LEVEL` (`baseline`, `avx2` or `avx512`). The variable is
-    /// read at the first call.
+    /// Fastest available level, or the level that the environment variable `STEPPER_CPU_LEVEL` names (`baseline`, `avx2` or `avx512`). The
+    /// variable is read at the first call.
     ///
     /// # Errors
-    /// [`LevelError`] if the variable has an unknown name, or that of a level that this machine or build lacks. Measurements thus never run
-    /// at an unexpected level.
+    /// [`LevelError`] if the variable does not name a level, or names one that this machine or build lacks. Measurements thus never run at
+    /// an unexpected level.
     pub fn best() -> Result<Level, LevelError> {
         static BEST: OnceLock<Result<Level, LevelError>> = OnceLock::new();
         BEST.get_or_init(|| match std::env::var_os(VARIABLE) {
@@ -52,7 +52,7 @@ impl Level {
     }
 
     /// Whether an instruction on a whole register of this level takes two cycles. This holds for AVX-512 on AMD's cores before Zen 5, whose
-    /// units have half the width. Two registers per value are then not faster than one.
+    /// execution units have half the width of a register. Two registers per value are then not faster than one.
     #[cfg(target_arch = "x86_64")]
     pub fn takes_two_cycles(self) -> bool {
         use core::arch::x86_64::__cpuid;
@@ -126,9 +126,9 @@ impl FromStr for Level {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LevelError {
-    /// The name is not that of a level.
+    /// Name that no level has.
     Unknown(String),
-    /// This machine or this build lacks the level.
+    /// Level that this machine or this build lacks.
     Unavailable(Level),
 }
 
@@ -302,7 +302,7 @@ impl<T: HasAvx512> Avx512 for T {
     type F32x32 = crate::two::Two<crate::avx512::F32x16>;
 }
 
-// A `cfg` inside `at_level!` would test the features of the calling crate; these test those of this crate.
+// A `cfg` inside `at_level!` would test the features of the calling crate. The following macros test the features of this crate.
 #[cfg(not(any(one_level = "avx512", one_level = "avx2")))]
 #[doc(hidden)]
 #[macro_export]

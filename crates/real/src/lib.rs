@@ -5,7 +5,7 @@
 //! * `f64`, one environment, the reference;
 //! * `F64x1`, `F64Lanes` and `F32Lanes`, once per CPU level: one environment, or one per lane. `F64Lanes` has four lanes with [`baseline`]
 //!   and eight with `avx2` and `avx512`. `F32Lanes` has eight with [`baseline`] and `avx2`, and sixteen with `avx512`;
-//! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough of them.
+//! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough registers for this.
 //!
 //! On every backend, each lane gets the bits of the same operation on `f64` (or `f32`). This holds for arithmetic, comparisons such as
 //! [`Real::min`], and elementary functions. Results thus depend neither on the CPU nor on other environments of the group. The

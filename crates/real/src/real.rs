@@ -101,7 +101,7 @@ pub trait Real:
     /// # Panics
     /// If there is no lane `i`.
     fn set_lane(&mut self, i: usize, x: Self::Scalar);
-    /// Value of half of the registers whose lane i is lane `sources[i]` of `self`.
+    /// Value in half of the registers. Its lane i is lane `sources[i]` of `self`.
     ///
     /// # Panics
     /// If `sources` has fewer entries than `Half` has lanes, or names a lane that does not exist.
@@ -113,7 +113,8 @@ pub trait Real:
         }
         gathered
     }
-    /// Replaces the lanes of the mask `lanes` by lanes of half of the registers: lane i becomes lane `places[i]` of `half`.
+    /// Replaces the lanes of the mask `lanes` by lanes of `half`, a value in half of the registers: lane i becomes lane `places[i]` of
+    /// `half`.
     ///
     /// # Panics
     /// If `places` has fewer entries than there are lanes. For a place that does not exist, the lane gets an arbitrary number, or the call
@@ -127,8 +128,8 @@ pub trait Real:
         }
         self
     }
-    /// Value whose lane i is lane `sources[i]` of two values, where the lanes of `high` are numbered after those of `low`. For a source
-    /// that does not exist, the lane gets an arbitrary number, or the call panics.
+    /// Value whose lane i is lane `sources[i]` of `low` and `high` together: the lanes of `high` are numbered after those of `low`. For a
+    /// source that does not exist, the lane gets an arbitrary number, or the call panics.
     #[inline(always)]
     fn gather_lanes_of_two(low: Self, high: Self, sources: &[u32]) -> Self {
         let mut gathered = Self::zero();

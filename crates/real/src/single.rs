@@ -74,8 +74,8 @@ macro_rules! single {
             }
             #[inline(always)]
             fn round_even(self) -> Self {
-                // Numbers of at least 2^mantissa_bits are integers. The sum of this number and a smaller one is therefore rounded to an
-                // integer. (`round_ties_even` is a call into libm on a CPU without SSE4.1.)
+                // All numbers of at least 2^mantissa_bits are integers. The sum of 2^mantissa_bits and a smaller number is therefore
+                // rounded to an integer. (`round_ties_even` is a call into libm on a CPU without SSE4.1.)
                 const INTEGERS: $t = (1u64 << $mantissa_bits) as $t;
                 let magnitude = $t::abs(self);
                 let rounded = $t::copysign((magnitude + INTEGERS) - INTEGERS, self);

@@ -59,7 +59,7 @@ impl Real for F64x1 {
     fn store(self, s: &mut [f64]) {
         s[0] = self.0;
     }
-    // Copied at once: a vectorised loop over the few numbers of one environment takes longer.
+    // The numbers are copied in one call, because a vectorised loop over the few numbers of one environment takes longer.
     #[inline(always)]
     fn load_all(from: &[f64], out: &mut [Self]) {
         let n = from.len().min(out.len());

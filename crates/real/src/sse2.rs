@@ -1,8 +1,8 @@
 //! Lanes in two SSE registers, with masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
 //! level. Four registers per value would exceed the sixteen registers of the CPU, and double the compile time.
 //!
-//! [Portable lanes](crate::array) compile to similar instructions. But the compiler must first find the vectors among scalars, which took
-//! longer than all other lane types together.
+//! [Portable lanes](crate::array) compile to similar instructions. But the compiler must first find the vectors among scalars. Compiling
+//! them took longer than compiling all other lane types together.
 
 use core::arch::x86_64::{__m128i, _mm_and_si128 as and_int, _mm_cmpeq_epi32 as equal_int, _mm_set1_epi32 as set1_int};
 
@@ -84,7 +84,7 @@ macro_rules! sse2_lanes {
             fn store(self, s: &mut [$scalar]) {
                 let s = &mut s[..$n];
                 for (i, &half) in self.0.iter().enumerate() {
-                    // SAFETY: within `s`, and every x86-64 CPU has SSE2.
+                    // SAFETY: every x86-64 CPU has SSE2. The register is written within `s`.
                     unsafe { storeu(s.as_mut_ptr().add(i * HALF), half) }
                 }
             }
@@ -126,7 +126,7 @@ macro_rules! sse2_lanes {
             }
             #[inline(always)]
             fn round_even(self) -> Self {
-                // See the scalar's round_even.
+                // `round_even` in `single.rs` explains the method.
                 const INTEGERS: $scalar = (1u64 << $mantissa) as $scalar;
                 let (magnitude, integers) = (self.abs(), Self::splat(INTEGERS));
                 let rounded = ((magnitude + integers) - integers).copysign(self);
@@ -134,13 +134,13 @@ macro_rules! sse2_lanes {
             }
             #[inline(always)]
             fn pow2(self) -> Self {
-                // See the scalar's pow2.
+                // `pow2` in `single.rs` explains the method.
                 const BIASED: $scalar = (1u64 << $mantissa) as $scalar + $bias;
                 halves!($name, |I| from_int(shift_left::<$mantissa>(to_int(add(self.0[I], set1(BIASED))))))
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {
-                // See the scalar's split.
+                // `split` in `single.rs` explains the method.
                 const ONE_BITS: $scalar = (1u64 << $mantissa) as $scalar;
                 const FRACTION: $scalar = $scalar::from_bits((1 << $mantissa) - 1);
                 let exponent = halves!($name, |I| from_int(shift_right::<$mantissa>(to_int(self.0[I]))));
@@ -156,8 +156,8 @@ macro_rules! sse2_lanes {
             }
             #[inline(always)]
             fn from_bits(bits: u32) -> Self {
-                // Every lane gets all bits. Lane i is true if bit i is 1. SSE2 compares at most 32 bits, so that a lane of 64 bits has its
-                // bit twice.
+                // Every lane gets all bits, and lane i tests bit i. SSE2 compares at most 32 bits, so that each half of a 64-bit lane tests
+                // the bit of the lane.
                 const BIT: [i32; 8] = {
                     let mut bit = [0; 8];
                     let mut i = 0;

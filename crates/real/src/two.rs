@@ -1,7 +1,7 @@
 //! Lanes in two registers.
 //!
-//! Indices, branches and calls then serve twice as many environments. While an operation on one register waits for the operation before it,
-//! one on the other register can run.
+//! One index, branch or call then serves twice as many environments. While an operation on one register waits for the operation before it,
+//! an operation on the other register can run.
 
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -9,7 +9,7 @@ use crate::mask::Mask;
 use crate::operators::elementary_functions;
 use crate::real::Real;
 
-/// Lanes of two registers. Those of the first register have the lower numbers.
+/// Lanes of two registers. The lanes of the first register have the lower numbers.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub struct Two<R>(R, R);

@@ -115,7 +115,7 @@ fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) 
         a.exp(),
         a.atan2(b),
         a.acos(),
-        // What a compiler would like to fuse.
+        // Expression that a compiler could contract to fused multiply-adds.
         a * b + a * a - b * R::of(0.1),
         loaded,
         replaced,
@@ -203,8 +203,7 @@ check_portable!(check_portable_f32, f32, F32x8, 8);
 check_two!(check_two, f64, F64x16, 16);
 check_two!(check_two_f32, f32, F32x32, 32);
 
-/// Numbers at which a result changes its character: where a sign, a case of an algorithm or the rounding changes, or at the end of the
-/// range.
+/// Numbers near which the sign, the rounding or the case of an algorithm changes, and numbers at the ends of the range.
 macro_rules! specials {
     ($name:ident, $scalar:ident) => {
         fn $name() -> Vec<$scalar> {

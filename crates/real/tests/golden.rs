@@ -4,7 +4,7 @@
 
 use stepper_real::Real;
 
-/// FNV-1a over the bits.
+/// FNV-1a hash of the bits of all results.
 struct Hash(u64);
 
 impl Hash {
@@ -19,7 +19,7 @@ macro_rules! hash {
     ($scalar:ident) => {{
         let mut hash = Hash(0xcbf2_9ce4_8422_2325);
         for i in -20_000..20_000i32 {
-            // Divisions are correctly rounded everywhere, so the inputs are certain.
+            // Divisions are correctly rounded on every CPU, so that the inputs have the same bits.
             let (x, y) = (i as $scalar / 1024.0, (i % 97) as $scalar / 64.0);
             let (sin, cos) = Real::sin_cos(x * 8.0);
             let results = [sin, cos, Real::exp(x), Real::atan2(x, y), Real::acos(i as $scalar / 20_000.0), Real::round_even(x)];

@@ -8,7 +8,7 @@ const WORDS: usize = 14;
 #[inline(always)]
 fn algebra<R: Real>(x: u32, y: u32) -> [u32; WORDS] {
     let (a, b) = (R::Mask::from_bits(x), R::Mask::from_bits(y));
-    // From a comparison, which need not be represented as from_bits does.
+    // Mask from a comparison. Its representation may differ from that of `from_bits`.
     let compared = R::select(a, R::of(-1.0), R::one()).lt(R::zero());
     [
         a.bits(),

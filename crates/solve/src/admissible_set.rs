@@ -1,7 +1,7 @@
 //! Sets of admissible impulses for Newton's method, lane by lane in scalar f64, for any number of rows.
 //!
-//! A set has its projection, the derivative of the projection, De Saxce's term and the residual of the natural map. A new type of set needs
-//! a variant in this file only.
+//! A set has its projection, the derivative of the projection, De Saxce's term (of a contact: mu |v_t|, which the solver adds to the normal
+//! velocity), and the residual of the natural map. A new type of set needs a variant in this file only.
 
 use crate::vectors::{TILE, add_scaled, norm, tile};
 
@@ -48,11 +48,11 @@ impl AdmissibleSet {
         }
     }
 
-    /// Residual |lambda - P_K(lambda - rho u)| / rho of one constraint, m/s, where P_K is the projection on this set and u has De Saxce's
-    /// term mu |v_t|.
+    /// Residual |lambda - P_K(lambda - rho u)| / rho of one constraint, m/s. P_K is the projection on this set, and the velocity u includes
+    /// De Saxce's term mu |v_t|.
     ///
-    /// `v` are the velocities without this term, m/s, and `rho` is the step of the natural map, kg. The first component is multiplied by
-    /// `rigid_fraction`. A NaN propagates.
+    /// `v` are the velocities without this term, m/s, and `rho` is the step of the natural map, kg. The first component of the residual is
+    /// multiplied by `rigid_fraction`. A NaN propagates.
     pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], rho: f64, rigid_fraction: f64) -> f64 {
         match *self {
             Self::Interval { lo, hi } => {

@@ -1,10 +1,12 @@
 //! Contacts of balls and capsules with a box.
 //!
 //! Let x(t) = p + t d be a point of a segment, and s the half sizes of the box. The closest point minimises f(t) = sum_i max(|x_i| - s_i,
-//! 0)^2. This function is convex with a piecewise linear slope, so that the root of the slope between two of its six kinks is exact.
+//! 0)^2. The slope of this convex function is piecewise linear, with six kinks. Interpolation between two kinks therefore gives the exact
+//! root of the slope.
 //!
-//! A segment that enters the box is moved out along the shortest translation. The candidates are the faces of the Minkowski difference:
-//! normals of faces, and cross products of edges with the segment (separating axes; Ericson, 2005, section 5.2.1).
+//! A segment that enters the box is moved out along the shortest translation. The candidates for its direction are the normals of the
+//! Minkowski difference: normals of the box's faces, and cross products of the box's edges with the segment (separating axes; Ericson,
+//! 2005, section 5.2.1).
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -23,7 +25,7 @@ pub struct Cuboid<R> {
     pub half: V3<R>,
 }
 
-/// Closest points of a box and a shape without its rounding radius, in the box's frame.
+/// Closest points of a box and another shape without its rounding radius, in the box's frame.
 struct Touch<R> {
     /// Point of the shape, without its rounding radius, that is closest to the box, m.
     x: V3<R>,
@@ -57,7 +59,7 @@ impl<R: Real> Cuboid<R> {
         ContactPoint { distance, pos: add(self.centre, rotate(&self.mat, pos)), normal: rotate(&self.mat, scale(touch.u, -R::one())) }
     }
 
-    /// Face of the box that is closest to the point `x`, which should be inside.
+    /// Point `x` and the face of the box that is closest to it. The point should be inside the box.
     #[inline(always)]
     fn nearest_face(&self, x: V3<R>) -> Touch<R> {
         let (mut gap, mut u) = (R::of(f64::NEG_INFINITY), zero());
@@ -96,7 +98,8 @@ pub fn sphere_box<R: Real>(centre: V3<R>, radius: R, cuboid: &Cuboid<R>) -> Cont
     cuboid.contact(&Touch { x, u, gap: R::select(outside, length, face.gap) }, radius)
 }
 
-/// Distance of a point above a face of a box from the border of the face, m. It is 0 or negative if the point is above no face.
+/// Distance from a point above a face of a box to the border of the face, seen along the face's normal, m. It is 0 or negative if the point
+/// is above no face.
 #[inline(always)]
 pub fn face_clearance<R: Real>(point: V3<R>, cuboid: &Cuboid<R>) -> R {
     let x = cuboid.inside(point);
@@ -273,7 +276,7 @@ impl<R: Real> Line<R> {
         let x = self.at(t_far);
         let (out, length, _) = direction(cuboid.beyond(x), face);
         let depth = dot(face, x) - dot([face[0].abs(), face[1].abs(), face[2].abs()], cuboid.half);
-        // If the shortest translation is across an edge, no deeper point is next to it.
+        // If the shortest translation out of the box is across an edge, the other end counts only if it is not deeper.
         let two = two.and(outside.or(most.ge(R::one())).or(depth.ge(near.gap)));
         (t_far, Touch { x, u: select(outside, out, face), gap: R::select(outside, length, depth) }, two)
     }

@@ -28,7 +28,8 @@ pub struct Cylinder<R> {
 /// `mjc_PlaneCylinder` has the lowest two points and a triangle.
 ///
 /// `tip` is the change of the normal in the frame of the cylinder within the step, n x omega h. If it exceeds the cylinder's tilt, the
-/// lowest point is the one toward which the cylinder tips. It therefore tips over its rim, and not over a line between two points.
+/// lowest point is the one toward which the cylinder tips. The cylinder therefore tips over its rim, and not over a line between two
+/// points.
 #[inline(always)]
 pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>) -> [V3<R>; 8] {
     let axis = column(&cylinder.mat, 2);
@@ -53,8 +54,8 @@ pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>)
     )
 }
 
-/// Contact of a half space and a point, such as one of a cylinder's rim. `origin` is a point of the boundary, m, and `normal` the outward
-/// unit normal.
+/// Contact of a half space and a point, such as a point of a cylinder's rim. `origin` is a point of the half space's boundary, m, and
+/// `normal` its outward unit normal.
 #[inline(always)]
 pub fn plane_point<R: Real>(origin: V3<R>, normal: V3<R>, point: V3<R>) -> ContactPoint<R> {
     plane_sphere(origin, normal, point, R::zero())

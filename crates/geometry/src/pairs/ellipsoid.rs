@@ -32,8 +32,8 @@ pub fn plane_ellipsoid<R: Real>(origin: V3<R>, normal: V3<R>, ellipsoid: &Ellips
     ContactPoint { distance, pos, normal }
 }
 
-/// Largest number of Newton steps of [`sphere_ellipsoid`]. It suffices for semi-axes with a ratio of 200 and any position. Four or five are
-/// usual.
+/// Largest number of Newton steps of [`sphere_ellipsoid`]. Four or five are usual. The limit suffices for any position, if no semi-axis is
+/// longer than 200 times another.
 const STEPS: usize = 14;
 
 /// Contact of a ball and an ellipsoid.

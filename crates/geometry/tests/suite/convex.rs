@@ -1,5 +1,5 @@
-//! Tests of collisions of general convex shapes: comparison with a search over directions, and the symmetries that they must have.
-//! PROPTEST_CASES=5000 searches longer.
+//! Tests of collisions of general convex shapes: comparison with a search over directions, and the symmetries that collisions must have.
+//! PROPTEST_CASES=5000 tests more cases.
 
 use std::sync::Arc;
 
@@ -42,7 +42,7 @@ fn shape() -> impl Strategy<Value = ConvexShape> {
     ]
 }
 
-/// Support function of a shape: maximum of n . x over its points x, in its frame.
+/// Support function of a shape: maximum of n . x over the shape's points x. Both are in the shape's frame.
 fn reach(shape: &ConvexShape, n: V) -> f64 {
     let points = |p: &[V]| p.iter().map(|x| dot(*x, n)).fold(f64::NEG_INFINITY, f64::max);
     match shape {
@@ -62,7 +62,7 @@ pub(crate) fn separation(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose,
     dot(n, sub(pb.pos, pa.pos)) - reach(a, back(pa, n)) - reach(b, scale(back(pb, n), -1.0))
 }
 
-/// The largest separation over directions: a grid on the sphere, then a search by ever smaller steps from its best ones.
+/// Largest separation over all directions. The search tests a grid on the sphere, then refines the best directions with ever smaller steps.
 fn by_search(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose) -> f64 {
     let s = |n: V| separation(a, pa, b, pb, scale(n, 1.0 / norm(n)));
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
@@ -127,12 +127,12 @@ proptest! {
         let (found, n) = distance(&a, &pa, &b, &pb);
         let best = by_search(&a, &pa, &b, &pb);
         prop_assert!((norm(n) - 1.0).abs() < 1e-12);
-        // What is reported is what the normal separates: so it is never too large.
+        // The distance is the separation along the reported normal. It is therefore never too large.
         prop_assert!((separation(&a, &pa, &b, &pb, n) - found).abs() < 1e-8, "{found} {}", separation(&a, &pa, &b, &pb, n));
         if best > -0.02 {
             prop_assert!(found > best - 1e-7, "{found}, search {best}");
         } else {
-            // Deep overlaps have several ways out; one of the shorter is found.
+            // Deep overlaps have several local minima of the depth. The search finds one of the smaller ones.
             prop_assert!(found > best * 1.5 - 0.01, "{found}, search {best}");
         }
     }
@@ -149,7 +149,8 @@ proptest! {
         }
         let nearest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
         if !points.is_empty() && depth > -0.02 {
-            // Faces are preferred to edges up to a millionth of the size, and for boxes up to the rule of [`by_faces`].
+            // Faces are preferred to edges if their depths differ by up to a millionth of the size, and for boxes by the rule of
+            // [`by_faces`].
             let boxes = [&a, &b].iter().all(|s| matches!(s, ConvexShape::Box { .. }));
             let deepest = if boxes { by_faces(depth) } else { depth };
             prop_assert!(nearest > deepest - 1e-5 && nearest < depth + 1e-5, "{nearest} {depth}");
@@ -157,7 +158,7 @@ proptest! {
         prop_assert!(points.windows(2).all(|w| w[0].feature < w[1].feature), "features are distinct");
         for p in &points {
             prop_assert!((norm(p.normal) - 1.0).abs() < 1e-12 && p.distance <= prediction);
-            // Along the normal, a contact point is outside of either shape by at most half the distance.
+            // Along the normal, a contact point is outside each shape by at most half the distance.
             let beyond = |s: &ConvexShape, pose: &Pose, n: V| dot(n, sub(p.pos, pose.pos)) - reach(s, rotate_back(&pose.mat, n));
             prop_assert!(beyond(&a, &pa, p.normal) <= 0.5 * p.distance + 1e-9);
             prop_assert!(beyond(&b, &pb, scale(p.normal, -1.0)) <= 0.5 * p.distance + 1e-9);
@@ -175,16 +176,16 @@ proptest! {
         let (general, _) = distance(&a, &still, &b, &pose);
         let points = manifold(&a, &still, &b, &pose, 10.0).points;
         if points.is_empty() {
-            // The prediction is longer than the distance, so that only boxes that touch in a sliver have no contact.
+            // The prediction is longer than the distance. Only boxes that touch in a sliver may therefore have no contact.
             prop_assert!(graze([&a, &b], [&still, &pose]), "no contact, {general} apart");
             return Ok(());
         }
         let nearest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
-        // Faces are preferred to edges up to a millionth of the size, and up to the rule of [`by_faces`]. The axes include all directions
-        // out of an overlap, the general search some shallow ones.
+        // Faces are preferred to edges up to a millionth of the size, and up to the rule of [`by_faces`]. For an overlap, the test of the
+        // axes includes all directions, and the general search only some shallow ones.
         prop_assert!(nearest > by_faces(general) - 3e-6, "{nearest} {general}");
-        // Edges that are parallel and perpendicular to the normal up to a hundredth touch at the ends of their overlapping part. These ends
-        // are away from the closest points, and lower in proportion to the slope of the edges.
+        // Edges that are almost parallel, and almost perpendicular to the normal (both within a hundredth), touch at the ends of their
+        // overlapping part. These ends are away from the closest points, and lower in proportion to the slope of the edges.
         let beside = if general > 0.0 { 1e-4 * 2.0 * ha.into_iter().chain(hb).fold(0.0, f64::max) } else { 0.0 };
         prop_assert!(nearest < general + 3e-6 + beside || (general < -1e-3 && general > 2.0 * nearest), "{nearest} {general}");
         prop_assert!(points.len() <= 4);

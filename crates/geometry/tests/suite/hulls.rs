@@ -1,5 +1,5 @@
-//! Tests of the contacts of convex hulls. The normal is compared with those of all facets, and a known normal of the previous step must
-//! change no result.
+//! Tests of the contacts of convex hulls. The separation along the contact normal must be the largest over all facets' normals, and a
+//! cached normal of the previous step must not change any result.
 
 use std::sync::Arc;
 
@@ -100,7 +100,7 @@ fn size(a: &Hull, b: &Hull) -> f64 {
     [a, b].iter().map(|h| h.points().iter().map(|p| norm(sub(*p, h.centre()))).fold(0.0, f64::max)).sum()
 }
 
-/// Poses of two hulls that are `gap` apart along the line between their nearest points, which goes roughly `towards` the second.
+/// Poses of two hulls with the distance `gap`, m, and the unit normal between them. The second hull is roughly in the direction `towards`.
 fn beside(a: &ConvexShape, ma: M3<f64>, b: &ConvexShape, mb: M3<f64>, towards: V, gap: f64) -> (Pose, Pose, V) {
     let (pa, far) = (Pose { pos: [0.1, -0.2, 0.3], mat: ma }, Pose { pos: scale(towards, 3.0), mat: mb });
     let (apart, n) = distance(a, &pa, b, &far);
@@ -122,7 +122,7 @@ proptest! {
             return Ok(());
         }
         let (found, n) = distance(&ConvexShape::Hull(a.clone()), &pa, &ConvexShape::Hull(b.clone()), &pb);
-        // A face stands for what is as good up to a billionth of the size, which is 2 m at most.
+        // The normal of a face replaces one that is better by up to a billionth of the size, which is 2 m at most.
         prop_assert!((found - best).abs() < 2e-9, "{found}, over all facets {best}");
         let along = -posed_reach(&a, &pa, n) - posed_reach(&b, &pb, scale(n, -1.0));
         prop_assert!((found - along).abs() < 1e-12, "{found}, along its normal {along}");
@@ -190,8 +190,8 @@ proptest! {
         }
     }
 
-    /// All contacts remain that stage 3 of the step would accept: those closer than the distance that their bodies close in two steps, plus
-    /// the slack.
+    /// No contact is missing that stage 3 of the step would accept. Stage 3 accepts contacts that are closer than the slack plus the
+    /// distance that the bodies close in two steps.
     #[test]
     fn only_contacts_that_do_not_count_are_left_out(a in hull(), ma in rotation(), b in hull(), mb in rotation(), towards in unit(),
                                                     gap in prop_oneof![1e-5..0.02f64, 1e-5..1e-3f64], way in vector(1.0), turn in vector(1.0),
@@ -202,7 +202,7 @@ proptest! {
         let tilted = add(n, tilt);
         let tilted = scale(tilted, 1.0 / norm(tilted));
         let (way, turn) = if worst > 0.0 {
-            // The way for which the bound along the tilted normal is the closest: the contact's normal halves the angle between both.
+            // Displacement for which the bound along the tilted normal is tightest: the contact normal halves the angle between both.
             let cos = dot(n, tilted);
             let closing = (gap - slack).max(0.0) * worst / (2.0 * cos.max(0.1));
             (scale(sub(tilted, scale(n, 2.0 * cos)), closing), [0.0; 3])
@@ -254,7 +254,7 @@ proptest! {
                                            mat in rotation(), size in -4.0..3.0f64, at in prop_oneof![Just(0.0), Just(3.0)]) {
         let size = 10f64.powf(size);
         let scales = thin.map(|x| size * 10f64.powf(x));
-        // What is on one plane before it is scaled has no hull.
+        // Points on one plane before the scaling have no hull.
         let Ok(unscaled) = Hull::new(&cloud) else { return Ok(()) };
         let depth = |n: V, on: V| cloud.iter().map(|p| dot(n, sub(on, *p))).fold(0.0, f64::max);
         let width = unscaled.faces().iter().map(|f| depth(f.normal, unscaled.points()[f.vertices[0] as usize])).fold(f64::INFINITY, f64::min);
@@ -264,20 +264,20 @@ proptest! {
             p.map(|x| x + at * size)
         }).collect();
         let most = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
-        // Thinner than some hundred roundings of a coordinate, points are on one plane.
+        // Thinner sets of points may count as being on one plane.
         prop_assume!(least > 1e-12 * most);
         let hull = Hull::new(&points).unwrap();
         prop_assert!(is_closed(&hull), "not a closed surface");
-        // Of its surface it is made again, bit for bit.
+        // A hull from the surface of this hull has the same bits.
         prop_assert_eq!(Hull::from_surface(&points, &hull.surface()), Ok(hull.clone()));
         prop_assert!(hull.points().iter().all(|p| points.contains(p)), "a corner that nobody gave");
-        // Faces are flat within a thousandth of the thickness, and no more than a millionth of the size.
+        // Faces are flat within a thousandth of the thickness, and within a millionth of the size.
         let rounding = 1e-14 * most;
         let flat = (2e-3 * least * 3.0).min(4e-6 * most) + rounding;
         for face in hull.faces() {
             let on = hull.points()[face.vertices[0] as usize];
             let furthest = points.iter().map(|p| dot(face.normal, sub(*p, on))).fold(f64::NEG_INFINITY, f64::max);
-            // A plane through three points is known as well as they are apart from a line.
+            // The plane through three points is inexact if they are nearly on a line.
             let of = |k: usize| hull.points()[face.vertices[k] as usize];
             let n = face.vertices.len();
             let (mut area, mut longest) = ([0.0; 3], 0.0f64);
@@ -288,7 +288,7 @@ proptest! {
             let flat = flat + rounding * (1.0 + most * longest / norm(area));
             prop_assert!(furthest <= flat, "{furthest} outside of a face, {flat} would do");
         }
-        // In every direction it reaches as far as the points.
+        // The hull extends as far as the points in every direction.
         let shape = ConvexShape::Hull(Arc::new(hull.clone()));
         for p in points.iter().filter(|p| norm(sub(**p, hull.centre())) > 0.0).take(10) {
             let d = sub(*p, hull.centre());
@@ -311,9 +311,9 @@ proptest! {
         let pose = Pose { pos: add_scaled(far.pos, n, gap - apart), ..far };
         let found = contacts(&ConvexShape::Hull(hull.clone()), &still, &ball, &pose, None, None);
         prop_assert_eq!(found.len(), 1);
-        // A plane with all of the hull behind it, which the ball touches at that distance: nothing is nearer. A face takes the place of a
-        // direction that parts no better than by 1e-9 of the size (at most 2 sqrt(3) m); triangles on one plane up to a thousandth of the
-        // thickness, and a millionth of the size, are one face.
+        // The plane at the contact has the whole hull behind it and the ball in front of it, so that no point of the hull is closer. A
+        // face's normal replaces a direction that separates better by at most 1e-9 of the size (at most 2 sqrt(3) m). Triangles on one
+        // plane within a thousandth of the thickness, and a millionth of the size, are one face.
         let p = &found[0];
         let size = 2.0 * 3f64.sqrt();
         let rounding = 1e-9 * size + (1e-3 * 2.0 * 10f64.powf(thin)).min(1e-6 * size);
@@ -332,7 +332,7 @@ fn what_is_on_one_plane_up_to_rounding_has_no_hull() {
 
 #[test]
 fn a_surface_that_is_not_that_of_the_hull_is_refused() {
-    // A ball of points, and some inside.
+    // Points on a ball, and some inside it.
     let on = |k: usize| {
         let (k, z) = (k as f64, 1.0 - (2 * k + 1) as f64 / 150.0);
         [(1.0 - z * z).sqrt() * (2.4 * k).cos(), (1.0 - z * z).sqrt() * (2.4 * k).sin(), z]
@@ -354,7 +354,7 @@ fn a_surface_that_is_not_that_of_the_hull_is_refused() {
     assert!(changed(&|s| s[5].swap(0, 1)), "a triangle turned over");
     assert!(changed(&|s| s.iter_mut().for_each(|t| t.swap(0, 1))), "all of them");
     assert!(changed(&|s| s.iter_mut().flatten().for_each(|v| *v = if *v == 20 { 170 } else { *v })), "a dent");
-    // The hull of some of them is one, and does not hold the others.
+    // The hull of some of the points is convex, but does not contain the others.
     assert!(refused(&points, &Hull::new(&points[..149]).unwrap().surface()), "a vertex outside");
     let inner: Vec<[u32; 3]> = Hull::new(&points[150..]).unwrap().surface().iter().map(|t| t.map(|v| v + 150)).collect();
     assert!(refused(&points, &inner), "a smaller ball");

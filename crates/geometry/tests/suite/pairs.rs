@@ -73,7 +73,7 @@ proptest! {
         }
         let moved = add_scaled(at, along, share * clearance / norm(along));
         let height = |at: V3<f64>| sphere_box(at, 0.0, &b).distance;
-        // The rounding of coordinates up to 2 m.
+        // The tolerance is the rounding error of coordinates up to 2 m.
         prop_assert!((height(moved) - height(at)).abs() < 1e-12);
     }
 
@@ -104,7 +104,7 @@ proptest! {
         prop_assert_eq!(exist, [true, true]);
         let ends = points.map(|c| dot(sub(c.pos, capsule.centre), capsule.axis));
         let expected = [(-b.half[i] - p[i]).max(-half_length), (b.half[i] - p[i]).min(half_length)];
-        // Leaning by a thousandth, the contact is off by that of the radius.
+        // A tilt of a thousandth moves the contact by a thousandth of the radius.
         for (found, expected) in ends.into_iter().zip(expected) {
             prop_assert!((found - expected).abs() < 2.0 * sin.abs() * (radius + half_length) + 1e-9, "{ends:?} {expected:?}");
         }

@@ -15,11 +15,12 @@ use crate::shapes::{Body, cases, room, vector};
 /// Distance above which directions are compared, m. Below it, parry's directions have large rounding errors.
 const APART: f64 = 1e-4;
 
-/// Largest excess of parry's distances, m, because its search along a cylinder's rim ends early. It was 1e-5 in 20,000 cases.
+/// Largest excess of parry's distances over the exact ones, m. Parry's search along a cylinder's rim ends early. The excess was 1e-5 in
+/// 20,000 cases.
 const EXCESS: f64 = 5e-5;
 
-/// Largest distance of closest points from a shape, m. They are inaccurate where the distance changes little around its minimum. It was
-/// 1.2e-5 in 200,000 cases.
+/// Largest distance of closest points from the surface of their shape, m. The points are inexact where the distance changes little around
+/// its minimum. It was 1.2e-5 in 200,000 cases.
 const ON_SHAPE: f64 = 1e-4;
 
 /// Rounding error of parry's distances and depths, m. It was 1e-12 in 20,000 cases.
@@ -49,7 +50,7 @@ fn of(x: V3<f64>) -> Vector {
     Vector::new(x[0], x[1], x[2])
 }
 
-/// Shape in parry, and the rotation of its frame, because parry's cylinder is along y.
+/// Parry's shape and its pose. For a cylinder the axes are exchanged, because parry's cylinder is along y.
 fn in_parry(shape: &ConvexShape, pose: &Pose) -> (Box<dyn Shape>, ParryPose) {
     let [x, y, z] = [0, 1, 2].map(|k| of(column(&pose.mat, k)));
     let (shape, axes): (Box<dyn Shape>, _) = match shape {
@@ -68,7 +69,7 @@ fn in_parry(shape: &ConvexShape, pose: &Pose) -> (Box<dyn Shape>, ParryPose) {
     (shape, ParryPose::from_parts(of(pose.pos), Rotation::from_mat3(&Matrix::from_cols(axes[0], axes[1], axes[2]))))
 }
 
-/// Largest angle between the shortest vector between two convex shapes, of `length`, m, and one that is longer by `excess`, m.
+/// Upper bound of the angle between the shortest vector between two convex shapes, of `length`, m, and one that is longer by `excess`, m.
 ///
 /// The longer vector ends behind the plane that is perpendicular to the shortest one at its end. Hence cos(angle) >= length / (length +
 /// excess).
@@ -94,8 +95,8 @@ fn body_in_parry(body: &Body) -> Option<(Box<dyn Shape>, ParryPose)> {
     Some(in_parry(&shape, &Pose { pos, mat }))
 }
 
-/// The contact of two edges that pass at a distance has a position on both shapes. An earlier version had such a contact 0.28 m away from a
-/// box.
+/// Contacts of two edges that pass each other at a distance have their closest points on both shapes. An earlier version had such a contact
+/// 0.28 m away from a box.
 #[test]
 fn edges_that_pass_beside_one_another_share_no_contact() {
     let tilted = [
@@ -130,7 +131,7 @@ proptest! {
             let theirs = query::contact(&pa, &*a, &pb, &*b, f64::MAX).unwrap().expect("within reach");
             let way = theirs.point2 - theirs.point1;
             let excess = (way.length() - found).max(0.0);
-            // A face's normal may replace a direction that is better by a billionth of the size, 2 m.
+            // The normal of a face may replace a direction that is better by a billionth of the size, which is 2 m.
             let bound = turned(found, excess) + turned(found, 2e-9);
             prop_assert!(excess < EXCESS && (way / way.length() - of(n)).length() < bound, "{n:?}, parry {way}");
         }
@@ -140,7 +141,8 @@ proptest! {
     fn nearest_points_are_on_the_shapes_of_parry(a in shape(), pa in pose(), b in shape(), pb in pose()) {
         let (found, _) = distance(&a, &pa, &b, &pb);
         if found > 0.0 {
-            // Two edges of boxes that are parallel up to a hundredth touch at the ends of their overlapping part, halfway between them.
+            // Two edges of boxes that are parallel within a hundredth have contacts at the ends of their overlapping part. A contact may
+            // then be off its shapes by a hundredth of their size.
             let leaning = if let (ConvexShape::Box { half: x }, ConvexShape::Box { half: y }) = (&a, &b) { 1e-2 * norm(*x).max(norm(*y)) } else { 0.0 };
             let points = manifold(&a, &pa, &b, &pb, found + 1e-3).points;
             let nearest = points.iter().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a contact within reach");
@@ -164,7 +166,7 @@ proptest! {
         let Some(theirs) = query::contact(&qa, &*ga, &qb, &*gb, 0.0).unwrap().filter(|_| found > -DEEP) else { return Ok(()) };
         prop_assert!(found < theirs.dist + ROUNDING, "{found}, parry {theirs:?}");
         let along = separation(&a, &pa, &b, &pb, theirs.normal1.to_array());
-        // The tolerance is that of `convex.rs`, and faces are preferred by a billionth of the size.
+        // The tolerance is that of `convex.rs`. It exceeds the billionth of the size by which faces are preferred.
         prop_assert!(found > along - 1e-7, "{found}, {along} along the normal of {theirs:?}");
     }
 
@@ -186,8 +188,8 @@ proptest! {
         let theirs = query::contact(&pa, &*ga, &pb, &*gb, f64::MAX).unwrap().expect("within reach");
         let excess = theirs.dist - nearest.distance;
         prop_assert!(excess > -ROUNDING, "{nearest:?}, parry {theirs:?}");
-        // No direction has a larger separation than the normal, so that parry's normal has no smaller depth. Rounding rotates a normal
-        // between points that are a nanometre apart by 1e-6, as in `is_distance`.
+        // Parry's normal must not have a smaller depth, because no direction has a larger separation than the contact normal. If points are
+        // a nanometre apart, rounding rotates the normal between them by 1e-6, as in `is_distance`.
         let [along, other] = [nearest.normal, theirs.normal1.to_array()].map(|n| room(&a, &b, n));
         prop_assert!(other < nearest.distance + ROUNDING && along > nearest.distance - 1e-6, "{nearest:?}, parry {theirs:?}");
         if nearest.distance > APART {

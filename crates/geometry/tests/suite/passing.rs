@@ -1,4 +1,4 @@
-//! Tests of the check whether moving solids pass through each other. PROPTEST_CASES=5000 searches longer.
+//! Tests of the check whether moving solids pass through each other. PROPTEST_CASES=5000 tests more cases.
 
 use crate::shapes::{simple, unit};
 use proptest::prelude::*;
@@ -20,7 +20,8 @@ fn wall(axis: usize) -> (Solid, SolidMotion) {
 }
 
 proptest! {
-    /// The walls of a corner end 3 mm behind its inner side. There the shortest way out of a wall leads around its edge.
+    /// A body whose centre leaves a corner between two walls passes one of them. The walls end 4 mm behind the corner's inner sides. The
+    /// shortest translation out of a wall there leads around the wall's edge.
     #[test]
     fn a_body_whose_centre_leaves_a_corner_passes_one_of_its_walls(
         shape in simple(|| 0.01..0.06), axis in unit(), angle in -3.1..3.1f64, start in prop::array::uniform3(-0.3..0.3f64),

@@ -43,12 +43,12 @@ proptest! {
     fn capsules_are_as_far_apart_as_a_search_finds(a in segment(), b in segment()) {
         let (points, two) = segments(&a, &b);
         let nearest = if two { points[0].distance.min(points[1].distance) } else { points[0].distance };
-        // A search by comparison finds the place to the root of rounding, and the distance to rounding; near-parallel capsules (0.06
-        // degrees) are taken as parallel, which costs the square of that angle.
+        // The position of a minimum is accurate to the square root of the rounding error, and its value to the rounding error. Capsules
+        // within 0.06 degrees of parallel count as parallel, which changes the distance by the square of that angle.
         prop_assert!((nearest - by_search(&a, &b)).abs() < 2e-6, "{nearest}, search {}", by_search(&a, &b));
         for point in &points[..1 + usize::from(two)] {
             prop_assert!((norm(point.normal) - 1.0).abs() < 1e-12);
-            // Half way: as deep in one surface as in the other.
+            // The position is halfway: as deep in one surface as in the other.
             let (da, db) = (from_point(&a, point.pos) - a.radius, from_point(&b, point.pos) - b.radius);
             if !two && point.distance > -2.0 * a.radius.min(b.radius) {
                 prop_assert!((da - 0.5 * point.distance).abs() < 1e-9 && (db - 0.5 * point.distance).abs() < 1e-9, "{da} {db} {}", point.distance);
@@ -62,7 +62,7 @@ proptest! {
         let (ba, two_back) = segments(&b, &a);
         prop_assert_eq!(two, two_back);
         if !two {
-            // Rounding over the sine of the angle between the axes, which is above 1e-3 here.
+            // The tolerances are the rounding error over the sine of the angle between the axes, which is above 1e-3 here.
             prop_assert!((ab[0].distance - ba[0].distance).abs() < 1e-9);
             let determinant = 1.0 - dot(a.axis, b.axis).powi(2);
             if norm(sub(a.centre, b.centre)) > 0.1 && determinant > 1e-2 && (ab[0].distance + a.radius + b.radius) > 1e-3 {
@@ -96,7 +96,7 @@ proptest! {
                                     turn in unit(), angle in -3.0..3.0f64) {
         let mat = axis_rotation(turn, angle.sin(), angle.cos());
         let corners: Vec<_> = (0..8).map(|k| plane_box(origin, normal, centre, &mat, half, k)).collect();
-        // The support of a box against the normal.
+        // Lowest point of the box, from its support function.
         let local = rotate_back(&mat, normal);
         let deepest = dot(normal, sub(centre, origin)) - (0..3).map(|k| half[k] * local[k].abs()).sum::<f64>();
         let found = corners.iter().map(|c| c.distance).fold(f64::INFINITY, f64::min);

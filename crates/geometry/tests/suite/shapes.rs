@@ -51,12 +51,13 @@ impl Body {
         }
     }
 
-    /// Radius around the core, m.
+    /// Rounding radius of the body, m; 0 except for capsules.
     fn radius(&self) -> f64 {
         if let Self::Capsule(s) = self { s.radius } else { 0.0 }
     }
 
-    /// Measure of how far `p` is outside. It is zero on the surface, and at most the distance times a constant of order one.
+    /// Measure of the distance of the point `p` outside the body. It is zero on the surface, and at most the distance times a constant of
+    /// order one.
     pub(crate) fn outside(&self, p: V3<f64>) -> f64 {
         match self {
             Self::HalfSpace { origin, normal } => dot(*normal, sub(p, *origin)),
@@ -98,7 +99,7 @@ pub(crate) fn room(a: &Body, b: &Body, u: V3<f64>) -> f64 {
     -b.support(scale(u, -1.0)) - a.support(u)
 }
 
-/// Improves the direction `u`: ascends the separation by deterministic pseudo-random steps that shrink.
+/// Largest separation of two bodies near the direction `u`. The search takes deterministic pseudo-random steps that shrink.
 pub(crate) fn widest(a: &Body, b: &Body, mut u: V3<f64>) -> f64 {
     let mut best = room(a, b, u);
     let mut size = 0.5;
@@ -124,10 +125,10 @@ pub(crate) fn widest(a: &Body, b: &Body, mut u: V3<f64>) -> f64 {
     best
 }
 
-/// Checks a contact: its normal has length 1, and half the distance away on either side there are points of the two bodies.
+/// Checks a contact: the normal has length 1, and each body has a point at half the distance from the contact's position, along the normal.
 pub(crate) fn is_contact(a: &Body, b: &Body, c: &ContactPoint<f64>) -> Result<(), TestCaseError> {
     prop_assert!((norm(c.normal) - 1.0).abs() < 1e-12, "normal of length {}", norm(c.normal));
-    // Rounding error of coordinates of a few metres.
+    // The tolerance is the rounding error of coordinates of a few metres.
     let (on_a, on_b) = (add_scaled(c.pos, c.normal, -0.5 * c.distance), add_scaled(c.pos, c.normal, 0.5 * c.distance));
     prop_assert!(a.outside(on_a) < 1e-11 && b.outside(on_b) < 1e-11, "{} {} {c:?}", a.outside(on_a), b.outside(on_b));
     Ok(())
@@ -135,8 +136,8 @@ pub(crate) fn is_contact(a: &Body, b: &Body, c: &ContactPoint<f64>) -> Result<()
 
 /// Checks that the smallest distance of the contacts is the signed distance of the bodies.
 ///
-/// For bodies that are apart, two bounds suffice. Points of a and b at the distance bound it from above, and the separation along the
-/// normal from below. For overlapping bodies, no direction that a search from `starts` finds has a smaller depth.
+/// For bodies that are apart, two bounds suffice. A point of each body bounds the distance from above, and the separation along the normal
+/// bounds it from below. For overlapping bodies, no direction that a search from `starts` finds has a smaller depth.
 pub(crate) fn is_distance(a: &Body, b: &Body, contacts: &[ContactPoint<f64>], starts: &[V3<f64>]) -> Result<(), TestCaseError> {
     let nearest = contacts.iter().copied().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a pair has a contact");
     contacts.iter().try_for_each(|c| is_contact(a, b, c))?;

@@ -1,5 +1,5 @@
 //! Tests of concave meshes and height fields. Shapes must slide over seams between triangles as over one face, and a closed surface must
-//! act as the solid that it bounds. PROPTEST_CASES=5000 searches longer.
+//! act as the solid that it bounds. PROPTEST_CASES=5000 tests more cases.
 
 use std::sync::Arc;
 
@@ -13,8 +13,8 @@ use stepper_geometry::{
 
 type V = V3<f64>;
 
-/// Difference of depths below which the first of two points is kept, m: 1e-6 of the size of a shape and a triangle of 1.7 m together.
-/// The choice then does not change from step to step, for example from a point on a seam to the lowest one near it.
+/// Difference of depths below which the search keeps the first of two points, m: 1e-6 of the size of the pair, here a shape and a triangle
+/// of 1.7 m together. The choice then does not change from step to step, for example from a point on a seam to the lowest one near it.
 const TIE: f64 = 2e-6;
 
 const STILL: Pose = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
@@ -61,7 +61,7 @@ fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, prediction: f64) -> Ma
     out
 }
 
-/// The height of the shape's lowest point along `n`.
+/// Height of the shape's lowest point along `n`, m.
 fn lowest(b: &ConvexShape, pose: &Pose, n: V) -> f64 {
     dot(n, add(pose.pos, rotate(&pose.mat, b.support(rotate_back(&pose.mat, scale(n, -1.0)))))) - b.radius()
 }
@@ -87,7 +87,7 @@ proptest! {
         let normal = [-rise[0], -rise[1], 1.0];
         let normal = scale(normal, 1.0 / norm(normal));
         let pose = Pose { pos: [at[0], at[1], 0.0], mat };
-        // Raised until it is as deep as asked.
+        // The shape is raised until its depth is `depth`.
         let lift = (-lowest(&b, &pose, normal) - depth) / normal[2];
         let pose = Pose { pos: [at[0], at[1], lift], ..pose };
         let points = touch(&slope(n, rise), &b, &pose, 0.02).points;
@@ -107,8 +107,8 @@ proptest! {
         if exact > 0.1 {
             prop_assert!(points.is_empty(), "{exact} {points:?}");
         } else if exact > 0.0 {
-            // The nearest point is on some triangle: its normal and distance are the solid's. A shape next to a seam that bulges less than
-            // its edge's share of it may see more.
+            // A triangle of the surface has the closest point, with the normal and distance of the solid. A shape next to an almost flat
+            // seam may have further contacts.
             let best = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, n)) < 1e-3);
             prop_assert!(best.is_some(), "{exact} {n:?} {points:?}");
         } else if exact > -0.005 {
@@ -183,7 +183,8 @@ proptest! {
         let corners: Vec<[V; 3]> = faces.iter().map(|f| f.map(|v| vertices[v as usize])).collect();
         let surface = if form == 0 { Surface::Grid(grid) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
         let distance_to = |p: V| corners.iter().map(|t| norm(sub(p, nearest_of_triangle(t, p)))).fold(f64::INFINITY, f64::min);
-        // Lowered until it is as near as asked: its distance is never more than its height over the surface.
+        // The ball is lowered until its distance is `gap`. Each step is safe, because the distance is never larger than the height above
+        // the surface.
         let mut centre = [at[0], at[1], 1.0];
         for _ in 0..200 {
             centre[2] -= distance_to(centre) - radius - gap;
@@ -191,14 +192,16 @@ proptest! {
         prop_assume!((distance_to(centre) - radius - gap).abs() < 1e-9);
         let pose = Pose { pos: centre, ..STILL };
         let points = touch(&surface, &ConvexShape::Sphere { radius }, &pose, 0.06).points;
-        // The nearest is there ...
+        // The contacts include the closest point of the surface.
         let least = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
         prop_assert!((least - gap).abs() < 1e-8, "{least} {gap}");
-        // ... and each is a point of the surface from which no way on the surface leads nearer: the distance to a triangle is convex, so of
-        // all triangles that meet there it is the nearest point. Two faces of a valley may each have such a point, however close together.
+        // From each contact, no path along the surface leads closer to the ball. Since the distance to a triangle is convex, the contact
+        // must be the closest point of every triangle that meets there. Two faces of a valley may each have such a point, however close
+        // together.
         for p in &points {
             let x = add_scaled(centre, p.normal, -(p.distance + radius));
-            // Normals within 1e-6 of a neighbour's count as its normals, which moves the point by as much, and the distance by its square.
+            // A normal within 1e-6 of a neighbour's normal counts as equal to it. This moves the point by as much, and changes the distance
+            // by the square.
             prop_assert!(distance_to(x) < 1e-6, "{x:?} is off the surface by {}", distance_to(x));
             let meeting = corners.iter().filter(|t| norm(sub(nearest_of_triangle(t, x), x)) < 1e-10);
             let nearest = meeting.map(|t| norm(sub(nearest_of_triangle(t, centre), centre))).fold(f64::INFINITY, f64::min);
@@ -222,7 +225,7 @@ proptest! {
         let (exact, normal) = near(&pose);
         prop_assume!((exact - gap).abs() < 1e-6);
         let points = touch(&surface, &b, &pose, 0.06).points;
-        // Round bodies and flat faces: where several points are equally near, the normal is that of one of them.
+        // If several points of round bodies and flat faces are equally close, the normal is that of one of them.
         let found = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, normal)) < 1e-3);
         prop_assert!(found.is_some(), "{exact} {normal:?} {points:?}");
     }
@@ -240,7 +243,8 @@ fn bound(shape: &ConvexShape) -> f64 {
     }
 }
 
-/// Radius of a ball about the origin of a shape through which the lines of all contact normals pass, m. Contacts are at most `reach` long.
+/// Radius of a ball about the origin of a shape through which the lines of all contact normals pass, m. `reach` is the largest distance of
+/// a contact, m.
 fn contact_radius(shape: &ConvexShape, reach: f64) -> f64 {
     match *shape {
         ConvexShape::Sphere { .. } => 0.0,
@@ -250,7 +254,8 @@ fn contact_radius(shape: &ConvexShape, reach: f64) -> f64 {
 }
 
 proptest! {
-    // The cases are fixed: about one in 500,000 differs, where a neighbour of the skipped triangle keeps other points of their edge.
+    // The cases are fixed, because about one in 500,000 fails: a neighbour of a skipped triangle keeps other points of the edge between
+    // them.
     #![proptest_config(ProptestConfig { cases: 10_000, rng_seed: RngSeed::Fixed(1), ..Default::default() })]
 
     /// The clearance is the distance of the nearest triangle, whether the shape is above or below the surface.
@@ -285,7 +290,7 @@ proptest! {
         // The shape's origin is above the surface. For shapes below it the two searches find different points.
         let pose = Pose { pos: [at[0], at[1], grid.highest() + lift], mat };
         let slack = 1e-3;
-        // Contacts are within twice the displacement of the step.
+        // Contacts that can push are within twice the displacement of the step.
         let prediction = 2.0 * (norm(way) + norm(turn) * bound(&b)) + slack;
         let approach = Approach { displacement: way, rotation: turn, radius: contact_radius(&b, prediction), slack };
         let find = |reach: SearchLimits| {
@@ -298,7 +303,7 @@ proptest! {
             let velocity = add(way, cross(turn, sub(p.pos, pose.pos)));
             p.distance < 2.0 * (-dot(p.normal, velocity)).max(0.0) + slack
         };
-        // Skip deep overlaps: a deep point can be replaced by one that cannot count.
+        // Deep overlaps are skipped, because a point that cannot push may replace a deep point.
         if all.iter().chain(&found).any(|p| p.distance < -1e-4) {
             return Ok(());
         }
@@ -335,7 +340,7 @@ proptest! {
             }
             let foot = add_scaled(pose.pos, p.normal, -(p.distance + radius));
             let moved = add_scaled(foot, direction, share * farthest / norm(direction));
-            // The rounding of coordinates up to 2 m.
+            // The tolerance is the rounding error of coordinates up to 2 m.
             prop_assert!(height_at(&vertices, &faces, moved).is_some_and(|height| moved[2] <= height + 1e-12), "{moved:?} {p:?}");
         }
     }

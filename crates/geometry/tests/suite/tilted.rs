@@ -1,5 +1,5 @@
-//! Tests of bodies that lie on a flat face with a small tilt from rounding or motion: they touch the face wherever they are above it.
-//! PROPTEST_CASES=5000 searches longer.
+//! Tests of bodies that lie on a flat face with a small tilt from rounding or motion. They must touch the face everywhere above it.
+//! PROPTEST_CASES=5000 tests more cases.
 
 use std::sync::Arc;
 
@@ -8,14 +8,14 @@ use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::{ConvexShape, Grid, Hull, Narrow, Point, Pose, SearchLimits, Solid, Surface};
 
-/// Half sizes of the floor, and of the body along x and y, m.
+/// Half sizes of the floor along x and y, and of the body along x, y and z, m.
 const FLOOR: [f64; 2] = [0.05, 0.3];
 const BODY: [f64; 3] = [0.03, 0.02, 0.02];
 
 /// Largest distance of a contact in the search, m. It exceeds the height of the highest corner of the most tilted body.
 const PREDICTION: f64 = 1e-3;
 
-/// Least share of the common area that the contact points span. Four corners of a hexagon span at least a half of it, and those of an
+/// Smallest share of the common area that the contact points must span. Four corners of a hexagon span at least half of it, and those of an
 /// octagon at least 0.6.
 const LEAST_SHARE: f64 = 0.5;
 
@@ -92,7 +92,7 @@ fn over_floor(corners: &[P]) -> Vec<P> {
     polygon
 }
 
-/// Contact points of a tilted body and the floor, and the area of the part of the body over the floor.
+/// Contact points of a tilted body and the floor, and the area of the body's part above the floor.
 fn meet(floors: usize, bodies: usize, epsilon: f64, at: P, yaw: f64, tilt: (V3<f64>, f64), depth: f64) -> (Vec<Point>, f64) {
     let ((ground, top), shape) = (floor(floors), body(bodies));
     let axis = [tilt.0[0], tilt.0[1], 0.0];
@@ -104,7 +104,7 @@ fn meet(floors: usize, bodies: usize, epsilon: f64, at: P, yaw: f64, tilt: (V3<f
         [at[0] + p[0], at[1] + p[1]]
     });
     let common = over_floor(&corners);
-    // The lowest point of the part over the floor is `depth` below it.
+    // The lowest point of the part over the floor is `depth` below the floor's top.
     let normal = rotate(&mat, [0.0, 0.0, 1.0]);
     let origin = rotate(&mat, [0.0, 0.0, -BODY[2]]);
     let height = |p: &P| origin[2] - (normal[0] * (p[0] - at[0] - origin[0]) + normal[1] * (p[1] - at[1] - origin[1])) / normal[2];

@@ -104,8 +104,8 @@ impl Model {
         model.check(Source::Same(&self.hulls))
     }
 
-    /// Checks that no force sensor is part of a loop closed by active equalities. `acts` returns whether the equality with an index is
-    /// active.
+    /// Checks that no force sensor is part of a loop closed by active equalities. `acts(k)` returns whether the equality with the index k
+    /// is active.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the sensor and the equality.
@@ -192,8 +192,8 @@ fn has_form(model: &Description, shape: &Shape) -> bool {
 
 /// Checks that no active equality connects the body of a force sensor's site, or one of its descendants, to any other body.
 ///
-/// Such an equality would close a loop and carry part of the load, which the sensor's reading does not include. `acts` returns whether the
-/// equality with an index is active.
+/// Such an equality would close a loop and carry part of the load, which the sensor's reading does not include. `acts(k)` returns whether
+/// the equality with the index k is active.
 fn open(model: &Description, at: &Element, site: usize, acts: impl Fn(usize) -> bool) -> Checked {
     let mut carried = vec![false; model.bodies.len()];
     carried[model.sites[site].body] = true;

@@ -145,7 +145,7 @@ impl Stepper {
     }
 
     /// Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. If the
-    /// stepper has an actuator model, the forces of its drives are those of the last step.
+    /// stepper has an actuator model, the forces of the drives in it are those of the last step.
     #[getter]
     fn qacc_smooth<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::SmoothAcceleration)

@@ -18,7 +18,8 @@ impl Interrupted {
     /// Exception for Python about an interrupted call of the method `call`, such as "step".
     ///
     /// The attribute `steps` of the exception is the number of steps made. The message of the exception contains this number, the number of
-    /// requested steps (`of`), and the text `also`. An exception that has a message already gets a note with this text instead.
+    /// requested steps (`of`), and the text `also`. If the exception from the signal handler has a message, the text is added as a note
+    /// instead.
     pub(super) fn raise(self, py: Python<'_>, call: &str, of: usize, also: &str) -> PyErr {
         let Self { steps, error } = self;
         let message = format!("{call} was interrupted after {steps} of {of} steps, in every environment{also}");

@@ -1,4 +1,4 @@
-//! Kinks between perturbed copies of environments, for `stepper.derivatives`.
+//! Kinks (differences in kind, such as stick and slip) between perturbed copies of environments, for `stepper.derivatives`.
 
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -10,7 +10,8 @@ use crate::stepper::{Reading, Stepper};
 
 #[pymethods]
 impl Stepper {
-    /// Kinks between copies of environments after a step. `stepper.derivatives.kinks` documents the arguments.
+    /// Kinks between copies of environments after a step, such as a contact that pushes in one copy only. `stepper.derivatives.kinks`
+    /// documents the arguments.
     ///
     /// Returns:
     ///     Flags of `Kink` for each column of the derivative, (environments, columns) uint32, and the distance to the nearest kink as a

@@ -21,8 +21,8 @@ impl Stepper {
         slf.per_env(py, "status", |env| slf.simulation.status(env).bits())
     }
 
-    /// Residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE. It measures the error of the natural
-    /// map, a function of impulses and velocities that is zero at the exact solution.
+    /// Residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE. It is the size of the natural map, a
+    /// function of impulses and velocities that is zero at the exact solution.
     #[getter]
     fn residual<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual)

@@ -43,7 +43,7 @@ impl<'py, T: Element + Copy> Output<'py, T> {
     }
 
     /// Adds the array to the dictionary `result`. If the caller gave an array in `out`, the results of the first `controls` controls are
-    /// copied to that array, and it is added instead.
+    /// copied to the caller's array, and the dictionary gets that array.
     fn enter(mut self, controls: usize, result: &Bound<'py, PyDict>) -> PyResult<()> {
         let Some(mut given) = self.given.take() else { return result.set_item(self.name, &**self.made) };
         let (all, made) = (self.made.shape()[0], self.made.as_slice()?);

@@ -35,7 +35,7 @@ impl<T: Row> Rows<T> {
         self.compliant = false;
     }
 
-    /// Exchanges the offsets of every row in the velocity solve and in the position solve.
+    /// Exchanges the two offsets of every row: that of the velocity solve and that of the position solve.
     #[inline(always)]
     pub(crate) fn exchange_offsets(&mut self) {
         for row in &mut self.items {
@@ -107,7 +107,7 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
 
 /// Rows of one constraint, with an offset for the velocity solve and one for the position solve.
 pub trait Row: Copy {
-    /// Exchanges the offset g, with which the row is solved, and the other one of the two offsets.
+    /// Exchanges the two offsets of each row: the offset g, with which the row is solved, and the stored offset of the other solve.
     fn exchange_offsets(&mut self);
 }
 
@@ -265,8 +265,8 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Removes all constraints.
     fn clear(&mut self);
 
-    /// Gathers the lanes that `map` selects of all constraints into `out`, whose registers are half as wide. Only what Gauss-Seidel
-    /// iterations need is gathered.
+    /// Gathers lanes of all constraints into `out`, whose registers are half as wide. `map` selects the lanes. Only the data that
+    /// Gauss-Seidel iterations need are gathered.
     fn gather(&self, rows: &Rows<Self::Row>, map: &LaneMap, out: &mut Self::Half);
 
     /// Calls `f` for each constraint that exists in a lane. `f` gets an iterator over the coordinates at which this constraint has entries
@@ -282,7 +282,8 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Appends a constraint that was read from a file, with the same numbers in every lane.
     fn load(&mut self, saved: &SavedConstraint);
 
-    /// Replaces the impulses of a lane by a weighted mean of them and those of `from`, see [`Snapshot::blend`](crate::Snapshot::blend).
+    /// Replaces the impulses of a lane by a weighted mean of these impulses and the impulses `from`, see
+    /// [`Snapshot::blend`](crate::Snapshot::blend).
     fn blend(
         &self,
         rows: &Rows<Self::Row>,
@@ -301,7 +302,7 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Returns the larger of `change` and the largest change of a velocity, m/s.
     fn sweep(&self, rows: &Rows<Self::Row>, unknowns: Unknowns<'_, R, Self::Impulse>, lanes: SweepLanes<R>, change: R) -> R;
 
-    /// Appends the velocities of all rows at the scaled velocity change `w`, m/s or rad/s. They include the part by the compliance.
+    /// Appends the velocities of all rows at the scaled velocity change `w`, m/s or rad/s. They include the contribution of the compliance.
     fn velocities(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], out: &mut Vec<R>);
 
     /// Appends the compliance of each row, without the additional compliance of contact normals.
@@ -369,7 +370,8 @@ pub(crate) fn worse<R: Real>(a: R, b: R) -> R {
     R::select(b.le(a), a, b)
 }
 
-/// Replaces each number x of `numbers`, in the lane `lane`, by y + weight (x - y), where y is the number of `from` there.
+/// Replaces the number x in the lane `lane` of each entry of `numbers` by y + weight (x - y). Here y is the number in the same lane of the
+/// corresponding entry of `from`.
 pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, weight: f64) {
     for (number, from) in numbers.iter_mut().zip(from) {
         let [now, from] = [*number, *from].map(|x| number_of(x, lane));

@@ -20,9 +20,11 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 
 /// Solver of a single contact with torsional and rolling friction.
 ///
-/// The normal impulse is eliminated and `A x_t + c = -s x_t` is solved for the tangential impulse x_t in the principal axes of A. Jacobi's
-/// method finds these five axes, the columns of Q. The update alone uses the model `G_nn (k k^T) + Q diag(a) Q^T` of the tangential block,
-/// where k is the coupling. At its fixed point the law holds for the velocities, even if the axes are imprecise.
+/// With the normal impulse eliminated, the tangential problem is `A x_t + c = -s x_t`, as for
+/// [`SlidingSolver`](crate::constraints::sliding::SlidingSolver). It is solved for the tangential impulse x_t in the principal axes of A.
+/// Jacobi's method finds these five axes, the columns of Q. Only the update of the impulse uses the model `G_nn (k k^T) + Q diag(a) Q^T` of
+/// the tangential block, where k is the coupling. Imprecise axes therefore do not change the fixed point, at which the velocities obey
+/// Coulomb's law.
 #[derive(Clone, Copy, Debug)]
 pub struct RollingSolver<R: Real> {
     /// Inverse 1 / G_nn of the normal row's diagonal entry of the Delassus matrix, kg.
@@ -249,8 +251,8 @@ struct Slip<R: Real> {
     s: R,
 }
 
-/// Largest number of iterations of Jacobi's method over all pairs of axes. It converges quadratically: five dimensions take four to five
-/// iterations to the last digit.
+/// Largest number of iterations of Jacobi's method over all pairs of axes. The method converges quadratically: five dimensions take four to
+/// five iterations to the last digit.
 const JACOBI: usize = 5;
 
 /// Dot product of two vectors with an entry for each tangential row.
@@ -311,7 +313,7 @@ fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usi
     }
     let half = (m[q][q] - m[p][p]) * R::of(0.5);
     let root = (half * half + off * off).sqrt().copysign(half);
-    // The smaller of the two tangents of the rotation angle. It is zero for aligned axes.
+    // The smaller of the two possible tangents of the rotation angle. It is zero in lanes that do not rotate.
     let below = half + root;
     let there = apart.and(below.abs().gt(R::zero()));
     let tan = masked(there, off / R::select(there, below, R::one()));

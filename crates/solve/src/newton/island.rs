@@ -34,8 +34,8 @@ pub(super) struct Block {
     /// of the first row. Here lambda is the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero at
     /// the solution.
     natural_step: f64,
-    /// Factor of the residual of the constraint's first row. It keeps only the part that is an error of the velocity, without the part of a
-    /// spring.
+    /// Factor that multiplies the residual of the constraint's first row. It removes the part due to a spring, so that an error of the
+    /// velocity remains.
     rigid_fraction: f64,
 }
 

@@ -1,13 +1,13 @@
-//! Noslip solver: friction forces after the solution, without the regularisation that lets contacts creep (MuJoCo's documentation,
-//! computation chapter, "Algorithms", NoSlip).
+//! Noslip solver: recomputes friction forces after the solution of the soft problem, without the regularisation that lets contacts creep
+//! (MuJoCo's documentation, computation chapter, "Algorithms", NoSlip).
 //!
 //! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b with A = J M^-1 J^T. The unknowns are the forces of dry friction and of
-//! the friction rows of contacts. All other forces remain those of the solution. The tangential forces of an elliptic contact are limited
-//! to the ellipse of its normal force. Opposite edges of a pyramid keep the sum of their forces. A is never formed: the sweep updates the
-//! acceleration, and each row has the acceleration by a unit force.
+//! the friction rows of contacts. All other forces remain those of the soft problem's solution. The tangential forces of an elliptic
+//! contact are limited to the ellipse of its normal force. Opposite edges of a pyramid keep the sum of their forces. A is never formed: a
+//! sweep updates the acceleration, from the stored response of the acceleration to a unit force in each row.
 //!
-//! Rows that share no tree, directly or through others, are separate islands. An island stops when a sweep improves its objective by less
-//! than the tolerance. The others continue.
+//! Rows that share no kinematic tree, directly or through other rows, are in separate islands. An island stops when a sweep improves its
+//! objective by less than the tolerance. The other islands continue.
 
 use std::ops::Range;
 
@@ -347,7 +347,7 @@ impl<R: Real> NoSlip<R> {
                     let tolerance = R::splat(effort.tolerance);
                     let Self { running, improvement, inertia, count, .. } = self;
                     for ((running, improvement), &inertia) in running[..*count].iter_mut().zip(improvement).zip(&inertia[1]) {
-                        // This form ends the island at a NaN.
+                        // A NaN improvement ends the island.
                         *running &= improvement.ge(tolerance * inertia).bits();
                         *improvement = R::zero();
                     }
@@ -533,7 +533,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
                 slip += j[k] * a[d as usize];
             }
             let (inertia, force, most) = (self.inertia[i][k][k], self.force[i][k], self.bound[i][k] * mu);
-            // Both edges move by half the difference if their sum does not move.
+            // The sum of the two edges is constant. Each of them therefore moves by half of the change of their difference.
             let moves = (R::of(4.0) * mu * mu * inertia).ge(R::of(LEAST_FORCE));
             let next = R::select(moves, (force - slip / inertia).max(-most).min(most), R::zero());
             let mut change = [R::zero(); N];

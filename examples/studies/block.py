@@ -1,4 +1,4 @@
-"""Falling block with a horizontal velocity: in a textbook exercise each impact takes 10 % of this velocity, with Coulomb friction not.
+"""Falling block with a horizontal velocity. In a textbook exercise each impact takes 10 % of this velocity; Coulomb friction does not.
 
 The exercise applies v_z <- -e v_z and v_x <- 0.9 v_x at each impact. The first rule is restitution. The second one is not Coulomb friction:
 an impact with Coulomb friction reduces v_x by the fixed speed mu (1 + e) |v_z|, not by a fixed share. One value of mu gives 10 % of 1 m/s

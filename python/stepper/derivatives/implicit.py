@@ -1,8 +1,9 @@
-"""Derivatives by the implicit function theorem at the solution of a step, which take one linear solve instead of a step per column.
+"""Derivatives by the implicit function theorem at the solution of a step: one linear solve instead of a step per perturbed number.
 
 The mode of the step is fixed: contacts that push, stick and slip, and joints at a limit or held by dry friction. Derivatives of the
-impulses solve one linear system for all columns. Forces, inertia and geometry are differentiated by finite differences with fixed impulses
-(`Stepper._differentiate`). docs/development/decisions/implicit_derivatives.md has the formulas and their limits.
+impulses with respect to all columns (perturbed numbers) solve one linear system. Forces, inertia and geometry are differentiated by finite
+differences with fixed impulses (`Stepper._differentiate`). docs/development/decisions/implicit_derivatives.md has the formulas and their
+limits.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
 def where_available(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
 ) -> dict[str, NDArray[Any]] | None:
-    """Derivatives of the step by the implicit function theorem, in all environments; None if it does not support the options or sensors.
+    """Derivatives of the step by the implicit function theorem, in all environments; None if the options or sensors are not supported.
 
     Args:
         sim: The stepper.

@@ -227,7 +227,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
 
     Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their absolute value. A
     column has two displaced values, above and below the nominal value. For a control at the end of its range, or a parameter at a bound
-    such as 0, both are on one side, at one and at two displacements. The order of accuracy is the same.
+    such as 0, both are on one side, at one and at two times the displacement. The order of accuracy is the same.
 
     Args:
         model: The model.

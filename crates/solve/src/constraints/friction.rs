@@ -47,7 +47,7 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// the contact's natural map.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance, 1/kg, to all rows of the contact, and updates the step of its natural map, see [`NaturalStep`].
+    /// Adds a compliance, 1/kg, to all rows of the contact, and updates the step of its natural map (`NaturalStep`).
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
     /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's previous

@@ -87,7 +87,8 @@ impl<R: Real> Snapshot<R> {
 }
 
 impl<R: Real> Snapshot<R> {
-    /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` remains.
+    /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` is not
+    /// updated.
     ///
     /// `weight` returns the weight of the present impulses, from 0 to 1. Its argument is the first coordinate at which the constraint has
     /// an entry.

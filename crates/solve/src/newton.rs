@@ -10,11 +10,11 @@
 //! by Newton's method with an exact line search (Rockafellar 1976). For contacts this is also the outer fixed point on s of Cadoux 2009 and
 //! Acary & Cadoux 2013. The steps are rho_i = kappa dim / trace(G_ii), where dim is the number of rows. The factor kappa is so large that
 //! one or two proximal steps are enough. Redundant supports do no harm, because the matrix is the identity plus a positive semidefinite
-//! one. If many impulses are possible, the solver finds those near the start, or the least if the first step starts from zero.
+//! one. If many impulses are possible, the solver finds those near the start, or those of least norm if the first step starts from zero.
 //!
-//! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps on the
-//! exact friction law, including s, whose matrix is not symmetric. Close to the solution they converge at once; otherwise they are
-//! rejected.
+//! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps of the
+//! exact friction law, including s, whose matrix is not symmetric. Close to the solution such steps converge at once; otherwise the solver
+//! rejects them.
 //!
 //! With many contacts the outer loop on s does not converge. For such islands, and after a failure of the loop, all proximal steps are of
 //! the exact friction law, and short at first (`ProximalPoint::solve_exact`).
@@ -138,9 +138,9 @@ impl Newton {
 
     /// Finds the impulses of least norm (in the metric of 1/rho) of the lanes `lanes`, if many impulses are possible.
     ///
-    /// They do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller residual than
-    /// before. `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the steps of this
-    /// call.
+    /// These impulses do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller
+    /// residual than before. `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the
+    /// steps of this call.
     pub fn solve_least_norm<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,

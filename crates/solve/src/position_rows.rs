@@ -8,8 +8,8 @@
 //! loads that already act cause no error.
 //!
 //! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the present motion. The proof is
-//! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`. No change of the velocities within the bounds c meets the targets then
-//! (weak duality).
+//! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, summed over the coordinates d. Then no change of the velocities within
+//! the bounds c_d meets the targets (weak duality).
 
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, Damping, ReferenceRows, Rows};
@@ -95,7 +95,8 @@ impl<R: Real> PositionRows<R> {
         *own = R::select(lanes, offset_of(*own), *own);
     }
 
-    /// Exchanges the offsets of every row for the velocity solve and for the position solve. The next solve is then the position solve.
+    /// Exchanges, in every row, the offset of the velocity solve and that of the position solve. A solve of these rows is then a position
+    /// solve.
     #[inline(always)]
     pub fn exchange_offsets(&mut self) {
         each_kind!([own: &mut self] => own.exchange_offsets());

@@ -1,8 +1,9 @@
 //! Contacts with torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
 //!
-//! MuJoCo's elliptic cone is sqrt(sum (f_i / mu_i)^2) <= f_n. If row i is multiplied by mu_i / mu, it becomes the circular cone |x_t| <= mu
-//! x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities v' of the scaled rows are in m/s. Coulomb's law (maximal
-//! dissipation) is the same in both, because f . v = x . v'. A type of friction that the contact lacks is a row of zeros.
+//! MuJoCo's elliptic cone is sqrt(sum (f_i / mu_i)^2) <= f_n. If row i is multiplied by mu_i / mu, the cone becomes the circular cone |x_t|
+//! <= mu x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities v' of the scaled rows are in m/s. Coulomb's law (maximal
+//! dissipation) is the same for the original and the scaled rows, because f . v = x . v'. A type of friction that the contact lacks is a
+//! row of zeros.
 
 use crate::cone::{masked, positive};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
@@ -62,9 +63,9 @@ impl<R: Real> RollingSolver<R> {
 
     /// Solution for a sliding contact in the lanes `todo`.
     ///
-    /// It solves |x(s)| = mu n(s) for the multiplier s > 0 by Newton's method on mu n / |x| = 1, inside a bracket and from `guess`. Here x
-    /// is the tangential and n the normal impulse. `push` is the normal impulse, N s, and `p` the tangential velocity in the principal
-    /// axes, m/s, both without any tangential impulse.
+    /// The function solves |x(s)| = mu n(s) for the multiplier s > 0 by Newton's method on mu n / |x| = 1, inside a bracket and from
+    /// `guess`. Here x is the tangential and n the normal impulse. `push` is the normal impulse, N s, and `p` the tangential velocity in
+    /// the principal axes, m/s, both without any tangential impulse.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();

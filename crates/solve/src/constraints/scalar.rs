@@ -14,7 +14,8 @@ use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Row with a single impulse lambda in an interval: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
+/// Row with a single impulse lambda in an interval: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`,
+/// for a friction force f and a time step h).
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
     /// Index of the row's first coordinate in the list of coordinates of all scalar rows.
@@ -71,7 +72,7 @@ impl<R: Real> ScalarRow<R> {
     }
 
     /// Velocity correction after damping, m/s or rad/s, from the undamped `correction`. `ratio` is the compliance relative to the row's
-    /// mobility. The difference is stored in the row.
+    /// mobility. The row stores the difference between the two.
     ///
     /// This function is for rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp)
     /// then skips these rows.
@@ -86,8 +87,8 @@ impl<R: Real> ScalarRow<R> {
 
     /// Velocity by which an immovable row misses its target, m/s or rad/s; 0 for dry friction.
     ///
-    /// For an equality it is the absolute value of `equality`. For a limit with the velocity target `g` it is -g, which is negative if the
-    /// limit is met.
+    /// For an equality it is the absolute value of `equality`. For a limit with the offset `g` it is -g, which is negative if the limit is
+    /// met.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);

@@ -279,8 +279,8 @@ impl ProximalPoint {
         self.anderson.restart(rows.blocks.len());
     }
 
-    /// Computes the next De Saxce's terms mu |v_t|, with Anderson's acceleration. Returns the largest difference of the previous ones from
-    /// those at the present velocities, m/s.
+    /// Computes the next values of De Saxce's terms mu |v_t|, with Anderson's acceleration. Returns the largest difference between the
+    /// previous values and those at the present velocities, m/s.
     fn recompute_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
         self.image.extend(rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()])));

@@ -8,8 +8,8 @@
 //! (I - DP + rho DP (I + S) G) dlambda = -rho DP (I + S) dv
 //! ```
 //!
-//! Here dv is the change of the rows' velocities at constant impulses, by the free velocity, the targets or the Jacobians. The matrix is
-//! computed once; each change is then a product (Le Lidec et al. 2024).
+//! Here dv is the change of the rows' velocities at constant impulses, due to changes of the free velocity, the targets or the Jacobians.
+//! The matrix is computed once. The change of the impulses is then a matrix-vector product (Le Lidec et al. 2024).
 
 use crate::admissible_set::{AdmissibleSet, Piece, Product};
 use crate::constraints::constraint_set::{ConstraintSet, Impulse, number_of};

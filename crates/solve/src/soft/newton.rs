@@ -357,7 +357,7 @@ impl<R: Real> SoftSolver<R> {
         metric.solve(&mut self.imbalance);
         let mut largest = R::zero();
         for &x in &self.imbalance {
-            // This form propagates a NaN.
+            // A NaN becomes the largest acceleration too.
             largest = R::select(x.abs().le(largest), largest, x.abs());
         }
         largest

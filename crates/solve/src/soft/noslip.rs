@@ -73,7 +73,7 @@ struct Friction<R: Real, const N: usize> {
     /// Forces of each item (a scalar row or a contact), N or N m.
     force: Vec<[R; N]>,
     /// Bound on each friction force. For an elliptic contact it is the normal force. For a pyramid it is the sum of the forces of the two
-    /// edges; the friction coefficient multiplies it.
+    /// edges, which must still be multiplied by the friction coefficient.
     bound: Vec<[R; N]>,
     /// Range of each item (a scalar row or a contact) in `dofs` and `response`.
     spans: Vec<Range<usize>>,
@@ -608,8 +608,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
 
 /// Minimiser of 1/2 x^T A x + b^T x in the ball |x| <= r, in the lanes `lanes`.
 ///
-/// Newton's method finds the multiplier l from 0. Its equation `|(A + l)^-1 b|^2 = r^2` is convex, so that l increases to the solution. A
-/// result outside the ball is scaled to the sphere. If A is singular (see [`is_regular`]) the result is 0, as in MuJoCo.
+/// Newton's method searches the multiplier l, starting from 0. The equation `|(A + l)^-1 b|^2 = r^2` is convex in l, so that l increases to
+/// the solution. A result outside the ball is scaled to the sphere. If A is singular (see [`is_regular`]) the result is 0, as in MuJoCo.
 #[inline(always)]
 fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {
     let regular = is_regular(matrix, single);

@@ -39,7 +39,7 @@ def model() -> stepper.Model:
 
 
 def thrown(now: Any, _: list[np.random.Generator]) -> tuple[Any, Any]:
-    """Initial qpos and qvel: at the given height, moving downwards and sideways."""
+    """Initial qpos and qvel: at `HEIGHT`, moving downwards and sideways."""
     n = now.num_envs
     return np.tile([0.0, HEIGHT], (n, 1)), np.stack([now.parameters["speed"].astype(float), np.full(n, -DOWN)], axis=1)
 

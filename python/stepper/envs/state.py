@@ -23,7 +23,7 @@ _LISTED = 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EnvState:
-    """State of a `StepperVectorEnv` or `StepperEnv`, returned by `get_state`. It pickles.
+    """State of a `StepperVectorEnv` or `StepperEnv`, returned by `get_state`. It can be pickled.
 
     Attributes:
         sim: State of the stepper.

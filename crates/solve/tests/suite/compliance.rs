@@ -71,8 +71,8 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
             let again = residual(&problem, &iterate);
             prop_assert!((outcome.residual - again).abs() <= 1e-14 * largest + 1e-13 * (1.0 + outcome.residual), "{} {again}", outcome.residual);
             prop_assume!(solved.count(outcome.residual <= 1e-11));
-            // The impulses also solve the other problem, whose row velocities are the same numbers summed in another order. Of an error of
-            // a spring, the residual of the first problem counts only the fraction G_nn / (G_nn + R).
+            // The impulses also solve the other problem, whose row velocities are the same numbers summed in another order. The residual of
+            // the first problem counts only the fraction G_nn / (G_nn + R) of the error of a spring.
             let square = |y: f64| y * y;
             let normals = case.sliding.iter().map(|(y, _, r)| (y.iter().map(|y| square(y[0])).sum::<f64>(), *r));
             let rolling = (case.rolling.0.iter().map(|y| square(y[0])).sum::<f64>(), case.rolling.2);

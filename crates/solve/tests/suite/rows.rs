@@ -149,8 +149,8 @@ proptest! {
         let largest = one.0.w.iter().fold(1.0, |most: f64, w| most.max(w.abs()));
         prop_assert!(one.1.residual < 1e-12 * largest, "residual {} of {largest}", one.1.residual);
         prop_assert!(many.1.residual < 1e-9, "residual {}", many.1.residual);
-        // The limit's impulse is the same, and so is w: residuals over the least squared length that was assumed, 1e-2 of a row of order
-        // one.
+        // Both ways give the same w and the same impulse of the limit. The errors are residuals divided by the squared length `left`, which
+        // is above 1e-2 for a row of order one.
         let scale = 1.0 + g.iter().fold(free.abs(), |most, g| most.max(g.abs()));
         prop_assert!((one.0.scalars[rows] - many.0.scalars[rows]).abs() * left < 1e-6 * scale);
         for (a, b) in one.0.w.iter().zip(&many.0.w) {

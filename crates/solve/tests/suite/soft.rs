@@ -192,7 +192,8 @@ proptest! {
     #[test]
     fn forces_are_the_slope_of_the_cost_and_balance(case in case()) {
         let (a, forces, residual) = case.solve::<f64>();
-        // Rounding leaves some epsilon times the largest relative acceleration of a row, the largest weight, and the largest mobility, 10.
+        // The rounding error is some epsilon times a product: the largest relative acceleration of a row, the largest weight, and the
+        // largest mobility, 10.
         let fastest = a.iter().fold(5.0_f64, |most, a| most.max(case.n as f64 * a.abs()));
         let heaviest = case.law::<f64, 6>().0.into_iter().fold(1.0 / case.softness, f64::max);
         let rounding = 100.0 * f64::EPSILON * fastest * heaviest * 10.0;

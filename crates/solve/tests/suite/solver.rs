@@ -153,14 +153,14 @@ fn a_warm_start_at_the_answer_stays_there() {
         let settings = SweepSettings { sweeps: 20_000, tolerance: 1e-10 };
         let outcome = solve(&problem, &mut iterate, settings, true);
         prop_assume!(solved.count(outcome.residual <= 1e-10));
-        // If exact sweeps cycle, the problem may have several solutions, and later sweeps need not stay at the first.
+        // If exact sweeps cycle, the problem may have several solutions, and later sweeps may leave the first of them.
         prop_assume!(soon.count(outcome.sweeps <= 25.0));
         let before = dense_velocities(&case, &iterate);
         let again = solve(&problem, &mut iterate, settings, true);
         prop_assert!(again.residual <= 1e-10);
         stays.count(again.sweeps <= 2.0);
         for (a, b) in before.iter().flatten().zip(dense_velocities(&case, &iterate).iter().flatten()) {
-            // Forces may not be unique, velocities are: they move by no more than the residual lets them, times the scale of G.
+            // Impulses may not be unique, but velocities are. They change by at most the residual times the scale of G.
             prop_assert!((a - b).abs() < 1e-7);
         }
     });

@@ -1,7 +1,7 @@
 """Friction threshold of a grasp: two pads close on a box and lift it by 10 cm; below mu = m (g + a) / (2 F) it slips.
 
 m is the mass of the box, a the acceleration of the lift, F the force of each pad. A contact uses the larger friction of its two geoms.
-So the study varies the friction of box and pads together: the friction of the box has no effect if that of the pads is larger.
+The friction of the box has no effect if that of the pads is larger, so the study varies both together.
 
     stepper sweep examples/studies/grasp.py
 """

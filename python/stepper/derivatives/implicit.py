@@ -23,8 +23,8 @@ from stepper.shared.fields import RANDOMIZED
 STEP = 2.0**-20
 """Half width of the finite differences of forces, inertia and geometry, for coordinates of order 1 (SI units).
 
-Active constraints and impulses are fixed, so that the differences have no error of the solver. Errors relative to a column's largest entry
-are 1e-9 from rounding; third derivatives of MuJoCo's friction cones gave at most 1e-7 in tests.
+Active constraints and impulses are fixed, so that the differences have no error of the solver. The remaining errors are given relative to
+the largest entry of a column. Rounding causes 1e-9. Third derivatives of MuJoCo's friction cones caused at most 1e-7 in tests.
 """
 
 

@@ -74,7 +74,7 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         autoreset_mode: Time at which a finished episode is reset. NEXT_STEP: at the next `step`, which ignores the block's action.
             SAME_STEP: within the step that ends it; the last observation is `info["final_obs"]`. DISABLED: by `reset(options={"reset_mask":
                 mask})`.
-        threads: Number of threads. With 0 all available ones are used. The results do not depend on it.
+        threads: Number of threads. 0 uses all available threads. The results do not depend on the number.
     """
 
     def __init__(

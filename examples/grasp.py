@@ -5,7 +5,7 @@
 A hand with two fingers, driven by forces, stands around a box at a random place between the fingers. The reward is for the box 10 cm above
 its start, less a cost of the finger forces. Friction holds the box if each finger presses with at least m g / (2 mu) = 6.5 N.
 
-The learner by derivatives is the one of shac.py, with a whole episode as its horizon. The other one is the PPO of `stepper train`. Both
+The learner by derivatives is that of shac.py, with a whole episode as its horizon. The other learner is the PPO of `stepper train`. Both
 have the same networks, initial weights and task. The task is python/stepper/envs/basic/grasp.py.
 """
 
@@ -79,7 +79,8 @@ def score(policy: Policy, rollouts: int, processor: float) -> Score:
 def grip(net: ppo.ActorCritic) -> None:
     """Set the initial action of a policy to a grip that lifts the box too fast.
 
-    While the box lies on the floor, the derivative of its height by the actions is zero, and learning could not begin.
+    While the box lies on the floor, the derivative of its height with respect to the actions is zero. Without this grip, learning could not
+    begin.
     """
     with torch.no_grad():
         net.actor[-1].bias[:] = torch.tensor([0.4, 0.5, 0.5])

@@ -2,7 +2,7 @@
 
 The "robot" is simulated, so that its true parameters are known: a torso of 7.5 kg instead of 6.25 kg, friction of 0.3 instead of 0.4. Four
 runs of one second under the policy are recorded, with encoder noise. The identification gives a distribution of the parameters. The policy
-is then evaluated in environments with parameters drawn from it.
+is then evaluated in environments whose parameters are drawn from this distribution.
 
     python examples/identified_cheetah.py
 """
@@ -62,8 +62,8 @@ def options() -> stepper.Options:
 def pieces(episode: stepper.sysid.Episode, rng: np.random.Generator) -> list[stepper.sysid.Episode]:
     """Split an episode into segments of `ROWS` samples, and add noise to the readings.
 
-    Each segment starts from the measured state of the preceding sample. The segments are short, because
-    prediction errors of a gait grow too fast for predictions of a second.
+    Each segment starts from the measured state of the preceding sample. The segments are short, because prediction errors of a gait grow
+    too fast for predictions of a second.
 
     Args:
         episode: Episode of the recording.
@@ -111,7 +111,7 @@ def returns(parameters: dict[str, Any], episodes: int = 32, actions: int = 200) 
 def main() -> None:
     """Identify the robot's parameters, and print them with the returns of the policy in three batches of environments.
 
-    These have the nominal parameters, samples of the identified parameters, and the true parameters.
+    The batches have the nominal parameters, samples of the identified parameters, and the true parameters.
     """
     with tempfile.TemporaryDirectory() as folder:
         recorded(Path(folder) / "run")

@@ -1,7 +1,7 @@
-"""One measurement function, used as a reward, an observation, an outcome of a study, and on a stepper.
+"""One measurement function, used for a reward, for an observation, for an outcome of a study, and with a stepper.
 
-A two-link arm reaches for a target. Tasks, studies and scripts pass objects with the same read interface as `stepper.Stepper`: `qpos`,
-`xpos`, `sensordata`, `contacts()` and `read(name, of)`. So the function `distance` works in all of them.
+A two-link arm reaches for a target. The objects that tasks and studies pass to their functions have the same read interface as
+`stepper.Stepper`: `qpos`, `xpos`, `sensordata`, `contacts()` and `read(name, of)`. So the function `distance` works with all of them.
 
     python examples/one_measure.py      # prints the same distance four times
 """

@@ -78,7 +78,7 @@ class Goal:
         return total
 
     def ends(self, model: stepper.Model, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Gradient (n,) and Hessian (n, n) of the cost of a plan by its final state, on the tangent space, with n = 2 nv.
+        """Gradient (n,) and Hessian (n, n) of a plan's cost with respect to its final state, on the tangent space, with n = 2 nv.
 
         Args:
             model: The model.
@@ -148,7 +148,7 @@ def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: fl
         moments: Stepper with one environment per step of the plan.
         goal: Goal with the cost.
         plan: The plan.
-        regularization: Number that is added to the diagonal of the cost's second derivatives by the forces.
+        regularization: Number that is added to the diagonal of the cost's second derivatives with respect to the forces.
 
     Returns:
         Changes of the forces, (T, 2), feedback gains, (T, 2, 2 nv), and the fraction of steps near a kink. At a kink, such as a change
@@ -202,7 +202,7 @@ def _plan(law: str, goal: Goal, start: Array, rounds: int, *, verbose: bool) -> 
     """
     model = stepper.load(SCENE)
     first, trials, moments = (stepper.Stepper(model, n, options=LAWS[law]) for n in (1, len(LENGTHS), len(start)))
-    # The initial forces push the ball into the box: without contact, the gradient of the cost by the forces is zero.
+    # The initial forces push the ball into the box: without contact, the gradient of the cost with respect to the forces is zero.
     plan = tried(first, goal, start, np.zeros(0), np.zeros(0))
     regularization = 1e-4
     for k in range(rounds):

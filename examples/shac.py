@@ -9,7 +9,7 @@ horizon (Xu et al. 2022, "Accelerated Policy Learning with Parallel Differentiab
 https://arxiv.org/abs/2204.07137).
 
 `Stepper.linearize` computes the matrices (docs/how-to/derivatives.md). Only the observation and the reward of a task must also exist as
-PyTorch functions. The first update compares them with the task.
+PyTorch functions. The first update compares the results of these functions with those of the task.
 
 `--minutes` is processor time. The script writes the learning curve during the training, and the policy at the end.
 """
@@ -47,8 +47,8 @@ class Differentiable:
 
     Attributes:
         observation: Function from qpos (n, nq) and qvel (n, nv) to observations.
-        reward: Function to rewards (n,) from five values: qpos before the action, qpos and qvel after it, the action, and its duration in
-            s.
+        reward: Function that returns rewards (n,) from five arguments: qpos before the action, qpos and qvel after it, the action, and its
+            duration in s.
     """
 
     observation: Callable[[Tensor, Tensor], Tensor]
@@ -75,7 +75,7 @@ class Plan:
 
     Attributes:
         num_envs: Number of environments.
-        horizon: Number of actions that a gradient goes through. Episodes are a whole number of horizons.
+        horizon: Number of consecutive actions through which a gradient propagates. Episodes are a whole number of horizons.
         rate: Initial learning rate of the policy. It decreases linearly to a tenth.
         critic_rate: Learning rate of the value network.
         epochs: Passes of the value network over the samples of a horizon.
@@ -201,7 +201,7 @@ class Learner:
         self.age += 1
 
     def collect(self) -> Horizon:
-        """Step all environments for one horizon (the number of actions that a gradient goes through), and return the samples."""
+        """Step all environments for one horizon (the number of actions through which a gradient propagates), and return the samples."""
         plan = self.plan
         self.begin_some()
         T, n, nu = plan.horizon, plan.num_envs, len(self.middle)
@@ -244,7 +244,8 @@ class Learner:
         """Loss of the policy on collected samples, as a differentiable function of the policy's weights.
 
         States follow the linearized steps x' = x'_0 + A (x - x_0) + B (u - u_0). Here x_0, u_0 and x'_0 are the collected states, actions
-        and next states, and A and B the matrices of `linearize`. The loss has the value of the samples, and its gradient includes A and B.
+        and next states, and A and B the matrices of `linearize`. The value of the loss is that of the collected samples, and its gradient
+        propagates through A and B.
 
         Returns:
             Loss, fraction of the steps near a kink (where a step has no derivative, such as at a change of contacts), and fraction of the

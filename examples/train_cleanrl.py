@@ -1,4 +1,4 @@
-"""PPO in one file in the style of CleanRL, over one batch of stepper in place of `SyncVectorEnv`. Copy the file and change it.
+"""PPO in one file in the style of CleanRL, with a vector environment of stepper in place of `SyncVectorEnv`. Copy the file and change it.
 
     pip install 'stepper-sim[train]'
     python examples/train_cleanrl.py stepper/HalfCheetah-v5 --seed 1
@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-# Idle OpenMP threads spin by default, which takes processor time from the physics. Must be set before PyTorch is imported.
+# Idle OpenMP threads spin by default, which takes processor time from the physics. The variable must be set before PyTorch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 import gymnasium as gym
 import numpy as np
@@ -157,7 +157,7 @@ def train(wrapped: Wrapped, seed: int, iterations: int, settings: Settings, curv
             advantages[t] = tail = delta + s.gamma * s.gae_lambda * going_on * tail
 
         flat = [part.flatten(0, 1) for part in (obs, actions, logprobs, advantages, advantages + values)]
-        # With NEXT_STEP, the step after the end of an episode ignores its action: it is no sample.
+        # With NEXT_STEP, the step after the end of an episode ignores its action. It is therefore not used as a sample.
         samples = np.flatnonzero(dones.flatten().numpy() == 0)
         for _ in range(s.epochs):
             mixed = rng.permutation(samples)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from stepper.adapters.sb3 import StepperVecEnv
 from stepper.policies import Policy, describe, film, load
 
-# Idle OpenMP threads spin by default, which takes processor time from the physics. Must be set before PyTorch is imported.
+# Idle OpenMP threads spin by default, which takes processor time from the physics. The variable must be set before PyTorch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 import torch
 from stable_baselines3 import PPO
@@ -71,7 +71,7 @@ class Curve(BaseCallback):
 
 
 def make(env: str, num_envs: int, seed: int, **settings: Any) -> VecNormalize:
-    """Stable-Baselines3's vector environment of stepper, with normalised observations and rewards.
+    """Vector environment of stepper for Stable-Baselines3, with normalised observations and rewards.
 
     Args:
         env: Name of the environment.

@@ -1,7 +1,8 @@
-"""Sliding threshold of an object on a tray: pushed sideways, it slides if and only if the force exceeds mu N, at any time step.
+"""Sliding threshold of an object on a tray: pushed sideways, it slides if and only if the force exceeds mu times its weight.
 
-The object of 0.3 kg weighs 2.94 N. A push of 2 N does not move it at mu = 1.0, where friction carries up to 2.94 N. At mu = 0.55 friction
-carries up to 1.62 N, and the object slides with a = F/m - mu g. The script compares the result with this theory at several time steps.
+The object of 0.3 kg weighs 2.94 N. At mu = 1.0 friction carries up to 2.94 N, and a push of 2 N does not move the object, however long the
+time step. At mu = 0.55 friction carries up to 1.62 N, and the object slides with a = F/m - mu g. The script compares the result with this
+theory at several time steps.
 
     python examples/tray.py               # both cases, and the force at which the object begins to slide
 """

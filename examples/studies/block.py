@@ -1,4 +1,4 @@
-"""Falling block with a horizontal velocity: in a textbook exercise each impact takes 10 % of this velocity, with Coulomb friction not.
+"""Falling block with a horizontal velocity. In a textbook exercise each impact takes 10 % of this velocity; Coulomb friction does not.
 
 The exercise applies v_z <- -e v_z and v_x <- 0.9 v_x at each impact. The first rule is restitution. The second one is not Coulomb friction:
 an impact with Coulomb friction reduces v_x by the fixed speed mu (1 + e) |v_z|, not by a fixed share. One value of mu gives 10 % of 1 m/s
@@ -39,7 +39,7 @@ def model() -> stepper.Model:
 
 
 def thrown(now: Any, _: list[np.random.Generator]) -> tuple[Any, Any]:
-    """Initial qpos and qvel: at the given height, moving downwards and sideways."""
+    """Initial qpos and qvel: at `HEIGHT`, moving downwards and sideways."""
     n = now.num_envs
     return np.tile([0.0, HEIGHT], (n, 1)), np.stack([now.parameters["speed"].astype(float), np.full(n, -DOWN)], axis=1)
 

@@ -1,7 +1,7 @@
 """Effect of encoder noise, drift and delay on a policy that balances a double pendulum.
 
 The policy was trained in Gymnasium's InvertedDoublePendulum-v5, where it observes the true state. In this study it observes sensor readings
-instead. encoders_trained.py is the same study of a policy that was trained on sensor readings:
+instead. encoders_trained.py is the same study with a policy that was trained on sensor readings:
 
     stepper report examples/studies/encoders.py
     stepper report examples/studies/encoders_trained.py

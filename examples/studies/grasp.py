@@ -1,7 +1,7 @@
 """Friction threshold of a grasp: two pads close on a box and lift it by 10 cm; below mu = m (g + a) / (2 F) it slips.
 
 m is the mass of the box, a the acceleration of the lift, F the force of each pad. A contact uses the larger friction of its two geoms.
-So the study varies box and pads together: varied alone, the box has no effect below the friction of the pads.
+The friction of the box has no effect if that of the pads is larger, so the study varies both together.
 
     stepper sweep examples/studies/grasp.py
 """
@@ -16,7 +16,7 @@ import stepper
 G, MASS, FORCE = 9.81, 0.8, 10.0
 HAND, FINGER = 1.0, 0.1
 CLOSE, LIFT, HEIGHT = 0.2, 0.4, 0.1
-"""Time of closing, s; duration of the lift, s; height of the lift, m."""
+"""Duration of the closing, s; duration of the lift, s; height of the lift, m."""
 ACCELERATION = 4.0 * HEIGHT / LIFT**2
 """Acceleration of the lift, m/s^2: upwards in its first half, downwards in its second."""
 THEORY = MASS * (G + ACCELERATION) / (2.0 * FORCE)

@@ -1,4 +1,4 @@
-"""Scripted picking of a cube by a Panda arm: friction at which the cube slips, by solver iterations, contact law and engine.
+"""Scripted picking of a cube by a Panda arm: friction at which the cube slips, for several solver settings, contact laws and engines.
 
 The arm and the gripper are robosuite's (`pip install --no-deps robosuite`), with position servos. A script moves the hand above the cube
 and down, closes the fingers, and lifts by 15 cm. Each finger presses with 20 N, plus or minus 1 N of dry joint friction. The study varies

@@ -83,7 +83,7 @@ def controls(target: Any, closed: Any) -> Any:
 
 
 def moved(target: Any, action: Any) -> Any:
-    """Target position of the hand, (n, 3) m, that an action (n, 4) of the policy makes of the previous target (n, 3)."""
+    """New target position of the hand, (n, 3) m: the previous one (n, 3), moved by an action (n, 4) of the policy, within the bounds."""
     return np.clip(target + MOVE * np.clip(action[:, :3], -1.0, 1.0), LOW, HIGH)
 
 

@@ -1,4 +1,4 @@
-"""Picking of a cube by a Panda arm with a learned policy: success by friction, solver iterations, contact law and engine.
+"""Picking of a cube by a Panda arm with a learned policy: success for several frictions, solver settings, contact laws and engines.
 
 The cube lies at a random place within ±4 cm. Every 50 ms the policy observes the positions of cube, target and fingers (panda_hand.py). It
 moves the target of the hand by up to 2 cm, and opens or closes the fingers:

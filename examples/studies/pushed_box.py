@@ -1,8 +1,8 @@
 """Effect of mass, friction, shape, control rate and camera errors on pushing a box to a line.
 
 A plate pushes the box and stops when a camera detects the box at the line. The box then overshoots by v t, with t the camera's delay, plus
-the sliding distance v^2 / (2 mu g). Neither depends on its mass or shape. The camera hangs above the table. It measures the position of the
-box in its frame, with noise, delay and a field of view. The controller assumes the nominal pose of the camera.
+the sliding distance v^2 / (2 mu g). Neither depends on the mass or shape of the box. The camera hangs above the table. It measures the
+position of the box in the camera's frame, with noise, delay and a field of view. The controller assumes the nominal pose of the camera.
 
     stepper report examples/studies/pushed_box.py
 """

@@ -35,7 +35,8 @@ def exact(now: Any, time: Any) -> Any:
     for k in range(1, len(time)):
         span = time[k] - time[k - 1]
         a = force(now, float(time[k - 1])) / mass - rubs
-        # An object at rest moves only if the push exceeds the friction. A decelerating object stops at v / -a or later than this control.
+        # An object at rest moves only if the push exceeds the friction. A decelerating object stops after the time v / -a or moves during
+        # the whole control period, whichever is shorter.
         moves = np.where(a < 0, np.minimum(span, v / np.maximum(-a, 1e-300)), span)
         x, v = x + v * moves + 0.5 * a * moves**2, v + a * moves
         qpos[k, :, 0], qvel[k, :, 0] = now.qpos[:, 0] + x, v

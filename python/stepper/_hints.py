@@ -19,7 +19,8 @@ from stepper._stepper import Model, Stepper
 T = TypeVar("T")
 _RESULT = "it is a result of the simulation, which cannot be set"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
-"""Advice in errors about assigning to an attribute of a model that is no field, by attribute. Other such attributes come from the file."""
+"""Advice for error messages about assignments to attributes of a model, by attribute. Attributes without advice here follow from the
+file."""
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},

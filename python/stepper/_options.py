@@ -47,8 +47,8 @@ class Options(metaclass=Hinting):
               springs and dampers need h sqrt(k / m) < 2.8 and h d / m < 2.7.
 
             With contact="mujoco" the integrators are those of MuJoCo: "euler", "implicitfast", "implicit", "discrete" and "rk4". Joint
-            damping is implicit in "euler", unless the model disables that. All of springs, dampers, servos and constraints are evaluated
-            together at the end of the step in "discrete". The constraints are solved in each of the four stages of "rk4".
+            damping is implicit in "euler", unless the model disables that. In "discrete", springs, dampers, servos and constraints are all
+            evaluated together at the end of the step. In "rk4", the constraints are solved in each of the four stages.
 
             With "midpoint" and "implicit", a servo at its force limit exerts that limit and adds no stiffness. Fixed tendons whose
             joints lie on several branches get an added inertia that grows with h^2 k and h d, which keeps them stable.
@@ -110,10 +110,10 @@ class Options(metaclass=Hinting):
 
 
 def precision_of(value: Any) -> Precision:
-    """Precision "f64" or "f32" from its name, or from NumPy's name or type of the numbers: "float32", `np.float32`, `np.dtype("f4")`.
+    """Precision "f64" or "f32" from its name, or from the name or type of such numbers in NumPy: "float32", `np.float32`, `np.dtype("f4")`.
 
     Raises:
-        ValueError: The value names neither.
+        ValueError: The value is neither precision.
     """
     if isinstance(value, str) and value in _PRECISIONS.values():
         return value  # type: ignore[return-value]

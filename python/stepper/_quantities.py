@@ -57,7 +57,8 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
     wanted = np.asarray(qacc, dtype=np.float64)
     if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
         raise ValueError(f"qacc has shape {wanted.shape}, must be {(*shape, sim.model.nv)} or ({sim.model.nv},)")
-    # qacc_smooth contains bias, passive, actuator and applied forces. The last two are not part of the result, and are added below.
+    # qacc_smooth contains bias, passive, actuator and applied forces. Inverse dynamics must not subtract the last two, so they are added
+    # below.
     free = sim.qacc_smooth
     excess = np.broadcast_to(wanted, (*shape, sim.model.nv)) - free
     forces = np.einsum("...ij,...j->...i", sim.mass_matrix(), excess)

@@ -40,10 +40,10 @@ class Status(IntFlag):
     INFEASIBLE = 32
     """The constraints contradict each other: no velocity within the bounds of position correction satisfies all of them.
 
-    With the default `Options.max_correction_speed` the bounds are 5 m/s and 50 rad/s, and they are proportional to it. The proof is a
-    combination of impulses that moves nothing, or too little. Examples: a body squeezed between two others, a weld out of reach, a
-    contact whose normal passes through a hinge. The step satisfies the constraints as far as possible, in least squares. For links of
-    a robot that overlap at the reference pose, load it with `stepper.load(..., overlaps="exclude")`."""
+    The bounds are 5 m/s and 50 rad/s with the default `Options.max_correction_speed`, and proportional to this option. The proof is a
+    combination of impulses that moves nothing, or too little. Examples: a body squeezed between two others, a weld out of reach, a contact
+    whose normal passes through a hinge. The step satisfies the constraints as far as possible, in least squares. For links of a robot that
+    overlap at the reference pose, load it with `stepper.load(..., overlaps="exclude")`."""
     DEEP = 64
     """A contact penetrates by more than 1 mm, a hundred times the default slop; see `Stepper.max_penetration`. Causes: bodies that
     overlap in the initial pose (`stepper.load(..., overlaps="exclude")` disables their contacts), and time steps too long for an impact

@@ -1,4 +1,4 @@
-//! Problems as files, so that a hard problem becomes a test.
+//! Files of saved problems, so that a hard problem becomes a test.
 //!
 //! A file has one lane of a problem, with the initial impulses and the limits of its solve.
 //!

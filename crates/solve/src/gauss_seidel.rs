@@ -1,7 +1,8 @@
 //! Projected Gauss-Seidel with the exact solution of every contact's local problem, and Anderson's acceleration: the fast solver.
 //!
-//! A sweep (one iteration) visits the rows in a fixed order. Each row gets the impulse that solves it at constant other impulses. A lane
-//! stops when its residual meets the tolerance. Later sweeps of other lanes do not change it, because every update is masked.
+//! A sweep (one iteration) visits the rows in a fixed order. Each row gets the impulse that solves it while all other impulses stay
+//! constant. A lane stops when its residual meets the tolerance. Later sweeps of other lanes do not change its impulses, because every
+//! update is masked.
 
 mod acceleration;
 mod compaction;
@@ -38,11 +39,11 @@ pub struct SweepOutcome<R: Real> {
 /// Largest number of sweeps that any settings allow. Lanes count their sweeps in floating point, and 32-bit numbers cannot count beyond it.
 const MOST_SWEEPS: u32 = 1 << 24;
 
-/// Improves the impulses of the lanes `lanes` until each meets the tolerance or has made the largest number of sweeps.
+/// Improves the impulses of the lanes `lanes` until each lane meets the tolerance or has made the largest number of sweeps.
 ///
-/// A sweep is one Gauss-Seidel iteration over all rows. A lane pauses when a sweep changes no velocity by more than its threshold, which is
-/// cheap to test. When all lanes have paused the residual is evaluated. A lane above the tolerance then continues with a lower threshold.
-/// It makes at least one sweep, so that there are no more rounds than sweeps.
+/// A sweep is one Gauss-Seidel iteration over all rows. A lane pauses when a sweep changes no velocity by more than the lane's threshold,
+/// which is cheap to test. When all lanes have paused, the residual is evaluated. A lane above the tolerance then continues with a lower
+/// threshold. It makes at least one sweep before the next evaluation, so that there are no more evaluations than sweeps.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
@@ -91,10 +92,10 @@ pub fn sweep_from_zero<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, 
     )
 }
 
-/// Estimates the impulses of the lanes `lanes` by sweeps (Gauss-Seidel iterations). A lane stops when a sweep changes no velocity by more
-/// than the tolerance, or at the largest number of sweeps.
+/// Estimates impulses by sweeps (Gauss-Seidel iterations) in the lanes `moving`, after solving the eliminated rows of the lanes `lanes`. A
+/// lane stops when a sweep changes no velocity by more than the tolerance, or at the largest number of sweeps.
 ///
-/// The residual is not evaluated. Lanes outside `moving` keep their impulses, except those of eliminated rows.
+/// The residual is not evaluated. Lanes outside `moving` keep all impulses except those of eliminated rows.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
     let system = problem.into();
     R::vectorize(
@@ -109,8 +110,8 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
     )
 }
 
-/// Sweeps until every lane has paused. In a certified system, the scaled velocity change w is then exactly the sum over the impulses, to
-/// the last bit.
+/// Sweeps until every lane has paused. If the solve must certify its residual (`System::certified`), the scaled velocity change w is then
+/// exactly the sum over the impulses, to the last bit.
 #[inline(always)]
 fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
     // All lanes restart without history, no matter when they paused. Their results then do not depend on other lanes.

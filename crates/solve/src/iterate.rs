@@ -87,7 +87,8 @@ impl<R: Real> Snapshot<R> {
 }
 
 impl<R: Real> Snapshot<R> {
-    /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` remains.
+    /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` is not
+    /// updated.
     ///
     /// `weight` returns the weight of the present impulses, from 0 to 1. Its argument is the first coordinate at which the constraint has
     /// an entry.
@@ -127,14 +128,15 @@ fn set_first_impulse<R: Real>(
     }
 }
 
-/// Relative difference of two energies below which they count as equal. An error of a thousandth of the velocities has this effect.
+/// Relative difference of two energies below which they count as equal. The energy is near its minimum, where a relative error of 1e-3 in
+/// the velocities changes it by about this much.
 const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 
 impl<R: Real> Snapshot<R> {
     /// Lanes in which the saved impulses are at least about as close to the solution as those of `iterate`.
     ///
     /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms mu
-    /// |v_t|. It may exceed that of `iterate` by at most a millionth.
+    /// |v_t|. The energy of the saved impulses may exceed that of `iterate` by at most a millionth.
     pub fn is_as_close(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -242,8 +244,8 @@ impl<R: Real> Iterate<R> {
         set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
     }
 
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change w. Returns the impulse before,
-    /// N s.
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change w. Returns the previous
+    /// impulse, N s.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]

@@ -6,12 +6,12 @@ use stepper_real::{Mask, Real};
 /// `sources[i]` of the full-width registers.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMap {
-    /// For each lane of the halved registers, the lane of the group from which it is gathered. Unused lanes copy lane 0, and the copy is
-    /// never read.
+    /// For each lane of the half-width registers, the lane of the full-width registers from which it is gathered. Unused lanes copy lane 0,
+    /// and the copy is never read.
     sources: [u32; 16],
-    /// For each lane of the group, the lane of the halved registers to which it is gathered; 0 if it is not gathered.
+    /// For each lane of the full-width registers, the lane of the half-width registers to which it is gathered; 0 if it is not gathered.
     places: [u32; 32],
-    /// Lanes of the group that are gathered, as bits.
+    /// Lanes of the full-width registers that are gathered, as bits.
     lanes: u32,
 }
 
@@ -50,7 +50,7 @@ impl LaneMap {
         gathered
     }
 
-    /// Writes the gathered lanes of the numbers `from` to `to`. If the lengths differ, only as many numbers as the shorter list has.
+    /// Writes the gathered lanes of the numbers `from` to `to`. If the lengths differ, it writes as many numbers as the shorter list has.
     #[inline(always)]
     pub(crate) fn gather_into<R: Real>(&self, from: &[R], to: &mut [R::Half]) {
         for (to, &from) in to.iter_mut().zip(from) {

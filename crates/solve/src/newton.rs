@@ -1,23 +1,23 @@
 //! Augmented-Lagrangian Newton: the robust solver, for the lanes that sweeps do not bring to the tolerance.
 //!
-//! It solves each island of each lane in scalar f64. The unknown is w, whose metric is the identity. The problem is convex if De Saxce's
-//! terms `s_i = mu_i |v_t,i|` are constant. The proximal method solves it by a few minimisations over w of
+//! It solves each island (set of coupled constraints) of each lane in scalar f64. The unknown is w, whose metric is the identity. The
+//! problem is convex if De Saxce's terms `s_i = mu_i |v_t,i|` are constant. The proximal method solves it by a few minimisations over w of
 //!
 //! ```text
 //! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)
 //! ```
 //!
 //! by Newton's method with an exact line search (Rockafellar 1976). For contacts this is also the outer fixed point on s of Cadoux 2009 and
-//! Acary & Cadoux 2013. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough. Redundant supports
-//! do no harm, because the matrix is the identity plus a positive semidefinite one. If many impulses are possible, the solver finds those
-//! near the start, or the least if the first step starts from zero.
+//! Acary & Cadoux 2013. The steps are rho_i = kappa dim / trace(G_ii), where dim is the number of rows. The factor kappa is so large that
+//! one or two proximal steps are enough. Redundant supports do no harm, because the matrix is the identity plus a positive semidefinite
+//! one. If many impulses are possible, the solver finds those near the start, or those of least norm if the first step starts from zero.
 //!
-//! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps on the
-//! exact friction law, including s, whose matrix is not symmetric. Close to the solution they converge at once; otherwise they are
-//! rejected.
+//! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps of the
+//! exact friction law, including s, whose matrix is not symmetric. Close to the solution such steps converge at once; otherwise the solver
+//! rejects them.
 //!
-//! That outer loop on s does not converge with many contacts. There, and if it has failed, all proximal steps are of the exact friction
-//! law, short at first (`ProximalPoint::solve_exact`).
+//! With many contacts the outer loop on s does not converge. For such islands, and after a failure of the loop, all proximal steps are of
+//! the exact friction law, and short at first (`ProximalPoint::solve_exact`).
 //!
 //! Convergence of s is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
 
@@ -43,8 +43,9 @@ use stepper_real::{Mask, Real, Scalar};
 
 /// Smallest limit of Newton steps per pass at which steps of the exact friction law are made, in small islands and in a last pass.
 ///
-/// Half of the problems that need them take 75 steps, six times this. With a smaller limit the residual is smaller, but unconverged
-/// contacts move: with five steps per pass, a pinched cube slips (scene 31 of docs/benchmarks/atlas.md).
+/// Half of the problems that need such steps take up to 75 of them, which is within [`EXACT_RATIO`] times this limit. Such steps under a
+/// smaller limit would reduce the residual, but contacts that have not converged move. With five steps per pass, a pinched cube slips
+/// (scene 31 of docs/benchmarks/atlas.md).
 pub(crate) const MIN_STEPS_FOR_EXACT: u32 = 13;
 
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
@@ -137,9 +138,9 @@ impl Newton {
 
     /// Finds the impulses of least norm (in the metric of 1/rho) of the lanes `lanes`, if many impulses are possible.
     ///
-    /// They do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller residual than
-    /// before. `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the steps of this
-    /// call.
+    /// These impulses do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller
+    /// residual than before. `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the
+    /// steps of this call.
     pub fn solve_least_norm<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -209,7 +210,7 @@ impl Newton {
                 }
                 after = self.island.residual(&mut self.v);
             }
-            // A NaN is no solution.
+            // Both comparisons are false for a NaN, which is no solution.
             let better = after < before || after <= criteria.tolerance;
             if better {
                 self.island.scatter(&mut self.lane, &self.members, &self.ordering.coordinates);

@@ -1,15 +1,15 @@
 //! Rows of the position solve: copies of the rows of a problem with damped targets, so that corrections are moderate.
 //!
-//! Position targets (gaps to close, overlaps to remove) may contradict each other, or only an absurd motion may meet them. Examples are a
-//! normal that passes a hinge at a micrometre, and a stretched chain. A compliance R on the diagonal of G makes the solution that of damped
-//! least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986). A row of mobility G then meets the fraction
-//! `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. If targets contradict each other, the remaining error is
-//! least in the mean square. The compliance acts on the difference from the reference impulses, so that loads that already act cause no
-//! error.
+//! Position targets (gaps to close, overlaps to remove) may contradict each other, or only an absurdly large motion may meet them. Examples
+//! are a contact normal that passes a hinge at a distance of a micrometre, and a stretched chain. A compliance R on the diagonal of G makes
+//! the solution that of damped least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986). A row of
+//! mobility G then meets the fraction `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. If targets contradict
+//! each other, the remaining error is least in the mean square. The compliance acts on the difference from the reference impulses, so that
+//! loads that already act cause no error.
 //!
 //! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the present motion. The proof is
-//! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`. No change of the velocities within the bounds c meets the targets then
-//! (weak duality).
+//! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, summed over the coordinates d. Then no change of the velocities within
+//! the bounds c_d meets the targets (weak duality).
 
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, Damping, ReferenceRows, Rows};
@@ -44,14 +44,14 @@ impl<R: Real> PositionRows<R> {
         make_kinds!(System { problem, certified: true, } [own: &self] => own)
     }
 
-    /// Changes the targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
+    /// Changes the offsets g of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
     /// velocity, in the scaled coordinates of w (scaled velocity change), see [`Problem::shift`].
     #[inline(always)]
     pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
         each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
     }
 
-    /// Changes the targets of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
+    /// Changes the offsets g of contact `i` in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
     /// velocity, in the scaled coordinates of w (scaled velocity change), see [`Problem::shift_contact`].
     #[inline(always)]
     pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
@@ -72,8 +72,8 @@ impl<R: Real> PositionRows<R> {
         *active = active.and_not(lanes);
     }
 
-    /// Position target of the normal row of contact `i`, m/s. The index `i` counts the contacts with three rows first, then those with six
-    /// rows (rolling friction).
+    /// Offset of the normal row of contact `i` in the position solve, m/s. The index `i` counts the contacts with three rows first, then
+    /// those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_offset(&self, i: usize) -> R {
         match i.checked_sub(self.contacts.items.len()) {
@@ -95,7 +95,8 @@ impl<R: Real> PositionRows<R> {
         *own = R::select(lanes, offset_of(*own), *own);
     }
 
-    /// Exchanges the velocity target and the position target of every row. The next solve uses the former position targets.
+    /// Exchanges, in every row, the offset of the velocity solve and that of the position solve. A solve of these rows is then a position
+    /// solve.
     #[inline(always)]
     pub fn exchange_offsets(&mut self) {
         each_kind!([own: &mut self] => own.exchange_offsets());
@@ -158,7 +159,7 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Proof that the targets are infeasible, by the impulses z by which `iterate` exceeds the reference solution.
+    /// Proof that the targets are infeasible, from the impulses z by which `iterate` exceeds the reference solution.
     ///
     /// Writes the scaled momentum J^T z to `reference`, and returns -z . u, J. Here u are the velocities by which the rows miss their
     /// targets under the impulses of the reference. Friction and springs are excluded, and so are contacts and limits that push less than

@@ -210,8 +210,8 @@ impl<R: Real> System<'_, R> {
         Self { certified: false, ..self }
     }
 
-    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. Only what Gauss-Seidel iterations read is
-    /// gathered.
+    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel
+    /// iterations read.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));

@@ -8,10 +8,10 @@ use stepper_real::Real;
 
 /// Natural-map residual of the exact Coulomb problem in each lane, m/s (rad/s for angular rows).
 ///
-/// The residual is `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` over all constraints i. Here lambda_i is the impulse, P_K the
-/// projection on the admissible impulses and v the velocity. De Saxce's term is added to the normal velocity of contacts: `u = v + (mu
-/// |v_t|, 0, 0)`. The step is `rho_i = n / trace(G_ii)` for n rows, where G_ii is the block of the Delassus matrix before elimination of
-/// equality rows.
+/// The residual is `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` over all constraints i. Here lambda_i is the impulse, and P_K the
+/// projection on the admissible impulses. The vector u_i is the velocity v of the rows. For a contact, De Saxce's term is added to the
+/// normal velocity: `u = v + (mu |v_t|, 0, 0)`. The step is `rho_i = n / trace(G_ii)` for n rows, where G_ii is the block of the Delassus
+/// matrix before elimination of equality rows.
 #[inline(always)]
 pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>) -> R {
     let (system, mut worst) = (system.into(), R::zero());

@@ -8,11 +8,11 @@
 //! ```
 //!
 //! Here a0 is the acceleration without constraints, and r the reference acceleration of each row. The convex function s is quadratic where
-//! a row pushes. Its slope is minus the constraint force. The sum is strictly convex, so that there is one solution and all forces are
-//! determinate.
+//! a row pushes. Its slope is minus the constraint force. The sum is strictly convex, so that there is one solution, which determines all
+//! forces.
 //!
-//! All code is generic over [`Real`](stepper_real::Real), as the rest of this crate. Its coordinates are those of the joints: M has the
-//! sparsity of the trees there, and a limit is one entry.
+//! All code is generic over [`Real`](stepper_real::Real), like the rest of this crate. The coordinates are those of the joints, in which M
+//! has the sparsity of the trees, and a row of a joint limit has a single entry.
 
 mod cone;
 mod contact;

@@ -13,7 +13,7 @@ thread_local! {
 /// System allocator that counts the allocations of each thread.
 struct Counting;
 
-// SAFETY: everything is the system allocator's.
+// SAFETY: every call is forwarded to the system allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|c| c.set(c.get() + 1));
@@ -31,7 +31,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Contacts of which every one touches three coordinates and shares one with the next, so that sweeps alone are slow.
+/// Chain of contacts: each has entries at three coordinates and shares one of them with the next contact, so that sweeps alone are slow.
 fn chain(contacts: usize) -> (Problem<f64>, Iterate<f64>) {
     let n = 2 * contacts + 1;
     let (mut problem, mut iterate) = (Problem::with_capacity(n, 0, contacts), Iterate::with_capacity(n, 0, contacts));

@@ -84,7 +84,7 @@ class ActuatorModel:
         return self._changed(lambda x: x[index])
 
     def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
-        """Copy of this actuator model for all environments, if it has numbers only for those in a mask. The others get the number 0.
+        """Copy for all environments of this actuator model, which has numbers only for those in a mask. All others get the number 0.
 
         Args:
             mask: Boolean mask (num_envs,). Arrays in this model have one number per True entry; those of the copy have num_envs.

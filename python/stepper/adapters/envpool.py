@@ -24,11 +24,12 @@ Result: TypeAlias = tuple[Array, Array, Array, Array, dict[str, Any]]
 
 
 class StepperPool:
-    """Environments in blocks of `batch_size`, which step in worker threads between `send` and `recv`.
+    """Pool of environments with EnvPool's interface. Worker threads step blocks of `batch_size` environments between `send` and `recv`.
 
-    Block k has the `batch_size` environments from k * batch_size on. It starts to step when each of these has an action. `recv` returns
-    blocks in the order in which they started, and environments in the order of their ids. Results and their order therefore depend only on
-    seeds and actions, not on timing; EnvPool returns the first block that is ready. Later calls do not overwrite returned arrays.
+    Block k has the `batch_size` environments from k * batch_size on. It starts to step when each of these environments has an action.
+    `recv` returns blocks in the order in which they started, and environments in the order of their ids. Results and their order therefore
+    depend only on seeds and actions, not on timing; EnvPool returns the first block that is ready. Later calls do not overwrite returned
+    arrays.
 
     Args:
         env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
@@ -165,7 +166,7 @@ class StepperPool:
         """Calls `send`, then `recv`.
 
         With more than one block, the result may be that of other environments than those of the actions. The entry "env_id" of the infos
-        has their ids.
+        has the ids of the environments in the result.
 
         Args:
             action: Actions, (n, nu), in the units of the task.

@@ -31,7 +31,7 @@ from ray.exceptions import ObjectLostError, RayActorError  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
 
 Policy: TypeAlias = Callable[[Array, np.random.Generator], ArrayLike]
-"""Function of observations (n, k) and a random generator of the block that returns actions (n, nu)."""
+"""Function that returns actions (n, nu) from observations (n, k) of a block of environments, and from the block's random generator."""
 Call: TypeAlias = tuple[str, tuple[Any, ...]]
 """Name of a method of `_Block`, and its arguments."""
 Results: TypeAlias = list[Any]
@@ -159,9 +159,9 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         """Runs a policy for many steps inside the actors. Episodes continue from the current state.
 
         Args:
-            policy: Function of observations (n, k) and a random generator that returns actions (n, nu). It is pickled once, and
-                called for one block at a time. The generator is seeded by the seed of the last reset, the index of the block and the number
-                of rollouts since that reset.
+            policy: Function that returns actions (n, nu) from observations (n, k) and a random generator. It is pickled once, and called
+                for one block at a time. The generator is seeded by the seed of the last reset, the index of the block and the number of
+                rollouts since that reset.
             num_steps: Number of actions per environment.
 
         Returns:
@@ -212,9 +212,9 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         self._whole, self._made = True, False
 
     def _run(self, calls: list[Call]) -> Results:
-        """Runs method calls in every block (the environments that one process of Ray steps together).
+        """Runs one method call in every block of environments.
 
-        Returns the result of the last call in each block. Processes that ended are started again first.
+        Returns the result of each block. An actor that has died is replaced, and the new one repeats its recorded calls.
         """
         if not self._actors:
             raise RuntimeError("the environments are closed")
@@ -377,7 +377,7 @@ class _Block:
         """Runs a policy for `num_steps` actions in the environments of this block.
 
         Args:
-            policy: Ray reference to a function of observations (n, k) and a random generator that returns actions (n, nu).
+            policy: Ray reference to a function that returns actions (n, nu) from observations (n, k) and a random generator.
             num_steps: Number of actions per environment.
             seed: Seed of the random generator.
 

@@ -27,9 +27,9 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.
         num_envs: Number of environments.
         seed: Seed of the first episodes: environment i has `seed` + i. None draws a random seed.
-        infos: Environments whose info dictionaries are filled: "all", or only those whose episode has "ended". With a thousand
-            environments, "all" takes a tenth to a third of the time of a step.
-        episode_statistics: Whether the info of an ended episode has "episode", in the format of `Monitor`.
+        infos: Environments whose info dictionaries are filled: "all" environments, or with "ended" only those whose episode ended in the
+            step. With a thousand environments, "all" takes a tenth to a third of the time of a step.
+        episode_statistics: Whether the info of an ended episode has the entry "episode", in the format of `Monitor`.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
 
     Raises:

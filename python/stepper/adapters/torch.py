@@ -16,8 +16,8 @@ import torch  # noqa: E402
 class TorchVectorEnv:
     """Vector environment whose observations, rewards and actions are PyTorch tensors. On the CPU they share memory with NumPy arrays.
 
-    Rewards are copies in float32. Observations alternate between two buffers, so that an observation stays valid until the second
-    following call. Clone it to keep it longer, or pass the destination: `envs.step(action, out=storage[t + 1])`.
+    Rewards are copies in float32. Observations alternate between two buffers, so that an observation stays valid until the call after the
+    next one. Clone it to keep it longer, or pass the destination: `envs.step(action, out=storage[t + 1])`.
 
     Args:
         env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.

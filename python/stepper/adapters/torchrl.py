@@ -23,7 +23,7 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
     """TorchRL environment with the batch size (num_envs,) and the entries "observation", "action" and "reward".
 
     Partial resets and partial steps by TorchRL's masks "_reset" and "_step" are supported. On the CPU, tensors share memory with NumPy
-    arrays. Later steps do not overwrite them.
+    arrays. Later steps do not overwrite returned tensors.
 
     Args:
         env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.

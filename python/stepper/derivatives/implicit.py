@@ -1,8 +1,9 @@
-"""Derivatives by the implicit function theorem at the solution of a step, which take one linear solve instead of a step per column.
+"""Derivatives by the implicit function theorem at the solution of a step: one linear solve instead of a step per perturbed number.
 
 The mode of the step is fixed: contacts that push, stick and slip, and joints at a limit or held by dry friction. Derivatives of the
-impulses solve one linear system for all columns. Forces, inertia and geometry are differentiated by finite differences with fixed impulses
-(`Stepper._differentiate`). docs/development/decisions/implicit_derivatives.md has the formulas and their limits.
+impulses with respect to all columns (perturbed numbers) solve one linear system. Forces, inertia and geometry are differentiated by finite
+differences with fixed impulses (`Stepper._differentiate`). docs/development/decisions/implicit_derivatives.md has the formulas and their
+limits.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from stepper.shared.fields import RANDOMIZED
 STEP = 2.0**-20
 """Half width of the finite differences of forces, inertia and geometry, for coordinates of order 1 (SI units).
 
-Active constraints and impulses are fixed, so that the differences have no error of the solver. Errors relative to a column's largest entry
-are 1e-9 from rounding; third derivatives of MuJoCo's friction cones gave at most 1e-7 in tests.
+Active constraints and impulses are fixed, so that the differences have no error of the solver. The remaining errors are given relative to
+the largest entry of a column. Rounding causes 1e-9. Third derivatives of MuJoCo's friction cones caused at most 1e-7 in tests.
 """
 
 
@@ -48,7 +49,7 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
 def where_available(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
 ) -> dict[str, NDArray[Any]] | None:
-    """Derivatives of the step by the implicit function theorem, in all environments; None if it does not support the options or sensors.
+    """Derivatives of the step by the implicit function theorem, in all environments; None if the options or sensors are not supported.
 
     Args:
         sim: The stepper.

@@ -1,8 +1,8 @@
 """Kinks, which are states where a step is not differentiable, found by comparing perturbed copies with the nominal environment.
 
 There are two tests. `Stepper._find_kinks` compares the active constraints: contacts that push, stick or slip, joints at their limits,
-joints held by dry friction, saturated actuators. The second test compares the slopes on both sides, which may differ by curvature only.
-docs/how-to/derivatives.md explains what each test proves.
+joints held by dry friction, saturated actuators. The second test compares the slopes on the two sides of the nominal value. Without a kink
+they differ by curvature only. docs/how-to/derivatives.md explains what each test proves.
 """
 
 from __future__ import annotations

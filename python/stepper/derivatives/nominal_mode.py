@@ -46,7 +46,7 @@ LARGEST_BEND = 0.1
 class Pairs:
     """Columns of derivative matrices that must be differentiated again because their finite difference crossed a kink.
 
-    Each is a pair of an environment and a column.
+    Each entry of the arrays is a pair of an environment and a column.
 
     Attributes:
         env: Index of the environment, (pairs,).

@@ -226,8 +226,8 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
     """Displacements of all perturbed columns in all environments.
 
     Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their absolute value. A
-    column has two displaced values, above and below the nominal value. For a control at the end of its range, or a parameter at a bound
-    such as 0, both are on one side, at one and at two displacements. The order of accuracy is the same.
+    column has two displaced values, above and below the nominal value. At a bound (an end of a control's range, or 0 for a parameter) both
+    are on one side, at one and at two times the displacement. The order of accuracy is the same.
 
     Args:
         model: The model.

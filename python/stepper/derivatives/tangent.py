@@ -34,9 +34,7 @@ def _places(model: Model) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray
 def _rates(quat: Array) -> Array:
     """Derivative of the quaternion q * exp(r / 2) with respect to the rotation vector r in the body's frame, at r = 0.
 
-    The shape is (..., 4, 3), the unit is 1/rad.
-
-    `quat` is the unit quaternion q, (..., 4). Twice the derivative has orthonormal columns.
+    The shape is (..., 4, 3), the unit is 1/rad. `quat` is the unit quaternion q, (..., 4). Twice the derivative has orthonormal columns.
     """
     w, x, y, z = np.moveaxis(quat, -1, 0)
     rates: Array = 0.5 * np.stack([-x, -y, -z, w, -z, y, z, w, -x, -y, x, w], axis=-1).reshape(*quat.shape[:-1], 4, 3)

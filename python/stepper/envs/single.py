@@ -21,7 +21,7 @@ from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 class StepperEnv(gymnasium.Env[Array, Array]):
     """Single environment of a task. Its results equal those of a `StepperVectorEnv` environment with the same seed, bit for bit.
 
-    It pickles with its state.
+    A pickled environment contains its state.
 
     If a step would give a state that is not finite, the environment keeps its last finite state, the episode is terminated, and its info
     has "non_finite".

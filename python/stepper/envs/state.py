@@ -23,7 +23,7 @@ _LISTED = 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EnvState:
-    """State of a `StepperVectorEnv` or `StepperEnv`, returned by `get_state`. It pickles.
+    """State of a `StepperVectorEnv` or `StepperEnv`, returned by `get_state`. It can be pickled.
 
     Attributes:
         sim: State of the stepper.
@@ -50,7 +50,7 @@ def save(sim: Stepper, task: Task, episodes: dict[str, Array]) -> EnvState:
         episodes: Arrays (num_envs, ...) of the running episodes, by name, which are copied.
     """
     pickled = sim.__getstate__()
-    # Not read as attributes: the first access to sim.xfrc_applied etc. creates an array that every later step has to read.
+    # These arrays are not read as attributes: the first access to sim.xfrc_applied etc. creates an array that every later step must read.
     applied = {name: None if array is None else np.array(array) for name, array in zip(APPLIED, pickled["applied"], strict=True)}
     if np.size(sim.mocap_pos):
         applied |= {name: np.array(getattr(sim, name)) for name in ("mocap_pos", "mocap_quat")}

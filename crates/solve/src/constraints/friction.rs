@@ -17,7 +17,7 @@ use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Solver of the friction problem of a single contact at constant other impulses.
+/// Solver of the friction problem of a single contact. The impulses of all other constraints stay constant.
 ///
 /// The admissible impulses are the circular cone of Coulomb's law unless the implementation replaces it.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
@@ -47,8 +47,7 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// the contact's natural map.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance, 1/kg, to all rows of the contact and to the step rho of its natural map lambda - P_K(lambda - rho u). Here lambda
-    /// is the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero at the solution.
+    /// Adds a compliance, 1/kg, to all rows of the contact, and updates the step of its natural map (`NaturalStep`).
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
     /// Adds a compliance, 1/kg, to the normal row alone; the natural map does not change. Returns the ratio of the normal row's previous
@@ -80,12 +79,10 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
 /// projection on the admissible impulses. The map is zero at the solution.
 #[derive(Clone, Copy, Debug)]
 pub struct NaturalStep<R> {
-    /// Step rho = N / trace(G_ii) of a contact's natural map lambda - P_K(lambda - rho u), kg. N is the number of rows, and G_ii the
-    /// contact's block of the Delassus matrix before elimination of equality rows. Here lambda is the impulse, u the velocity, and P_K the
-    /// projection on the admissible impulses. The map is zero at the solution.
+    /// Step length rho = N / trace(G_ii), kg. N is the contact's number of rows, and G_ii its block of the Delassus matrix before
+    /// elimination of equality rows.
     pub(super) rho: R,
-    /// Inverse 1 / rho of the step rho of a contact's natural map lambda - P_K(lambda - rho u), 1/kg. Here lambda is the impulse, u the
-    /// velocity, and P_K the projection on the admissible impulses. The map is zero at the solution.
+    /// Inverse 1 / rho of the step length, 1/kg.
     pub(super) inv_rho: R,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the contact's block of the Delassus
     /// matrix.
@@ -93,17 +90,14 @@ pub struct NaturalStep<R> {
 }
 
 impl<R: Real> NaturalStep<R> {
-    /// Step rho of the natural map lambda - P_K(lambda - rho u) of a contact with `N` rows, whose block of the Delassus matrix has the
-    /// trace `trace`, 1/kg. Here lambda is the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero
-    /// at the solution.
+    /// Step of a contact with `N` rows, whose block of the Delassus matrix has the trace `trace`, 1/kg.
     #[inline(always)]
     pub(super) fn of_trace<const N: usize>(trace: R) -> Self {
         Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
     }
 
-    /// Step rho of the natural map lambda - P_K(lambda - rho u) of a contact, from `self`, which is the step after elimination of equality
-    /// rows. Before elimination, the trace of the contact's block of the Delassus matrix was larger by the factor `ratio`. Here lambda is
-    /// the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero at the solution.
+    /// Step before elimination of equality rows, from `self`, which is the step after it. Before elimination, the trace of the contact's
+    /// block of the Delassus matrix was larger by the factor `ratio`.
     #[inline(always)]
     pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
         Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }
@@ -135,14 +129,13 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub position_g: [R; N],
     /// Compliance R >= 0 of the normal row: velocity per unit of impulse, 1/kg. It is 0 for a hard contact.
     pub(crate) compliance: R,
-    /// Factor G_nn / (G_nn + R) of the normal row's residual. It keeps only the part that is an error of the velocity, without the part of
-    /// the contact's spring. G_nn is the row's diagonal entry of the Delassus matrix and R its compliance. The factor is 1 for a hard
-    /// contact.
+    /// Factor G_nn / (G_nn + R) that multiplies the normal row's residual. It removes the part due to the contact's spring, so that an
+    /// error of the velocity remains. G_nn is the row's diagonal entry of the Delassus matrix and R its compliance. The factor is 1 for a
+    /// hard contact.
     rigid_fraction: R,
     /// Compliance that damps all rows of the contact in the position solve, 1/kg.
     damping: R,
-    /// Step rho of the contact's natural map lambda - P_K(lambda - rho u), whose zero is the solution. Here lambda is the impulse, u the
-    /// velocity and P_K the projection on the admissible impulses. The step scales the contact's residual.
+    /// Step of the contact's natural map, which scales its residual.
     step: NaturalStep<R>,
     /// Solver of this contact at constant other impulses.
     pub(super) local: L,
@@ -182,8 +175,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         }
     }
 
-    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. Only what Gauss-Seidel iterations read is
-    /// gathered, with the compliances if `compliant`.
+    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel
+    /// iterations read. The compliances are among them if `compliant`.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, compliant: bool, out: &mut FrictionContact<R::Half, N, L::Half>) {
         (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
@@ -201,8 +194,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
 
 /// Contacts with `N` rows each, stored sparse.
 ///
-/// A contact's support lists the coordinates of w (scaled velocity change) at which it has entries in any lane, ascending. Lanes without an
-/// entry at one of them have zeros there.
+/// A contact's support lists the coordinates of w (scaled velocity change) at which it has entries in any lane, ascending. A lane without
+/// an entry at a listed coordinate has zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
     /// Rows of each contact, with the offsets g of the velocity solve.
@@ -320,7 +313,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Sets the offsets in the position solve of the last contact of the list, m/s. By default they are those of the velocity solve.
+    /// Sets the offsets of the last contact of the list for the position solve, m/s. By default they are those of the velocity solve.
     ///
     /// The first number is the offset of the normal row. The others are added to the offsets `g` of the tangential rows.
     #[inline(always)]
@@ -395,8 +388,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         contact.deferred = contact.deferred.or(lanes);
     }
 
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the impulse
-    /// before, N s.
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous
+    /// impulse, N s.
     #[inline(always)]
     pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; N] {
         let before = impulses[i];
@@ -456,9 +449,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Changes the velocity targets of a contact in the lanes `lanes`, after a change of the free velocity. `change` is the change of the
-    /// free velocity, in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity due to this
-    /// change.
+    /// Changes the offsets g of a contact in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
+    /// velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to this change.
     ///
     /// That increase is multiplied by the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]
@@ -694,7 +686,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         let SweepLanes { running, exact } = lanes;
         for (i, contact) in rows.items.iter().enumerate() {
             let lanes = running.and(contact.active);
-            // In late sweeps few lanes remain, which have few of the contacts.
+            // In late sweeps few lanes still run, and many contacts exist in none of them.
             if lanes.none() {
                 continue;
             }
@@ -896,7 +888,8 @@ pub(super) const MAX_NEWTON: usize = 24;
 /// Relative accuracy at which the Newton search for a sliding impulse takes its last step. The measure is the distance of the impulse from
 /// the surface of its friction cone, divided by the impulse.
 ///
-/// A step squares the distance. The accuracy is therefore about the square root of the rounding error.
+/// A Newton step squares this distance. An accuracy of about the square root of the rounding error is therefore enough before the last
+/// step.
 #[inline(always)]
 pub(super) fn near<R: Real>() -> R {
     R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())

@@ -1,17 +1,17 @@
 //! Orthogonalisation of equality rows (modified Gram-Schmidt; Golub & Van Loan 2013, algorithm 5.2.6).
 //!
-//! Hard equalities require y_k . w + g_k = 0 for all impulses, so that every invertible combination of them is equivalent. With orthogonal
-//! rows one Gauss-Seidel iteration (a "sweep" over the rows) solves them all exactly. With the original rows of a closed loop it converges
-//! slowly. A row that depends linearly on earlier rows loses all its entries and is removed. Examples are a planar loop closed in three
-//! dimensions, and two welds of the same bodies.
+//! Hard equalities require y_k . w + g_k = 0 for all impulses, so that every invertible combination of the rows is equivalent. With
+//! orthogonal rows one Gauss-Seidel iteration (a "sweep" over the rows) solves all equalities exactly. With the original rows of a closed
+//! loop, sweeps converge slowly. A row that depends linearly on earlier rows loses all its entries and is removed. Examples are a planar
+//! loop closed in three dimensions, and two welds of the same bodies.
 //!
 //! The remaining length of a row does not reveal dependence. A row that couples a light body to a heavy one is short as well, because the
 //! entries of a body scale with 1 / sqrt(mass). A short row is therefore projected a second time, which makes it orthogonal to the others
-//! relative to its remaining length ("twice is enough"; Parlett 1998, section 6.9). It is then independent if any entry exceeds the
-//! rounding error of the terms that were summed in it.
+//! relative to its remaining length ("twice is enough"; Parlett 1998, section 6.9). The row is then independent if any of its entries
+//! exceeds the rounding error of the terms that were summed in this entry.
 //!
 //! The scale of an entry is the root of the sum of the squares of these terms. The sum includes the rounding error that coefficients
-//! transfer from other entries. Masses and units cancel, because an entry and its scale have the same.
+//! transfer from other entries. Masses and units cancel in the ratio of an entry to its scale, because both have the same factor.
 
 use std::ops::Range;
 

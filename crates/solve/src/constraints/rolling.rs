@@ -1,8 +1,9 @@
 //! Contacts with torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
 //!
-//! MuJoCo's elliptic cone is sqrt(sum (f_i / mu_i)^2) <= f_n. If row i is multiplied by mu_i / mu, it becomes the circular cone |x_t| <= mu
-//! x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities v' of the scaled rows are in m/s. Coulomb's law (maximal
-//! dissipation) is the same in both, because f . v = x . v'. A type of friction that the contact lacks is a row of zeros.
+//! MuJoCo's elliptic cone is sqrt(sum (f_i / mu_i)^2) <= f_n. If row i is multiplied by mu_i / mu, the cone becomes the circular cone |x_t|
+//! <= mu x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities v' of the scaled rows are in m/s. Coulomb's law (maximal
+//! dissipation) is the same for the original and the scaled rows, because f . v = x . v'. A type of friction that the contact lacks is a
+//! row of zeros.
 
 use crate::cone::{masked, positive};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
@@ -20,9 +21,11 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 
 /// Solver of a single contact with torsional and rolling friction.
 ///
-/// The normal impulse is eliminated and `A x_t + c = -s x_t` is solved for the tangential impulse x_t in the principal axes of A. Jacobi's
-/// method finds these five axes, the columns of Q. The update alone uses the model `G_nn (k k^T) + Q diag(a) Q^T` of the tangential block,
-/// where k is the coupling. At its fixed point the law holds for the velocities, even if the axes are imprecise.
+/// With the normal impulse eliminated, the tangential problem is `A x_t + c = -s x_t`, as for
+/// [`SlidingSolver`](crate::constraints::sliding::SlidingSolver). It is solved for the tangential impulse x_t in the principal axes of A.
+/// Jacobi's method finds these five axes, the columns of Q. Only the update of the impulse uses the model `G_nn (k k^T) + Q diag(a) Q^T` of
+/// the tangential block, where k is the coupling. Imprecise axes therefore do not change the fixed point, at which the velocities obey
+/// Coulomb's law.
 #[derive(Clone, Copy, Debug)]
 pub struct RollingSolver<R: Real> {
     /// Inverse 1 / G_nn of the normal row's diagonal entry of the Delassus matrix, kg.
@@ -60,9 +63,9 @@ impl<R: Real> RollingSolver<R> {
 
     /// Solution for a sliding contact in the lanes `todo`.
     ///
-    /// It solves |x(s)| = mu n(s) for the multiplier s > 0 by Newton's method on mu n / |x| = 1, inside a bracket and from `guess`. Here x
-    /// is the tangential and n the normal impulse. `push` is the normal impulse, N s, and `p` the tangential velocity in the principal
-    /// axes, m/s, both without any tangential impulse.
+    /// The function solves |x(s)| = mu n(s) for the multiplier s > 0 by Newton's method on mu n / |x| = 1, inside a bracket and from
+    /// `guess`. Here x is the tangential and n the normal impulse. `push` is the normal impulse, N s, and `p` the tangential velocity in
+    /// the principal axes, m/s, both without any tangential impulse.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
@@ -249,8 +252,8 @@ struct Slip<R: Real> {
     s: R,
 }
 
-/// Largest number of iterations of Jacobi's method over all pairs of axes. It converges quadratically: five dimensions take four to five
-/// iterations to the last digit.
+/// Largest number of iterations of Jacobi's method over all pairs of axes. The method converges quadratically: five dimensions take four to
+/// five iterations to the last digit.
 const JACOBI: usize = 5;
 
 /// Dot product of two vectors with an entry for each tangential row.
@@ -311,7 +314,7 @@ fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usi
     }
     let half = (m[q][q] - m[p][p]) * R::of(0.5);
     let root = (half * half + off * off).sqrt().copysign(half);
-    // The smaller of the two tangents of the rotation angle. It is zero for aligned axes.
+    // The smaller of the two possible tangents of the rotation angle. It is zero in lanes that do not rotate.
     let below = half + root;
     let there = apart.and(below.abs().gt(R::zero()));
     let tan = masked(there, off / R::select(there, below, R::one()));

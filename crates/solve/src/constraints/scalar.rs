@@ -14,7 +14,8 @@ use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Row with a single impulse lambda in an interval: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
+/// Row with a single impulse lambda in an interval: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`,
+/// for a friction force f and a time step h).
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
     /// Index of the row's first coordinate in the list of coordinates of all scalar rows.
@@ -71,7 +72,7 @@ impl<R: Real> ScalarRow<R> {
     }
 
     /// Velocity correction after damping, m/s or rad/s, from the undamped `correction`. `ratio` is the compliance relative to the row's
-    /// mobility. The difference is stored in the row.
+    /// mobility. The row stores the difference between the two.
     ///
     /// This function is for rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp)
     /// then skips these rows.
@@ -86,8 +87,8 @@ impl<R: Real> ScalarRow<R> {
 
     /// Velocity by which an immovable row misses its target, m/s or rad/s; 0 for dry friction.
     ///
-    /// For an equality it is the absolute value of `equality`. For a limit with the velocity target `g` it is -g, which is negative if the
-    /// limit is met.
+    /// For an equality it is the absolute value of `equality`. For a limit with the offset `g` it is -g, which is negative if the limit is
+    /// met.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);
@@ -117,8 +118,8 @@ impl<R: Real> ScalarRow<R> {
         }
     }
 
-    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. Only what Gauss-Seidel iterations read is
-    /// gathered.
+    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel
+    /// iterations read.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, out: &mut ScalarRow<R::Half>) {
         (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
@@ -209,7 +210,7 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the offset in the position solve of the last row of the list, m/s or rad/s. By default it is that of the velocity solve.
+    /// Sets the offset of the last row of the list for the position solve, m/s or rad/s. By default it is that of the velocity solve.
     #[inline(always)]
     pub fn set_position_offset(&mut self, position_g: R) {
         if let Some(row) = self.rows.items.last_mut() {
@@ -250,8 +251,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Marks all rows of the list as eliminated. They must be equalities without compliance, orthogonal to every other row, also to later
-    /// ones.
+    /// Marks all rows of the list as eliminated. They must be equalities without compliance, and orthogonal to every other row, including
+    /// the rows that are pushed later.
     ///
     /// They are solved once. Gauss-Seidel iterations skip them, because no other impulse changes their velocities.
     #[inline(always)]
@@ -536,7 +537,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             reference_g.push(row.g + row.damping_deficit);
             // Eliminated rows are damped at assembly, because other rows are combined with them.
             if k >= self.eliminated {
-                // With this form, a NaN is a correction.
+                // The negated comparison counts a NaN as a correction.
                 let corrects = (row.g - row.position_g).abs().le(damping.negligible).not();
                 let compliance = masked(corrects, damping.ratio * row.mobility);
                 row.g -= compliance * lambda;
@@ -552,7 +553,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         for (k, (row, &now)) in rows.items.iter().zip(impulses).enumerate() {
             let change = now - before[k];
             let give = if k < self.eliminated { R::zero() } else { row.compliance * change };
-            // The compliance of a spring is part of its force law, and no damping.
+            // The compliance of a spring is part of its force law. Only rows without a spring (with a mobility) are damped.
             most = most.max(masked(row.active.and(row.mobility.gt(R::zero())), give.abs().max(row.damping_deficit.abs())));
         }
         most

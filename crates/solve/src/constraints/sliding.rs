@@ -22,8 +22,8 @@ pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 pub struct SlidingSolver<R: Real> {
     /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb of the contact's block of the Delassus matrix, compliance included, 1/kg.
     gram: [R; 6],
-    /// Compliance of the contact's normal row alone, 1/kg. It is a part of the row's diagonal entry of the Delassus matrix, and no mobility
-    /// of the bodies.
+    /// Compliance of the contact's normal row alone, 1/kg. The row's diagonal entry of the Delassus matrix includes it, although it is not
+    /// a mobility of the bodies.
     normal_compliance: R,
     /// Inverse 1 / G_nn of the normal row's diagonal entry of the Delassus matrix, kg.
     inv_gnn: R,
@@ -70,8 +70,8 @@ impl<R: Real> SlidingSolver<R> {
     /// Lanes in which a contact is self-locking, see [`SlidingContacts::is_self_locking`]. `g` has the offset of each row, m/s: its
     /// velocity before any impulse, plus its bias (minus the target velocity).
     ///
-    /// Impulses along the principal axes of A without mobility change no velocity. With the normal impulse `n = -coupling . x`, the cone
-    /// contains `x` within the angle `acos(1 / (mu |coupling|))` of `-coupling`.
+    /// Let `x` be a tangential impulse along principal axes of A that have no mobility. Together with the normal impulse `n = -coupling .
+    /// x`, it changes no velocity. Both are in the cone if the angle between `x` and `-coupling` is at most `acos(1 / (mu |coupling|))`.
     #[inline(always)]
     fn is_self_locking(&self, mu: R, g: [R; 3]) -> R::Mask {
         let [nn, na, nb, aa, _, bb] = self.gram;
@@ -90,7 +90,7 @@ impl<R: Real> SlidingSolver<R> {
         (mu * length).gt(R::one()).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))
     }
 
-    /// Impulse of a slipping contact in the lanes `todo`: that at the multiplier s > 0 at which |lambda_t(s)| = mu lambda_n(s).
+    /// Impulse of a slipping contact in the lanes `todo`, at the multiplier s > 0 for which |lambda_t(s)| = mu lambda_n(s).
     ///
     /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
     /// Newton's method starts at `guess`. Once the relative error is below [`near`], the method makes one more step and does not test the
@@ -128,7 +128,7 @@ impl<R: Real> SlidingSolver<R> {
         Slip { x: [x[0] * scale, x[1] * scale], n, s }
     }
 
-    /// Impulse of a slipping contact at the multiplier s of its friction disc, computed without a division.
+    /// Impulse of a slipping contact at the multiplier s of its friction disc, times det(A + s), so that no division is needed.
     ///
     /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
     #[inline(always)]
@@ -146,8 +146,8 @@ impl<R: Real> SlidingContacts<R> {
     /// Lanes in which the last contact of the list is self-locking: no impulse of the friction cone makes it stick with its velocity
     /// offsets g.
     ///
-    /// If fewer than three degrees of freedom move the contact, some impulse changes no velocity. If it is in the cone, it can grow without
-    /// bound, and the contact carries any load. Offsets that the joints cannot produce then have no solution.
+    /// If fewer than three degrees of freedom move the contact, some impulse changes no velocity. If the cone contains this impulse, the
+    /// impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot produce then have no solution.
     pub fn is_self_locking(&self) -> R::Mask {
         R::vectorize(
             #[inline(always)]

@@ -1,8 +1,8 @@
 //! Anderson's acceleration of Gauss-Seidel iterations, called sweeps (Anderson 1965; the type II form of Walker & Ni 2011, equation 2.2).
 //!
 //! A sweep maps the unknowns x to T(x). With f = T(x) - x, the next sweep starts from `T(x) - sum_j c_j dT_j`. Here c minimises `|f - sum_j
-//! c_j df_j|` over the changes dT of T(x) and df of f between the last sweeps. Lengths are those of w, so |f|^2 is twice the kinetic energy
-//! of the change. A lane discards its history if a sweep changes more than the previous one.
+//! c_j df_j|` over the changes dT of T(x) and df of f between the last sweeps. A length counts only the entries of w, so that |f|^2 is
+//! twice the kinetic energy of the change. A lane discards its history if a sweep makes a larger change than the previous one.
 
 use crate::constraints::constraint_set::Impulse;
 use crate::constraints::each_kind;

@@ -18,7 +18,7 @@ use stepper_real::{Mask, Real, Scalar};
 /// | 4 | 6.0, 0.8 | 13.2, 4.3 |
 /// | 6 | 6.0, 0.7 | 12.5, 3.5 |
 ///
-/// There is no gain if the history is discarded only when a sweep changes four times as much as the last one.
+/// There is no gain if the history is discarded only when the change by a sweep is four times that by the previous one.
 pub(super) const MEMORY: usize = 4;
 
 /// History of the sweeps (Gauss-Seidel iterations) of each lane, for Anderson's acceleration. It begins when the lane last started to run.
@@ -49,8 +49,8 @@ pub(crate) struct History<R: Real> {
 pub(super) struct SweepChange<R> {
     /// Squared length |f|^2 of the change f of the scaled velocity change w by the present sweep.
     pub(super) length: R,
-    /// Dot products of the newest difference `df` with the last differences, itself first. Here f is the change of the scaled velocity
-    /// change w by a sweep.
+    /// Dot products of the newest difference `df` with the stored differences, beginning with itself. Here f is the change of the scaled
+    /// velocity change w by a sweep.
     with_newest: [R; MEMORY],
     /// Dot products of f with the last differences `df` of f between sweeps. Here f is the change of the scaled velocity change w by the
     /// present sweep.
@@ -141,9 +141,9 @@ impl<R: Real> History<R> {
         change
     }
 
-    /// Discards the history of lanes that are not `running`, and of lanes whose last sweep changed more than the previous one. `length` is
-    /// the squared change of the scaled velocity change w by the last sweep. Returns the number of differences between sweeps that are
-    /// stored in any lane.
+    /// Discards the history of lanes that are not `running`, and of lanes whose last sweep made a larger change than the previous one.
+    /// `length` is the squared change of the scaled velocity change w by the last sweep. Returns the number of differences between sweeps
+    /// that are stored in any lane.
     #[inline(always)]
     pub(super) fn discard_worse(&mut self, running: R::Mask, length: R) -> usize {
         let keeps = running.and(length.le(self.length));
@@ -184,7 +184,8 @@ impl<R: Real> History<R> {
     }
 
     /// Coefficients c of Anderson's acceleration, which minimise |f - sum_j c_j df_j|. Here f is the change of the scaled velocity change w
-    /// by the last sweep, and df_j are its last `N` differences between sweeps. A coefficient is 0 if a lane does not have the difference.
+    /// by the last sweep, and df_j are the last `N` differences of f between consecutive sweeps. A coefficient is 0 in lanes in which its
+    /// difference is not stored.
     #[inline(always)]
     pub(super) fn coefficients<const N: usize>(&mut self, change: &SweepChange<R>) -> [R; N] {
         let Self { stored, gram, .. } = self;

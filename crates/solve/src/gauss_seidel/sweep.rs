@@ -10,9 +10,9 @@ use stepper_real::{Mask, Real};
 /// Number of sweeps (Gauss-Seidel iterations) with the exact solution of every contact. Lanes that need more continue with a weaker update
 /// ([`LocalSolver::relax`](crate::constraints::friction::LocalSolver::relax)).
 ///
-/// Exact solutions of a contact can cycle against limits of light joints. Measured on 64 humanoids under random control at 5 ms with 200
-/// sweeps: the worst residual of a step falls from 7 m/s to 2 mm/s. Steps above 1e-6 m/s fall from 1.06 to 0.84 %. With the weaker update
-/// from the beginning they are 2.7 %.
+/// Exact solutions of a contact can cycle against limits of light joints. The weaker update was measured on 64 humanoids under random
+/// control at 5 ms with 200 sweeps. It reduces the worst residual of a step from 7 m/s to 2 mm/s, and the steps above 1e-6 m/s from 1.06 to
+/// 0.84 %. If it is used from the first sweep on, these steps are 2.7 %.
 const EXACT_SWEEPS: f64 = 25.0;
 
 /// Progress of the sweeps (Gauss-Seidel iterations) of each lane.

@@ -18,13 +18,11 @@ pub(super) struct Anderson {
     taken: usize,
     /// De Saxce's terms s (mu |v_t| of each contact) before the last step, m/s.
     last_s: Vec<f64>,
-    /// Residual f = T(s) - s before the last step, m/s. The fixed-point iteration replaces De Saxce's terms s (mu |v_t| of each contact) by
-    /// T(s).
+    /// Residual f = T(s) - s before the last step, m/s.
     last_f: Vec<f64>,
     /// Changes of De Saxce's terms s (mu |v_t| of each contact) in the last steps, m/s: the j-th begins at index `j * n`.
     ds: Vec<f64>,
-    /// Changes of the residual f = T(s) - s in the last steps, m/s: the j-th begins at index `j * n`. The fixed-point iteration replaces De
-    /// Saxce's terms s (mu |v_t| of each contact) by T(s).
+    /// Changes of the residual f = T(s) - s in the last steps, m/s: the j-th begins at index `j * n`.
     df: Vec<f64>,
 }
 

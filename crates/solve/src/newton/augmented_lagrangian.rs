@@ -190,8 +190,8 @@ impl AugmentedLagrangian {
         block.set.differentiate(rho, &self.x[block.rows.clone()], v, &rows.y[block.y.clone()], rows.width(block), &mut self.product)
     }
 
-    /// Step length at which the slope along the search direction is at most a hundredth of the initial one, by regula falsi (Illinois). It
-    /// is 1 if the full step nearly suffices.
+    /// Step length at which the slope along the search direction is at most a hundredth of the initial one, by regula falsi (Illinois). The
+    /// length is 1 if the full step nearly suffices.
     #[inline(always)]
     fn search_line(&mut self, rows: &Island) -> f64 {
         let start = inner(&self.gradient, &self.direction);

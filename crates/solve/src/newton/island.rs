@@ -24,18 +24,16 @@ pub(super) struct Block {
     used_rows: u32,
     /// Trace of the constraint's block of the Delassus matrix, before elimination of equality rows, 1/kg.
     pub(super) trace: f64,
-    /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u), kg: number of rows divided by the trace of its block of the
-    /// Delassus matrix, compliance included. Here lambda is the impulse, u the velocity, and P_K the projection on the admissible impulses.
-    /// The map is zero at the solution.
+    /// Step rho of the constraint's natural map, kg: number of rows divided by the trace of its block of the Delassus matrix, compliance
+    /// included. The map is lambda - P_K(lambda - rho u) for the impulse lambda and the velocity u, and zero at the solution. P_K is the
+    /// projection on the admissible impulses.
     pub(super) rho: f64,
     /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
     pub(super) compliance: f64,
-    /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u) for the residual, kg: that without the additional compliance
-    /// of the first row. Here lambda is the impulse, u the velocity, and P_K the projection on the admissible impulses. The map is zero at
-    /// the solution.
+    /// Step of the constraint's natural map for the residual, kg: like `rho`, but without the additional compliance of the first row.
     natural_step: f64,
-    /// Factor of the residual of the constraint's first row. It keeps only the part that is an error of the velocity, without the part of a
-    /// spring.
+    /// Factor that multiplies the residual of the constraint's first row. It removes the part due to a spring, so that an error of the
+    /// velocity remains.
     rigid_fraction: f64,
 }
 
@@ -194,7 +192,7 @@ impl Island {
                 block.natural_step,
                 block.rigid_fraction,
             );
-            // This form propagates a NaN.
+            // A NaN becomes the worst residual too.
             worst = if own <= worst { worst } else { own };
         }
         worst

@@ -20,9 +20,9 @@ pub(super) struct LaneBlock {
     pub(super) kind: usize,
     /// Index of the constraint among the constraints of its kind, in the problem of all lanes.
     pub(super) source: usize,
-    /// Range of the constraint's coordinates in the list of the lane.
+    /// Range of the constraint's coordinates in the lane's list of coordinates.
     support: Range<usize>,
-    /// Index of the constraint's first entry in the list of the lane.
+    /// Index of the constraint's first entry in the lane's list of Jacobian entries.
     y: usize,
     /// Range of the constraint's rows in [`Lane::g`] and [`Lane::lambda`].
     pub(super) rows: Range<usize>,
@@ -59,7 +59,7 @@ pub(super) struct Lane {
     /// Extra coordinates of the scaled velocity change w: one for each normal row with a compliance R. The row's entry there is sqrt(R),
     /// and no other row has an entry.
     ///
-    /// Newton's method supports only compliances that are the same for all rows of a cone.
+    /// They replace these compliances, because Newton's method supports only compliances that are the same for all rows of a cone.
     own: Vec<f64>,
 }
 

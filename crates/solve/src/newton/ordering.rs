@@ -6,7 +6,7 @@
 
 use crate::newton::lane::Lane;
 
-/// Placeholder for the number of a coordinate or island that has none yet.
+/// Placeholder for a coordinate or an island that has no number yet.
 const NONE: u32 = u32::MAX;
 
 /// Islands of one lane: sets of constraints that are coupled directly or by others. Coordinates without rows belong to no island.

@@ -3,11 +3,12 @@
 //! With De Saxce's terms constant the problem is convex, and proximal steps converge if it has a solution. Let kappa be the ratio of the
 //! proximal step length to the step of the natural map, the function that is zero at the solution. After k steps the residual is at most
 //! `D / (kappa sqrt(k))`, where D is the distance from the first impulses to the nearest solution (Rockafellar 1976, theorem 1; Guler 1991,
-//! theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until the residual falls by a factor at every
-//! step. Rounding bounds kappa, see [`largest_kappa`].
+//! theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until every step reduces the residual to a
+//! tenth. Rounding bounds kappa, see [`largest_kappa`].
 //!
 //! Every loop has a bound. A search makes at most `Criteria::steps` Newton steps, [`EXACT_RATIO`] times as many for the exact friction law,
-//! and as many rounds. Each round evaluates the problem at most twice more. The search ends when a round changes nothing.
+//! and as many rounds. Besides its Newton steps, each round evaluates the problem at most twice. The search ends when a round changes
+//! nothing.
 
 use crate::newton::anderson::Anderson;
 use crate::newton::augmented_lagrangian::AugmentedLagrangian;
@@ -32,9 +33,10 @@ const LEAST_KAPPA: f64 = 1e2;
 /// First kappa of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones. Kappa is the ratio of the
 /// proximal step length to the step of the natural map, the function that is zero at the solution.
 ///
-/// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes that sweeps and convex steps had not solved. A first kappa
-/// of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps. They also solve all problems. In
-/// small islands, of 280 problems, 300 or 3000 take up to 20 % more.
+/// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes that sweeps and convex steps had not solved. Other choices
+/// were a first kappa of 10 or 1000, growth of kappa by a factor of 4, and 10 instead of [`MOST_STEPS`]. Each solves all problems too, and
+/// changes the number of Newton steps by at most 15 %. On 280 problems of small islands, a first kappa of 300 or 3000 takes up to 20 % more
+/// steps.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
 /// Smallest kappa with the exact friction law. Kappa is the ratio of the proximal step length to the step of the natural map, the function
 /// that is zero at the solution. If a proximal step with this kappa fails, the search ends.
@@ -66,7 +68,7 @@ pub enum Terms {
     /// De Saxce's terms mu |v_t| are constant in each convex problem, and recomputed between problems.
     Constant,
     /// De Saxce's terms mu |v_t| are constant first. If that does not solve an island, the friction law is exact. In islands with many
-    /// contacts it is exact from the beginning.
+    /// contacts, the law is exact from the beginning.
     ConstantThenExact,
     /// The friction law is exact: De Saxce's terms mu |v_t| follow the velocities in every Newton step.
     Exact,
@@ -217,7 +219,7 @@ impl ProximalPoint {
         self.residual = rows.residual(&mut self.v);
         self.best.save(rows, self.residual);
         let small = rows.w.len() <= SMALL;
-        // The remaining steps are for constant terms.
+        // The other steps of the limit are for the search with constant terms.
         let ratio = if small && criteria.terms == Terms::ConstantThenExact { EXACT_RATIO - 1 } else { EXACT_RATIO };
         let most_steps = criteria.steps.saturating_mul(ratio);
         let mut kappa = FIRST_EXACT_KAPPA[usize::from(!small)];
@@ -260,7 +262,7 @@ impl ProximalPoint {
             if error <= enough {
                 return Some((taken, self.accept_step(rows)));
             }
-            // This form also holds for a NaN.
+            // A NaN ends the loop too.
             if error.partial_cmp(&(10.0 * start)) != Some(std::cmp::Ordering::Less) {
                 break;
             }
@@ -277,8 +279,8 @@ impl ProximalPoint {
         self.anderson.restart(rows.blocks.len());
     }
 
-    /// Computes the next De Saxce's terms mu |v_t|, with Anderson's acceleration. Returns the largest difference of the previous ones from
-    /// those at the present velocities, m/s.
+    /// Computes the next values of De Saxce's terms mu |v_t|, with Anderson's acceleration. Returns the largest difference between the
+    /// previous values and those at the present velocities, m/s.
     fn recompute_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
         self.image.extend(rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()])));

@@ -8,8 +8,8 @@
 //! (I - DP + rho DP (I + S) G) dlambda = -rho DP (I + S) dv
 //! ```
 //!
-//! Here dv is the change of the rows' velocities at constant impulses, by the free velocity, the targets or the Jacobians. The matrix is
-//! computed once; each change is then a product (Le Lidec et al. 2024).
+//! Here dv is the change of the rows' velocities at constant impulses, due to changes of the free velocity, the targets or the Jacobians.
+//! The matrix is computed once. The change of the impulses is then a matrix-vector product (Le Lidec et al. 2024).
 
 use crate::admissible_set::{AdmissibleSet, Piece, Product};
 use crate::constraints::constraint_set::{ConstraintSet, Impulse, number_of};
@@ -181,8 +181,8 @@ impl<R: Real> Response<R> {
     /// Stores the solution of a problem and the derivative of its impulses, in the lanes `lanes` (bits). Returns the lanes in which the
     /// rows determine the motion.
     ///
-    /// They do not determine it if, for example, contacts share loads while they slip about a point. `name` returns a number that
-    /// identifies a constraint in other problems. Its arguments are the kind, the index and the lane.
+    /// The rows do not determine the motion if, for example, contacts share loads while they slip about a point. `name` returns a number
+    /// that identifies a constraint in other problems. Its arguments are the kind, the index and the lane.
     ///
     /// For a position solve `before` is the velocity solve, at whose impulses damping causes no velocity. Loads that the velocity solve
     /// leaves undetermined must cause no motion in the position solve either.
@@ -236,7 +236,7 @@ impl<R: Real> Response<R> {
         let total = self.impulses.len();
         let end = |kind: usize| self.kinds.get(kind + 1).map_or(total, |next| next[0]);
         let counts: [usize; KINDS] = std::array::from_fn(|kind| (end(kind) - self.kinds[kind][0]) / self.kinds[kind][1]);
-        // Eliminated rows keep their impulses, which are computed right below.
+        // Eliminated rows keep their impulses until `write_impulses` solves these rows.
         self.impulses[self.eliminated.min(counts[0])..].fill(R::zero());
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let Self { lanes: all, kinds, impulses, .. } = self;
@@ -556,8 +556,7 @@ impl Linear {
         impulses
     }
 
-    /// Whether the set `impulses` of impulses of the active rows causes no motion, compared with that by an impulse of `size` N s in a
-    /// single row. If it causes motion, the rows do not determine the motion.
+    /// Whether `impulses`, one for each active row, cause no motion. The scale is the motion by an impulse of `size` N s in a single row.
     ///
     /// Examples of impulses without motion are loads that are shared while all contacts stick or slip along one line, and those of
     /// immovable rows.
@@ -574,8 +573,8 @@ impl Linear {
 
     /// Whether loads that the velocity solve `before` leaves undetermined cause motion in this position solve of the same rows.
     ///
-    /// Damping in the position solve acts on the difference from the impulses of the velocity solve. A different distribution of loads
-    /// there therefore changes the result here.
+    /// Damping in the position solve acts on the difference from the impulses of the velocity solve. A different distribution of loads in
+    /// the velocity solve therefore changes the result of the position solve.
     fn moves_with_loads(&self, own: &LaneResponse, before: &LaneResponse) -> bool {
         let [n, stride] = [own.active.len(), own.active.len().next_multiple_of(TILE)];
         let mut compliance = vec![0.0; own.lambda.len()];

@@ -1,9 +1,9 @@
 //! Factors of a matrix with a symmetric pattern, stored between the first entry of every row and the diagonal (Jennings, 1966).
 //!
-//! Elimination fills no entry outside this skyline, so that its area is the required memory. An order of the coordinates with a low skyline
-//! ([`crate::newton::ordering`]) uses the sparsity of the matrix. `A = L U` with a unit diagonal in U. L is stored by rows, U by columns,
-//! both below the same skyline, in tiles of four rows or columns. There is no pivoting, because the matrices are the identity plus a
-//! positive semidefinite part, or close to that. For other matrices the caller checks the pivots.
+//! The first entries of the rows are the skyline. Elimination fills no entry outside it, so that its area is the required memory. An order
+//! of the coordinates with a low skyline ([`crate::newton::ordering`]) uses the sparsity of the matrix. `A = L U` with a unit diagonal in
+//! U. L is stored by rows, U by columns, both below the same skyline, in tiles of four rows or columns. There is no pivoting, because the
+//! matrices are the identity plus a positive semidefinite part, or close to that. For other matrices the caller checks the pivots.
 
 use crate::vectors::{TILE, tile};
 
@@ -179,7 +179,7 @@ impl Skyline {
         // Entry `d[c][r]` is row r, column c.
         for c in 0..TILE {
             let pivot = d[c][c];
-            // This form also holds for a NaN.
+            // The comparison rejects a NaN too.
             let size = if indefinite { pivot.abs() } else { pivot };
             if size.partial_cmp(&least) != Some(std::cmp::Ordering::Greater) {
                 return false;

@@ -156,7 +156,7 @@ fn factors_solve() {
         let answer: Vec<f64> = (0..n).map(|i| noise(9000 + i)).collect();
         let mut x: Vec<f64> = dense.iter().map(|row| row.iter().zip(&answer).map(|(a, x)| a * x).sum()).collect();
         matrix.solve(&mut x);
-        // Condition of some hundred.
+        // The matrices have condition numbers of some hundreds.
         for (x, answer) in x.iter().zip(&answer) {
             assert!((x - answer).abs() < 1e-12, "{symmetric}: {x} {answer}");
         }

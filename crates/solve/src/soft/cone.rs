@@ -129,8 +129,8 @@ impl Cone {
                 if zone.slides.none() {
                     return c;
                 }
-                // With U = diag(mu, mu_1, ...) u: s = w/2 (U_0 - mu |U_t|)^2, whose second derivative by U is
-                // w (1, -mu t)(1, -mu t)^T + w mu (mu |U_t| - U_0) / |U_t| (I - t t^T).
+                // With U = diag(mu, mu_1, ...) u and t = U_t / |U_t|: s = w/2 (U_0 - mu |U_t|)^2. The second derivative with respect to U
+                // is w (1, -mu t)(1, -mu t)^T + w mu (mu |U_t| - U_0) / |U_t| (I - t t^T).
                 let shrink = mu * (mu * zone.t - zone.n) * zone.inv_t;
                 let mut row = [R::zero(); N];
                 row[0] = R::one();

@@ -17,7 +17,7 @@ pub struct SoftContact<R: Real, const N: usize> {
     ///
     /// The first entry of a pyramid is unused. All entries are 0 in lanes without the contact.
     pub weight: [R; N],
-    /// Scale factors of the rows, in which the friction cone is circular. The first is the normal row's: mu of MuJoCo's solver, the first
+    /// Scale factors of the rows, which make the friction cone circular. The first is the normal row's: mu of MuJoCo's solver, the first
     /// friction coefficient divided by the square root of `impratio`. The others are the friction coefficients of their rows. Without
     /// friction, the factors are (1, 0, ...).
     pub scale: [R; N],

@@ -30,7 +30,7 @@ pub(super) struct Hessian<R: Real> {
     /// Whether the columns of each row are those of the previous row and that row's index. The joints of a body or of a limb have such
     /// rows.
     follows: Vec<bool>,
-    /// Number of multiplications of a factorisation with the present pattern.
+    /// Number of multiplications of a factorisation with the present pattern and of a solution with the factors, together.
     work: usize,
     /// Buffer for a vector in the order of the matrix rows.
     ordered: Vec<R>,
@@ -91,7 +91,7 @@ impl<R: Real> Hessian<R> {
                 for (target, own) in target.iter_mut().zip(&*own) {
                     *target |= own;
                 }
-                // The rows between the two are complete, and so is the previous row.
+                // All rows from this one on have been eliminated, so that the pattern of the previous row is complete.
                 self.follows[i] = parent + 1 == i && target == own;
                 own[parent / 64] |= 1 << (parent % 64);
             }
@@ -123,8 +123,8 @@ impl<R: Real> Hessian<R> {
         self.add_contacts(&problem.rolling_contacts, problem.cone, &argument.rolling_contacts);
     }
 
-    /// Sets the matrix to the mass matrix `metric` plus the couplings. Couplings are the scalar rows with an index of at least `first`,
-    /// which are no constraints.
+    /// Sets the matrix to the mass matrix `metric` plus the couplings. Couplings are the scalar rows with an index of at least `first`.
+    /// They are terms of the mass matrix and no constraints.
     ///
     /// If `lumped`, only the diagonals of the couplings are added. The pattern must be that of the problem.
     #[inline(always)]
@@ -226,7 +226,7 @@ impl<R: Real> Hessian<R> {
 
     /// Eliminates `W` rows of the matrix, from row `first` on. The columns of each must be those of the previous row and that row's index.
     ///
-    /// Subtractions start with the last row, as if each row were eliminated alone.
+    /// Subtractions start with the last row, so that the bits are those of an elimination row by row.
     #[inline(always)]
     fn eliminate<const W: usize>(&mut self, first: usize) {
         let n = self.dimension;

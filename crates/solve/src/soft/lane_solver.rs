@@ -1,8 +1,8 @@
 //! Solver of soft problems that solves single lanes one after the other, in plain numbers.
 //!
-//! The rows of all lanes, and the pattern of the Hessian, contain those of any lane. In heaps, different bodies touch in every environment,
-//! and all lanes together have many times the rows of one lane. Solving each lane alone is then faster. The bits are the same, because rows
-//! that a lane lacks are zero among the rows of all.
+//! The problem of all lanes has every row that exists in any lane, and its Hessian has the entries of all of them. In heaps, different
+//! bodies touch in every environment, and all lanes together have many times the rows of one lane. Solving each lane alone is then faster.
+//! The bits are the same, because a row that a lane lacks is zero in that lane.
 
 use std::cell::RefCell;
 

@@ -1,7 +1,7 @@
 //! Newton's method with an exact line search for the soft problem, over lanes.
 //!
-//! The objective is strictly convex and its gradient is piecewise smooth. The method therefore converges from any start, and at last
-//! quadratically (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
+//! The objective is strictly convex and its gradient is piecewise smooth. The method therefore converges from any start, and quadratically
+//! near the solution (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
 
 use stepper_real::{Mask, Real};
 
@@ -172,7 +172,7 @@ impl<R: Real> SoftSolver<R> {
         if coupled {
             self.hessian.find_pattern(problem, metric);
         }
-        // Here `inertial` is the acceleration without constraints, `direction` that with them.
+        // In this function, the buffer `inertial` holds the acceleration without constraints, and `direction` the acceleration with them.
         R::vectorize(
             #[inline(always)]
             || {
@@ -259,8 +259,8 @@ impl<R: Real> SoftSolver<R> {
     /// Approximates the solution of a problem that is similar to that of the last [`SoftSolver::settle`]. `a` must be the stored
     /// acceleration, and becomes the new one. `free` is the new acceleration without constraints.
     ///
-    /// The function makes two Newton steps with the stored Hessian. The first step is the implicit function theorem. The second adds the
-    /// effect of the cones' curvature between the two problems.
+    /// The function makes two Newton steps with the stored Hessian. The first step gives the change by the implicit function theorem. The
+    /// second adds the effect of the cones' curvature between the two problems.
     pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
         R::vectorize(
             #[inline(always)]
@@ -357,7 +357,7 @@ impl<R: Real> SoftSolver<R> {
         metric.solve(&mut self.imbalance);
         let mut largest = R::zero();
         for &x in &self.imbalance {
-            // This form propagates a NaN.
+            // A NaN becomes the largest acceleration too.
             largest = R::select(x.abs().le(largest), largest, x.abs());
         }
         largest

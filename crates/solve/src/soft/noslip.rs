@@ -1,13 +1,13 @@
-//! Noslip solver: friction forces after the solution, without the regularisation that lets contacts creep (MuJoCo's documentation,
-//! computation chapter, "Algorithms", NoSlip).
+//! Noslip solver: recomputes friction forces after the solution of the soft problem, without the regularisation that lets contacts creep
+//! (MuJoCo's documentation, computation chapter, "Algorithms", NoSlip).
 //!
 //! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b with A = J M^-1 J^T. The unknowns are the forces of dry friction and of
-//! the friction rows of contacts. All other forces remain those of the solution. The tangential forces of an elliptic contact are limited
-//! to the ellipse of its normal force. Opposite edges of a pyramid keep the sum of their forces. A is never formed: the sweep updates the
-//! acceleration, and each row has the acceleration by a unit force.
+//! the friction rows of contacts. All other forces remain those of the soft problem's solution. The tangential forces of an elliptic
+//! contact are limited to the ellipse of its normal force. Opposite edges of a pyramid keep the sum of their forces. A is never formed: a
+//! sweep updates the acceleration, from the stored response of the acceleration to a unit force in each row.
 //!
-//! Rows that share no tree, directly or through others, are separate islands. An island stops when a sweep improves its objective by less
-//! than the tolerance. The others continue.
+//! Rows that share no kinematic tree, directly or through other rows, are in separate islands. An island stops when a sweep improves its
+//! objective by less than the tolerance. The other islands continue.
 
 use std::ops::Range;
 
@@ -73,7 +73,7 @@ struct Friction<R: Real, const N: usize> {
     /// Forces of each item (a scalar row or a contact), N or N m.
     force: Vec<[R; N]>,
     /// Bound on each friction force. For an elliptic contact it is the normal force. For a pyramid it is the sum of the forces of the two
-    /// edges; the friction coefficient multiplies it.
+    /// edges, which must still be multiplied by the friction coefficient.
     bound: Vec<[R; N]>,
     /// Range of each item (a scalar row or a contact) in `dofs` and `response`.
     spans: Vec<Range<usize>>,
@@ -347,7 +347,7 @@ impl<R: Real> NoSlip<R> {
                     let tolerance = R::splat(effort.tolerance);
                     let Self { running, improvement, inertia, count, .. } = self;
                     for ((running, improvement), &inertia) in running[..*count].iter_mut().zip(improvement).zip(&inertia[1]) {
-                        // This form ends the island at a NaN.
+                        // A NaN improvement ends the island.
                         *running &= improvement.ge(tolerance * inertia).bits();
                         *improvement = R::zero();
                     }
@@ -533,7 +533,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
                 slip += j[k] * a[d as usize];
             }
             let (inertia, force, most) = (self.inertia[i][k][k], self.force[i][k], self.bound[i][k] * mu);
-            // Both edges move by half the difference if their sum does not move.
+            // The sum of the two edges is constant. Each of them therefore moves by half of the change of their difference.
             let moves = (R::of(4.0) * mu * mu * inertia).ge(R::of(LEAST_FORCE));
             let next = R::select(moves, (force - slip / inertia).max(-most).min(most), R::zero());
             let mut change = [R::zero(); N];
@@ -608,8 +608,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
 
 /// Minimiser of 1/2 x^T A x + b^T x in the ball |x| <= r, in the lanes `lanes`.
 ///
-/// Newton's method finds the multiplier l from 0. Its equation `|(A + l)^-1 b|^2 = r^2` is convex, so that l increases to the solution. A
-/// result outside the ball is scaled to the sphere. If A is singular (see [`is_regular`]) the result is 0, as in MuJoCo.
+/// Newton's method searches the multiplier l, starting from 0. The equation `|(A + l)^-1 b|^2 = r^2` is convex in l, so that l increases to
+/// the solution. A result outside the ball is scaled to the sphere. If A is singular (see [`is_regular`]) the result is 0, as in MuJoCo.
 #[inline(always)]
 fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {
     let regular = is_regular(matrix, single);

@@ -23,14 +23,15 @@ struct Case {
 }
 
 impl Case {
-    /// Whether a row has an entry at coordinate `c`. If `apart`, rows with even and odd numbers share no coordinate.
+    /// Whether a row has an entry at coordinate `c`. If `apart`, no row with an even number shares a coordinate with a row with an odd
+    /// number.
     fn touches(&self, row: usize, c: usize) -> bool {
         !self.apart || row.is_multiple_of(2) == (c < N / 2)
     }
 }
 
-/// Random problems whose coordinates have scales from 10^-`decades` to 10^`decades`. Some of the Jacobian entries and velocities are drawn
-/// from `odd`.
+/// Random problems whose coordinates have scales from 10^-`decades` to 10^`decades`. The strategy `odd` draws some of the Jacobian entries
+/// and velocities.
 fn case(decades: f64, odd: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
     let entry = prop_oneof![2 => Just(0.0), 12 => -1.0..1.0, 1 => odd.clone()];
     let speed = prop_oneof![8 => -2.0..2.0, 1 => odd];

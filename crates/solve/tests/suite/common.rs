@@ -34,7 +34,7 @@ impl Share {
     pub(crate) fn at_least(&self, share: f64, what: &str) {
         let (held, drawn) = (f64::from(self.held.get()), f64::from(self.drawn.get()));
         println!("{what}: {:.5} of {drawn}", held / drawn);
-        // One more draw than the deviation, so that a share slightly below 1 tolerates few draws.
+        // One more draw than five deviations, so that a share slightly below 1 tolerates at least one failure.
         let chance = 5.0 * (share * (1.0 - share) * drawn).sqrt() + 1.0;
         assert!(held >= share * drawn - chance, "{what}: {held} of {drawn} draws, must be {share}");
     }

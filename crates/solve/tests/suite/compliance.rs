@@ -20,7 +20,7 @@ struct Case {
 }
 
 fn case() -> impl Strategy<Value = Case> {
-    // From that of steel to that of a sponge, in units of the contact's mobility.
+    // Compliances from that of steel to that of a sponge, in units of the contact's mobility.
     let compliance = || prop_oneof![1 => Just(0.0), 4 => (-6.0..4.0_f64).prop_map(|x| 10.0_f64.powf(x))];
     let speed = || -1.0..1.0_f64;
     let sliding = (prop::collection::vec(prop::array::uniform3(-1.0..1.0), N), prop::array::uniform3(speed()), compliance());
@@ -64,15 +64,15 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
             let settings = Settings { sweeps, newton_steps, tolerance: 1e-11, newton_threshold: 1e-11 };
             let (problem, mut iterate) = build::<f64>(&case, false);
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
-            // Impulses are rounded to 1e-16 of the largest, which stand for velocities of up to ten times that (ten squares of at most 1),
-            // a few times over.
+            // Impulses have a rounding error of 1e-16 of the largest. It changes velocities by up to ten times that (ten squares of at most
+            // 1), and a few such errors add up.
             let impulses = iterate.contacts.iter().flatten().chain(iterate.rolling_contacts.iter().flatten());
             let largest = impulses.fold(1.0_f64, |most, x| most.max(x.abs()));
             let again = residual(&problem, &iterate);
             prop_assert!((outcome.residual - again).abs() <= 1e-14 * largest + 1e-13 * (1.0 + outcome.residual), "{} {again}", outcome.residual);
             prop_assume!(solved.count(outcome.residual <= 1e-11));
-            // The impulses solve the other problem: the velocities of its rows are the same numbers in another order. The motion of the
-            // bodies has G_nn / (G_nn + R) of an error of its springs, which is the residual of the first.
+            // The impulses also solve the other problem, whose row velocities are the same numbers summed in another order. The residual of
+            // the first problem counts only the fraction G_nn / (G_nn + R) of the error of a spring.
             let square = |y: f64| y * y;
             let normals = case.sliding.iter().map(|(y, _, r)| (y.iter().map(|y| square(y[0])).sum::<f64>(), *r));
             let rolling = (case.rolling.0.iter().map(|y| square(y[0])).sum::<f64>(), case.rolling.2);
@@ -92,7 +92,7 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
 fn what_is_much_softer_than_bodies_are_heavy_is_solved_in_32_bits_too() {
     let solved = Share::default();
     proptest!(cases(300), |(case in case())| {
-        // Velocities of 1 m/s to eight roundings, as the default of 32 bits has them.
+        // Eight rounding errors of a velocity of 1 m/s, as in the default tolerance of 32 bits.
         let settings = Settings { sweeps: 500, newton_steps: 0, tolerance: R32::of(1.2e-6), newton_threshold: R32::of(1.2e-6) };
         let (problem, mut iterate) = build::<R32>(&case, false);
         let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());

@@ -91,7 +91,7 @@ fn bits(iterate: &Iterate<f64>) -> Vec<u64> {
     iterate.w.iter().chain(&iterate.scalars).chain(iterate.contacts.iter().flatten()).map(|x| x.to_bits()).collect()
 }
 
-/// Largest difference of two w.
+/// Largest difference between the scaled velocity changes w of two iterates.
 fn apart(a: &Iterate<f64>, b: &Iterate<f64>) -> f64 {
     a.w.iter().zip(&b.w).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
 }
@@ -150,7 +150,7 @@ fn what_is_returned_is_what_the_residual_says() {
         prop_assert!(iterate.w.iter().chain(iterate.contacts.iter().flatten()).all(|x| x.is_finite()));
         // Sweeps and Newton's method add the same numbers up in different orders.
         prop_assert!(after <= before * (1.0 + 1e-14));
-        // w is that of the impulses, and both residuals are of the same numbers, up to the order of sums over impulses of any size.
+        // The iterate's w belongs to its impulses. Both residuals are therefore computed from the same numbers, summed in different orders.
         let size = 1.0 + bits(&iterate).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
         prop_assert!((residual(&problem, &iterate) - after).abs() <= 1e-12 * size, "{} {after}", residual(&problem, &iterate));
         let w = iterate.w.clone();
@@ -159,7 +159,7 @@ fn what_is_returned_is_what_the_residual_says() {
             prop_assert!((a - b).abs() <= 1e-12 * size);
         }
     });
-    // As many rows as coordinates and more often have no answer: 11.9 % of 30,000 draws were left.
+    // Problems with at least as many rows as coordinates often have no solution: 11.9 % of 30,000 draws remained unsolved.
     solved.at_least(0.87, "solved");
 }
 
@@ -172,9 +172,10 @@ fn without_friction_everything_is_solved_in_any_order() {
     proptest!(cases(300), |(case in case(9, 1e2, Just(0.0)), turn in 0usize..9)| {
         let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
         let (left, _) = newton(&problem, &mut iterate, 300, 1e-10);
-        // Rows that no motion satisfies together have no answer.
+        // If no motion satisfies all rows together, the problem has no solution.
         prop_assume!(answered.count(has_an_answer(&case)));
-        // Velocities are sums of impulses times entries of at most one, so that impulses of 1e6 N s and more add rounding errors.
+        // Velocities are sums of impulses times entries of at most one, so that impulses of 1e6 N s and more cause rounding errors above
+        // the tolerance.
         prop_assert!(left <= 1e-10 + rounding(&iterate), "{left}");
         let mut turned = case.clone();
         turned.contacts.rotate_left(turn % case.contacts.len());
@@ -195,9 +196,9 @@ fn without_friction_everything_is_solved_in_any_order() {
         let impulse = impulse + swept.contacts.iter().map(|l| l[0]).chain(swept.scalars.iter().copied()).sum::<f64>();
         prop_assert!(apart(&iterate, &swept) <= 2.0 * (impulse * 1e-10).sqrt() + 1e-9);
     });
-    // A property of the draws: 0.757 of 26,450.
+    // A property of the random problems: 0.757 of 26,450 draws.
     answered.at_least(0.74, "with an answer for certain");
-    // What is left to 20,000 sweeps: 0.1 % of 20,000 draws, of rows that are nearly multiples of others.
+    // After 20,000 sweeps, 0.1 % of 20,000 draws remained unsolved. They have rows that are nearly multiples of others.
     swept_too.at_least(0.998, "solved by sweeps too");
 }
 
@@ -224,13 +225,13 @@ fn shared_loads_depend_on_neither_start_nor_order() {
         prop_assume!(solved.count(left.iter().all(|&left| left <= 1e-11)));
         let size = cold.contacts.iter().fold(1e-3f64, |most, lambda| most.max(lambda[0]));
         for k in 0..n {
-            // The proximal step is so long that the least impulses are found to a part of 1 / kappa = 1e-5 of them.
+            // The proximal step is so long that the relative error of the least impulses is 1 / kappa = 1e-5.
             prop_assert!((cold.contacts[k][0] - swept.contacts[k][0]).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, swept.contacts);
             let same = other.contacts[(k + n - turn % n) % n][0];
             prop_assert!((cold.contacts[k][0] - same).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, other.contacts);
         }
     });
-    // Without friction all are solved: of 35,000 draws none was left.
+    // Without friction all problems are solved: none of 35,000 draws remained unsolved.
     solved.at_least(0.9999, "solved");
 }
 
@@ -252,7 +253,8 @@ fn redundant_contacts_share() {
             }
         }
     });
-    // With friction nothing proves it. Of 35,000 draws 0.48 % were left, of rows that couple normal and tangent as no machine does.
+    // With friction nothing guarantees a solution. Of 35,000 draws 0.48 % remained unsolved. Their rows couple normal and tangent as no
+    // machine does.
     solved.at_least(0.993, "solved");
 }
 
@@ -283,8 +285,9 @@ fn problems(count: usize, most: usize, ratio: f64, mu: impl Strategy<Value = f64
     (0..count).map(|_| strategy.new_tree(&mut runner).unwrap().current()).collect()
 }
 
-/// Random rows may have infeasible targets, and couple normal and tangent as no machine does. With friction to 0.3 a solution nearly always
-/// exists; up to 1.5 it often does not. Sweeps (20,000) find a few solutions that are missed here, and miss as many that are found.
+/// Random rows may have infeasible targets, and couple normal and tangent as no machine does. With friction coefficients up to 0.3 a
+/// solution nearly always exists; up to 1.5 it often does not. 20,000 sweeps find a few solutions that Newton's method misses, and miss as
+/// many that it finds.
 #[test]
 fn nearly_all_random_problems_are_solved() {
     for (mu, most) in [(0.3, MOST_LEFT[0]), (1.5, MOST_LEFT[1])] {
@@ -335,7 +338,7 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
             let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
             let settings = Settings { sweeps: 2, newton_steps: newton, tolerance: 1e-12, newton_threshold: 1e-12 };
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
-            // Of the exact law in the last pass.
+            // The last pass also makes steps with the exact friction law.
             let most = PASSES - 1 + EXACT_RATIO as usize;
             assert!(outcome.newton_steps <= f64::from(newton) * (most * case.contacts.len()) as f64);
             sweeps = sweeps.min(if newton == 0 { outcome.residual } else { f64::INFINITY });

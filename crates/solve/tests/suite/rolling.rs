@@ -68,8 +68,8 @@ proptest! {
         let one = Case { y: vec![case.y[0].clone()], mu: vec![case.mu[0]], g: vec![case.g[0]], ..case };
         let (problem, mut iterate) = build(&one);
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
-        // Rounding of G and the error of Jacobi's method in rows that are short compared with the others. An immovable direction also moves
-        // under the impulse in the first sweep: its mobility counts as 1e-8 of the trace.
+        // The tolerance covers the rounding of G, and the error of Jacobi's method in rows that are short compared with the others. An
+        // immovable direction also moves under the impulse of the first sweep, because its mobility counts as 1e-8 of the trace.
         let trace: f64 = one.y[0].iter().flatten().map(|y| y * y).sum();
         let least = 1e-8 * trace * length(&iterate.rolling_contacts[0]);
         prop_assert!(outcome.residual < 1e-8 + least, "residual {}", outcome.residual);
@@ -124,6 +124,6 @@ fn the_residual_sees_every_defect() {
         iterate.compute_w(&problem);
         prop_assert!(residual(&problem, &iterate) > 1e-6);
     });
-    // As above, with a looser tolerance: 0.02 % of 20,000 draws are left.
+    // With this looser tolerance 0.02 % of 20,000 draws remain unsolved.
     solved.at_least(0.999, "solved");
 }

@@ -63,7 +63,7 @@ proptest! {
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
         let mut also: Vec<[f64; 2]> = g.iter().map(|&g| [g, -g]).collect();
         let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
-        // Without scales of entries a dependent row is found, and nothing is decided about it.
+        // Without the scales of the entries, the call finds the dependent row and returns false, because it cannot decide.
         let blind = RowScales { lengths: &sizes, velocities: &mut vec![1.0; rows], entries: None };
         prop_assert!(!problem.clone().scalars.orthogonalise(0..rows, blind, &mut also.clone(), |_, _| ()));
         let entries = Some(EntryScales { squares: &mut entries, coefficients: &mut vec![0.0; rows] });
@@ -75,7 +75,7 @@ proptest! {
         prop_assert!(kept < rows, "the dependent row is still there");
         prop_assert!(outcome.residual < 1e-9, "residual {}", outcome.residual);
         for (k, (y, &g)) in y.iter().zip(&g).enumerate() {
-            // Rounding, divided by the sine between nearly dependent rows (1e-4 at the least in so few cases), twice.
+            // The error is rounding divided twice by the sine of the angle between nearly dependent rows (at least 1e-4 in so few cases).
             prop_assert!((dot(y, &iterate.w) + g).abs() < 1e-8, "row {k}: {}", dot(y, &iterate.w) + g);
         }
         for (row, also) in problem.scalars.iter().zip(&also) {
@@ -100,7 +100,7 @@ proptest! {
                 *x = if i == k { 1.0 + x.abs() } else if i > k { 0.0 } else { *x };
             }
         }
-        // The last is the sum of the first and some others: the rest have no part in it.
+        // The last row is the sum of the first and some of the other rows.
         jacobian.push((0..n).map(|i| jacobian.iter().zip(&some).filter(|(_, some)| **some).map(|(r, _)| r[i]).sum()).collect());
         prop_assert_eq!(independent::<f64>(&jacobian, &decades), vec![true; rows].into_iter().chain([false]).collect::<Vec<_>>());
         prop_assert_eq!(independent::<F32Lanes>(&jacobian, &decades), vec![true; rows].into_iter().chain([false]).collect::<Vec<_>>());
@@ -136,7 +136,7 @@ proptest! {
         apart.scalars.mark_eliminated();
         apart.scalars.push(&support, |i| rest[i], 1.0, true, target, limits);
         apart.scalars.set_trace_ratio(whole / left);
-        // One sweep is enough where the rows are apart; together they go to and fro.
+        // One sweep is enough if the equalities are eliminated. Otherwise sweeps alternate between the equalities and the limit.
         let [one, many] = [(&apart, 1), (&together, 20_000)].map(|(problem, sweeps)| {
             let mut iterate = Iterate::with_capacity(n, rows + 1, 0);
             iterate.scalars.extend(vec![0.0; rows + 1]);
@@ -144,13 +144,13 @@ proptest! {
             let outcome = solve(problem, &mut iterate, SweepSettings { sweeps, tolerance: 1e-12 }, true);
             (iterate, outcome)
         });
-        // Rounding, divided by the sine between nearly dependent rows, twice. w is proportional to one over that sine, so an error of some
-        // 1e-16 w^2 is expected: 1.7e-10 at the w of 577 of the stored seed.
+        // The error is rounding divided twice by the sine of the angle between nearly dependent rows. w is proportional to one over that
+        // sine, so an error of some 1e-16 w^2 is expected: 1.7e-10 for the stored seed, whose w is 577.
         let largest = one.0.w.iter().fold(1.0, |most: f64, w| most.max(w.abs()));
         prop_assert!(one.1.residual < 1e-12 * largest, "residual {} of {largest}", one.1.residual);
         prop_assert!(many.1.residual < 1e-9, "residual {}", many.1.residual);
-        // The limit's impulse is the same, and so is w: residuals over the least squared length that was assumed, 1e-2 of a row of order
-        // one.
+        // Both ways give the same w and the same impulse of the limit. The errors are residuals divided by the squared length `left`, which
+        // is above 1e-2 for a row of order one.
         let scale = 1.0 + g.iter().fold(free.abs(), |most, g| most.max(g.abs()));
         prop_assert!((one.0.scalars[rows] - many.0.scalars[rows]).abs() * left < 1e-6 * scale);
         for (a, b) in one.0.w.iter().zip(&many.0.w) {

@@ -60,7 +60,7 @@ struct Case {
 
 const ROWS: usize = 3 + 2 * 3 + 6;
 
-/// Number of bodies that may touch, and number of coordinates of each. The solver eliminates another number of coordinates together, so
+/// Number of bodies that may touch, each with [`SIZE`] coordinates. The solver eliminates a different number of coordinates together, so
 /// that these may belong to two bodies.
 const BODIES: usize = 6;
 const SIZE: usize = 4;
@@ -123,7 +123,7 @@ impl Case {
     fn solve<R: Real>(&self) -> (Vec<f64>, Vec<f64>, f64) {
         let (problem, metric) = (self.problem::<R>(), Dense::<R>::new(&self.mass(), self.n));
         let free: Vec<R> = self.free.iter().map(|&x| R::of(x)).collect();
-        // The solution is that of any order.
+        // The solution does not depend on the order.
         let order: Vec<u32> = (0..self.n as u32).map(|d| (d + 2) % self.n as u32).collect();
         let mut solver = SoftSolver::new(&order);
         let mut a = free.clone();
@@ -192,7 +192,8 @@ proptest! {
     #[test]
     fn forces_are_the_slope_of_the_cost_and_balance(case in case()) {
         let (a, forces, residual) = case.solve::<f64>();
-        // Rounding leaves some epsilon of the largest velocity of a row, times the largest weight, times the largest mobility, 10.
+        // The rounding error is some epsilon times a product: the largest relative acceleration of a row, the largest weight, and the
+        // largest mobility, 10.
         let fastest = a.iter().fold(5.0_f64, |most, a| most.max(case.n as f64 * a.abs()));
         let heaviest = case.law::<f64, 6>().0.into_iter().fold(1.0 / case.softness, f64::max);
         let rounding = 100.0 * f64::EPSILON * fastest * heaviest * 10.0;

@@ -8,7 +8,7 @@ use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Iterate, LoadedProblem, Problem, Snapshot, cone, residual};
 
-/// Rows of a random problem with `contacts` contacts and a limit in `n` coordinates.
+/// Rows of a random problem in `n` coordinates, with contacts and a limit.
 #[derive(Clone, Debug)]
 struct Case {
     n: usize,
@@ -43,7 +43,7 @@ fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     (problem, iterate)
 }
 
-/// Velocity of contact k, computed from the full matrix G = Y^T Y.
+/// Velocities of all contacts, computed from the full matrix G = Y^T Y.
 fn dense_velocities(case: &Case, iterate: &Iterate<f64>) -> Vec<[f64; 3]> {
     let rows = 1 + 3 * case.y.len();
     let entry = |r: usize, i: usize| if r == 0 { case.y[0][i][0] + 0.3 } else { case.y[(r - 1) / 3][i][(r - 1) % 3] };
@@ -63,7 +63,7 @@ proptest! {
         let (mut problem, mut iterate) = build(&one);
         problem.scalars[0].g = 1e6; // far from its limit
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
-        // Rounding of G (condition up to 1e6 for nearly dependent rows) times the velocity of order one.
+        // The tolerance covers the rounding of G (condition up to 1e6 for nearly dependent rows) times a velocity of order one.
         prop_assert!(outcome.residual < 1e-9, "residual {}", outcome.residual);
     }
 
@@ -139,7 +139,7 @@ fn the_residual_sees_every_defect() {
         iterate.compute_w(&problem);
         prop_assert!(residual(&problem, &iterate) > 1e-6);
     });
-    // As above: 0.18 % of 20,000 draws.
+    // Sweeps cycle as above: 0.18 % of 20,000 draws.
     solved.at_least(0.9975, "solved");
 }
 
@@ -153,14 +153,14 @@ fn a_warm_start_at_the_answer_stays_there() {
         let settings = SweepSettings { sweeps: 20_000, tolerance: 1e-10 };
         let outcome = solve(&problem, &mut iterate, settings, true);
         prop_assume!(solved.count(outcome.residual <= 1e-10));
-        // Where exact sweeps cycled there can be several answers, between which they choose.
+        // If exact sweeps cycle, the problem may have several solutions, and later sweeps may leave the first of them.
         prop_assume!(soon.count(outcome.sweeps <= 25.0));
         let before = dense_velocities(&case, &iterate);
         let again = solve(&problem, &mut iterate, settings, true);
         prop_assert!(again.residual <= 1e-10);
         stays.count(again.sweeps <= 2.0);
         for (a, b) in before.iter().flatten().zip(dense_velocities(&case, &iterate).iter().flatten()) {
-            // Forces may not be unique, velocities are: they move by no more than the residual lets them, times the scale of G.
+            // Impulses may not be unique, but velocities are. They change by at most the residual times the scale of G.
             prop_assert!((a - b).abs() < 1e-7);
         }
     });
@@ -168,8 +168,8 @@ fn a_warm_start_at_the_answer_stays_there() {
     solved.at_least(0.9975, "solved");
     // Some take more sweeps than exact ones: 0.9 % of 30,000 draws.
     soon.at_least(0.985, "solved by exact sweeps");
-    // A sweep goes on while it changes impulses by more than the tolerance. The residual takes steps of 3 / trace, an exact solution those
-    // of the principal values, which can be longer by any factor: one in 30,000 draws went on.
+    // Sweeps continue while they change impulses by more than the tolerance. The residual uses the step 3 / trace, and an exact solution
+    // the inverses of the principal values, which can be longer by any factor. In one of 30,000 draws sweeps continued.
     stays.at_least(0.9998, "left by two sweeps");
 }
 
@@ -201,7 +201,7 @@ fn sweeps_that_stall_in_32_bits_stay_finite() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/problems_32_bits/light_welded_foot.problem");
     let LoadedProblem { problem, mut iterate, settings } = Problem::<F32Lanes>::load(file).unwrap();
     let outcome = stepper_solve::solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
-    // 2e-6 m/s: twice the tolerance, at which 32 bits stall.
+    // Sweeps in 32 bits stall just above the tolerance: 2e-6 m/s is twice the tolerance.
     assert!(outcome.residual.le(F32Lanes::of(2e-6)).all(), "residual {:?}", outcome.residual);
     assert!(iterate.w.iter().all(|w| w.is_finite().all()));
 }

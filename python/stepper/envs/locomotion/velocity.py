@@ -34,13 +34,13 @@ _FOOTPRINT = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).re
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityTask(Task):
-    """Task: follow a commanded velocity in x, y and about z, in the frame of the base. Base class of the tasks of one robot.
+    """Task: follow a commanded velocity in x, y and about z, in the frame of the base. Base class of the tasks for specific robots.
 
     The base is the first body and has a free joint.
 
-    The model needs a servo for each other joint, in their order, and a keyframe "stance" near which episodes start. Actions are set points
-    of the servos. Each episode draws friction of the feet, mass and centre of mass of the base, and gains of the servos. It also draws a
-    latency of the actions, three sudden pushes, and two commands. One command in ten is to stand still.
+    The model needs a servo for each of the other joints, in the order of these joints, and a keyframe "stance" near which episodes start.
+    Actions are set points of the servos. Each episode draws friction of the feet, mass and centre of mass of the base, and gains of the
+    servos. It also draws a latency of the actions, three sudden pushes, and two commands. One command in ten is to stand still.
 
     Attributes:
         frame_skip: Steps per action.

@@ -133,7 +133,7 @@ def tolerance(
     fall: str = "gaussian",
     value: float = 0.1,
 ) -> Array:
-    """Scores, (...), of numbers x: 1 within bounds, decreasing to 0 outside. It is dm_control's `rewards.tolerance`.
+    """Scores, (...), of numbers x: 1 within bounds, decreasing towards 0 outside. The function is dm_control's `rewards.tolerance`.
 
     Args:
         x: Numbers, (...), in any unit.

@@ -23,7 +23,7 @@ The bounds are the lowest and highest velocity along x, the highest along y (m/s
 _TIMES = (3.0, 8.0)
 """Least and longest time of a command, s."""
 _STANDING, _HEADING, _FORWARD = 0.1, 0.3, 0.2
-"""Shares of the commands to stand, to turn to a heading, and to go straight ahead."""
+"""Probabilities that a command is to stand, to turn to a heading, and to go straight ahead."""
 _SLOWEST = 0.3
 """Least velocity of a command to go straight ahead, m/s."""
 _STIFFNESS = 0.5

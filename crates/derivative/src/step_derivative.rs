@@ -114,8 +114,7 @@ impl<R: Real> StepDerivative<R> {
             || {
                 let (mut apart, mut speed) = (R::zero(), R::one());
                 for &change in &self.changes[0] {
-                    // Unlike `max`, this propagates a NaN.
-                    apart = R::select(change.abs().le(apart), apart, change.abs());
+                    apart = apart.max_or_nan(change.abs());
                 }
                 for &v in v {
                     speed = speed.max(v.abs());

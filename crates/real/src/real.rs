@@ -168,6 +168,12 @@ pub trait Real:
     fn min(self, o: Self) -> Self;
     /// Maximum, computed as `if self > o { self } else { o }`. The result is `o` if either is NaN or both are zero.
     fn max(self, o: Self) -> Self;
+    /// Maximum of two numbers. The result is NaN if either is NaN.
+    #[inline(always)]
+    fn max_or_nan(self, o: Self) -> Self {
+        // `max` gives `o` if it is NaN, but not `self`.
+        Self::select(self.eq(self), self.max(o), self)
+    }
     /// Absolute value: the same bits without the sign.
     fn abs(self) -> Self;
     /// Square root, correctly rounded. It is -0 for -0 and NaN for negative numbers.

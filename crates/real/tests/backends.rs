@@ -338,6 +338,14 @@ fn min_and_max_take_the_second_operand_when_unordered_or_equal() {
 }
 
 #[test]
+fn max_or_nan_is_nan_if_either_number_is() {
+    for (a, b) in [(f64::NAN, 2.0), (2.0, f64::NAN), (f64::NAN, f64::NAN)] {
+        assert!(Real::max_or_nan(a, b).is_nan(), "{a} {b}");
+    }
+    assert_eq!([Real::max_or_nan(1.0, 2.0), Real::max_or_nan(2.0, 1.0)], [2.0; 2]);
+}
+
+#[test]
 fn round_even_is_the_standard_rounding() {
     for x in specials_f64() {
         assert!(Real::round_even(x).to_bits() == x.round_ties_even().to_bits() || x.is_nan(), "{x:e}");

@@ -1,6 +1,6 @@
 //! Certificate of a solve: the error of the impulses as a velocity, m/s.
 
-use crate::constraints::constraint_set::{ConstraintSet, number_of, worse};
+use crate::constraints::constraint_set::{ConstraintSet, number_of};
 use crate::constraints::each_kind;
 use crate::iterate::{Iterate, energy};
 use crate::problem::System;
@@ -20,7 +20,7 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
         impulses,
         &iterate.w,
         #[inline(always)]
-        |r| worst = worse(worst, r),
+        |r| worst = worst.max_or_nan(r),
     ));
     worst
 }

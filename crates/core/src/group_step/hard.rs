@@ -112,8 +112,7 @@ impl<R: Real> HardNominal<R> {
             || {
                 let mut apart = R::zero();
                 for (&kept, &now) in self.v_expected.iter().zip(v_expected) {
-                    // Unlike `max`, this propagates a NaN.
-                    apart = R::select((kept - now).abs().le(apart), apart, (kept - now).abs());
+                    apart = apart.max_or_nan((kept - now).abs());
                 }
                 apart
             },

@@ -45,8 +45,7 @@ pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R],
             let (mut speed, mut largest_change) = (R::zero(), R::zero());
             for i in 0..compiled.nv {
                 speed = speed.max(v[i].abs()).max(v_free[i].abs());
-                // Unlike `max`, this propagates a NaN.
-                largest_change = R::select(change[i].abs().le(largest_change), largest_change, change[i].abs());
+                largest_change = largest_change.max_or_nan(change[i].abs());
             }
             let fast = turn.gt(R::of(FAST_ROTATION));
             [

@@ -364,12 +364,6 @@ pub(crate) fn is_nonzero<R: Real>(d: R) -> bool {
     !d.eq(R::zero()).all()
 }
 
-/// Larger of two numbers. If `b` is NaN the result is NaN, so that it is never hidden.
-#[inline(always)]
-pub(crate) fn worse<R: Real>(a: R, b: R) -> R {
-    R::select(b.le(a), a, b)
-}
-
 /// Replaces the number x in the lane `lane` of each entry of `numbers` by y + weight (x - y). Here y is the number in the same lane of the
 /// corresponding entry of `from`.
 pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, weight: f64) {

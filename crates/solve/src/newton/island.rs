@@ -3,6 +3,8 @@
 //! Coordinates come in tiles of four (`vectors.rs`). The rows of a contact between two bodies have entries in a few tiles that may be far
 //! apart.
 
+use stepper_real::Real;
+
 use std::ops::Range;
 
 use crate::admissible_set::AdmissibleSet;
@@ -192,8 +194,7 @@ impl Island {
                 block.natural_step,
                 block.rigid_fraction,
             );
-            // A NaN becomes the worst residual too.
-            worst = if own <= worst { worst } else { own };
+            worst = Real::max_or_nan(worst, own);
         }
         worst
     }

@@ -357,8 +357,7 @@ impl<R: Real> SoftSolver<R> {
         metric.solve(&mut self.imbalance);
         let mut largest = R::zero();
         for &x in &self.imbalance {
-            // A NaN becomes the largest acceleration too.
-            largest = R::select(x.abs().le(largest), largest, x.abs());
+            largest = largest.max_or_nan(x.abs());
         }
         largest
     }

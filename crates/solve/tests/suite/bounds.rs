@@ -121,6 +121,17 @@ proptest! {
         search(&case, 1e-6)?;
     }
 
+    /// The residual of a lane is NaN if the offset of any of its constraints is.
+    #[test]
+    fn the_residual_shows_a_nan_of_any_constraint(case in case(0.0, Just(1.0)), at in 0..ROWS) {
+        let (mut problem, iterate) = build::<F64Lanes>(&case);
+        match at {
+            0 => problem.scalars[0].g.set_lane(3, f64::NAN),
+            k => problem.contacts[k - 1].g[0].set_lane(3, f64::NAN),
+        }
+        prop_assert!(residual(&problem, &iterate).lane(3).is_nan());
+    }
+
     /// Sweeps stay within their limit, and a diverging lane does not change the bits of other lanes.
     #[test]
     fn a_lane_that_blows_up_costs_its_neighbours_nothing_but_bounded_time(case in case(0.0, Just(1.0)), at in 0..ROWS, bad in odd()) {

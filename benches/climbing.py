@@ -1,4 +1,4 @@
-"""Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: on stairs, and by its return in the task.
+"""Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: climbing of stairs, and returns in the task.
 
     stepper train stepper/Go1Rough-v0
     python benches/climbing.py out/train/stepper_Go1Rough-v0/seed1/policy.npz

@@ -37,7 +37,10 @@ ROBOTS = (
 
 
 def seconds(engine: str, file: str) -> list[float]:
-    """Times in which an engine loads a file for the first and the second time in this process, s."""
+    """Times in which an engine loads a file for the first and the second time in this process, s.
+
+    `engine` is "mujoco", "stepper", or "saved" for stepper with a file of `Model.save`.
+    """
     mujoco = require("mujoco", "to read MJCF") if engine != "saved" else None
     times = []
     for _ in range(2):

@@ -43,7 +43,7 @@ class Batch(EngineBatch, Protocol):
 
     @property
     def failed(self) -> int:
-        """Number of environments that the engine has reset or marked as not finite since `begin`."""
+        """Number of failures since the measurement began: environments that the engine has reset, or steps that were not finite."""
 
 
 class Ours(StepperBatch):

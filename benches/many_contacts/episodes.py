@@ -91,7 +91,7 @@ Floors: TypeAlias = Mapping[tuple[str, int, str], Anatomy]
 
 
 def floors(path: Path) -> Floors:
-    """Reads the times of the parts of a step from a JSON file that the program `anatomy` has written with its option --json.
+    """Read the times of the parts of a step from a JSON file that the program `anatomy` has written with its option --json.
 
     The result is empty if the file does not exist.
     """

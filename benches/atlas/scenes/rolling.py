@@ -156,7 +156,7 @@ def _pulled(engine: Engine, dt: float, factor: float) -> float:
     world.push("bead0", (0, 0, -HOLD))
     world.push(f"bead{BEADS + 1}", (0, 0, -HOLD * gripping() * factor))
     last = world.body(f"bead{BEADS + 1}")
-    # The friction under a bead is not at its hinge: links turn by a thousandth of a radian before the rope is taut.
+    # Friction acts at the surface of a bead, not at its hinge: links turn by a thousandth of a radian before the rope is taut.
     world.run(SECONDS)
     start = float(world.at().xpos[last][2])
     world.run(SECONDS)

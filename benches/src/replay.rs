@@ -54,10 +54,9 @@ pub enum Call {
     Reset {
         /// Indices of the environments, ascending.
         envs: Vec<usize>,
-        /// Configurations of all environments, (num_envs, nq). With `None` they are reset to the
-        /// reference configuration of the model.
+        /// Configurations of all environments, (num_envs, nq). `None` sets the reference configuration of the model.
         qpos: Option<Vec<f64>>,
-        /// Velocities of all environments, (num_envs, nv). With `None` they are reset to zero.
+        /// Velocities of all environments, (num_envs, nv). `None` sets zero velocities.
         qvel: Option<Vec<f64>>,
     },
 }

@@ -26,11 +26,14 @@ pub struct ResampledActuators {
     pub envs: Vec<usize>,
     /// Actuator specs of these environments alone, with the parameters taken from the model. `None` leaves an actuator unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
+    /// New value of [`ActuatorModels::drawn`], the specs of all environments.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
 impl ActuatorModels {
     /// Creates the actuator dynamics of a model; see [`ActuatorSpec::fold`].
+    ///
+    /// `given` has the spec of each actuator, or `None` for an actuator without dynamics. `h` is the time step, s.
     ///
     /// # Errors
     /// As [`ActuatorSpec::fold`].

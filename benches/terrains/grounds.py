@@ -70,7 +70,7 @@ def _stair_height(x: Array, _: Array) -> Array:
 
 
 def elevation() -> Array:
-    """Heights of the height field, m: waves and roughness of 3 cm. The array (POINTS, POINTS) has a row for each y and a column for each x."""
+    """Heights of the height field, m: waves, and roughness of 3 cm. The array (POINTS, POINTS) has the indices (y, x)."""
     line = np.linspace(-HALF, HALF, POINTS)
     x, y = np.meshgrid(line, line)
     return 0.1 + 0.07 * np.sin(1.5 * x) * np.cos(1.2 * y) + np.random.default_rng(0).uniform(0.0, 0.03, x.shape)

@@ -1,8 +1,8 @@
 //! Comparison of stepper and rapier on the same scenes with the same time step: speed and error of each engine.
 //!
-//! A speed is meaningful only together with the error at the same setting. Rapier's accuracy setting is `num_solver_iterations`, the number of substeps
-//! per step. The default is 4; the documentation of `IntegrationParameters` recommends "8-12: demanding scenarios (complex machinery)". A
-//! substep evaluates the whole multibody dynamics, as a smaller time step would.
+//! A speed is meaningful only together with the error at the same setting. Rapier's accuracy setting is `num_solver_iterations`, the number
+//! of substeps per step. The default is 4; the documentation of `IntegrationParameters` recommends "8-12: demanding scenarios (complex
+//! machinery)". A substep evaluates the whole multibody dynamics, as a smaller time step would.
 
 mod bodies;
 mod ours;

@@ -9,8 +9,9 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes moment arms and lengths of the actuators on sites at the configuration of `kinematics`. Lengths relative to a reference site
-    /// are extrapolated with the velocity `v` by `time` seconds.
+    /// Computes moment arms and lengths of the actuators on sites at the configuration of `kinematics`.
+    ///
+    /// Lengths relative to a reference site are extrapolated with the velocity `v` by `time` seconds.
     pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         if self.lengths.is_empty() {
             return;

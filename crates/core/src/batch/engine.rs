@@ -1,4 +1,4 @@
-//! Engine: interface of a batch of environments, independent of its precision. A simulation calls the batch through it.
+//! Engine: interface through which a simulation calls a batch of environments, independent of the batch's precision.
 
 use crate::batch::configuration::Configuration;
 use crate::batch::environments::{Batch, Environments};

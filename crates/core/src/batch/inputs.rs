@@ -171,8 +171,8 @@ impl AppliedInputs {
         self.complete_with(given, |held| &held[env * (held.len() / num_envs)..][..held.len() / num_envs])
     }
 
-    /// Completes the inputs `given` of a call with the inputs in force. `part` selects the rows of an array with the inputs in force that
-    /// the call needs.
+    /// Completes the inputs `given` of a call with the inputs in force. `part` selects, from an array of inputs in force, the rows that the
+    /// call needs.
     fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
         let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] = &self.arrays;
         let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };

@@ -77,7 +77,7 @@ impl SavedState {
         [&head[..], &checksum(&head, &self.payload), &self.payload].concat()
     }
 
-    /// Reads a state that [`SavedState::to_bytes`] wrote. Whether it fits a simulation is checked when it is restored.
+    /// Reads a state that [`SavedState::to_bytes`] wrote. The restoring function checks whether the state fits the simulation.
     ///
     /// # Errors
     /// [`Error::NotAState`] when the bytes are no state, of another format version, or damaged.

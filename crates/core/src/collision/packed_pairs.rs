@@ -18,14 +18,18 @@ pub(crate) struct Item<S> {
     pub(crate) index: usize,
     /// Indices of the two geoms in the compiled model: the ball or capsule, then the box.
     pub(crate) geoms: [usize; 2],
+    /// Margin of the pair, m.
     pub(crate) margin: S,
+    /// Lane in which the pair is tested.
     pub(crate) lane: usize,
 }
 
 /// Contact point of an item (a packed pair in one lane) that can touch within the step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<S> {
+    /// Index of the pair in the compiled model.
     pub(super) index: usize,
+    /// Number of the contact point among those of the pair: 0, or 1 for the second point of a capsule.
     pub(super) feature: u32,
     pub(super) lane: usize,
     pub(super) point: ContactPoint<S>,

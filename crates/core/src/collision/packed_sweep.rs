@@ -47,8 +47,7 @@ pub(crate) fn is_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R:
 }
 
 impl<R: Real> PackedSweep<R> {
-    /// Packs the first `LANES` of `items` for the motion of `swept`. All items have the kernel `kernel`. The function does not use the pair
-    /// of `path`.
+    /// Packs the first `LANES` of `items` for the motion of `swept`. All items have the kernel `kernel`. The pair of `path` is not used.
     #[inline(always)]
     pub(crate) fn new(swept: &SweptPair<R>, path: &Path<'_, R>, kernel: Kernel, items: &[Item<R::Scalar>]) -> Self {
         let Path { compiled, kinematics, start, .. } = *path;
@@ -130,7 +129,7 @@ impl<R: Real> PackedSweep<R> {
         }
     }
 
-    /// First touch on its path of each of the items `items`, see [`find_touch`]. `gap` has the distances at the start of the paths.
+    /// First touch of each of the items `items` on its path, see [`find_touch`]. `gap` has the distances at the start of the paths.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
         let end = self.gap_at(self.time, items);

@@ -143,7 +143,7 @@ def implicit(num_envs: int = 24) -> None:
             apart = [np.abs(a - b)[:, rows].max(axis=1) for rows in (slice(0, nv), slice(nv, None))]
             off = np.max([d / size for d, size in zip(apart, largest, strict=True)], axis=0)
             error = np.concatenate([differences.errors[name] for name in WRT], axis=-1).max(axis=1)
-            # Kinks that either method detects. Finite differences miss the kink at which a contact's damping ends, if equalities move it.
+            # Kinks that either method detects. Finite differences miss the end of a contact's damping, if equalities move the contact.
             kinks = np.concatenate([differences.kinks[name] | own.kinks[name] for name in WRT], axis=-1)
             smooth = (kinks == 0) & own.implicit[:, None]
             good = ((off < 1e-6) | (off < error))[smooth].mean()

@@ -118,7 +118,7 @@ def _words(error: Exception) -> str:
 def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str, Any]]:
     """Measure a scene, and return a dictionary of measurements for each timed phase.
 
-    If the scene fails, the dictionaries have no measurements, and the error as a note.
+    If the scene fails, the dictionaries have the error as a note, and no measurements.
     """
     begin = time.perf_counter()
     try:

@@ -71,11 +71,11 @@ def flips(engine: Engine, dt: float) -> float:
 
 
 def second_order(rate: float, factor: float = 1.0):
-    """Function from the time step h (s) to the tolerance factor (rate h)^2, the error of a second-order integrator.
+    """Function from the time step h (s) to a tolerance, `factor` times (rate h)^2: the error of a second-order integrator.
 
     Args:
         rate: Angular rate of the motion, rad/s.
-        factor: The factor, 1.
+        factor: Factor on (rate h)^2.
     """
     return lambda dt: factor * (rate * dt) ** 2
 

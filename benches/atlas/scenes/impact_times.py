@@ -20,7 +20,7 @@ BALL, MASS, SPEED, CUT, PHASES = 0.03, 0.17, 5.0, math.radians(30), 5
 def billiards(engine: Engine, dt: float) -> float:
     """Error of scene 34, an elastic collision of two balls: largest error of a velocity after the collision, relative to the initial speed.
 
-    The largest error is that over five environments, in which the collision is at different times within a step.
+    In the five environments the collision is at different times within a step.
     """
     aside = 2 * BALL * math.sin(CUT)
     pair = free("cue", ball(BALL, MASS), (-0.2, -aside, 0)) + free("object", ball(BALL, MASS), (0, 0, 0))

@@ -59,7 +59,7 @@ def stretch(engine: Engine, dt: float) -> float:
     return float(np.linalg.norm(world.qpos[0, -7:-4] - start))
 
 
-# Scene 22: a critically damped servo on a mass m of 1 kg. Its stiffness k follows from h sqrt(k/m) = ratio, with the time step h.
+# Scene 22: a critically damped servo on a mass m of 1 kg. Its stiffness k follows from a given value of h sqrt(k/m), with the time step h.
 
 HELD = 200
 """Number of steps for which scene 22 runs."""

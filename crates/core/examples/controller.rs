@@ -36,7 +36,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
 
     for period in 0..1000 {
         let force = control(&sim.qpos(0), &sim.qvel(0));
-        // `step` returns an error if a control is not finite.
+        // A control that is not finite is no error: the status would have the flag NON_FINITE.
         sim.step(&StepInputs { ctrl: &[force], ..StepInputs::default() }, STEPS)?;
         if sim.status(0) != Status::OK {
             println!("{:.3} s: {}, residual {:.1e} m/s", sim.time(0), sim.status(0), sim.certificate(0).residual);

@@ -46,7 +46,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     many.restore_state(&sim.save_state_of(3))?;
     assert_eq!(many.qpos(63), sim.qpos(3));
 
-    // A saved state belongs to its model. A simulation of another model returns an error.
+    // A saved state belongs to its model. Restoring it in a simulation of another model is an error.
     let moon = Arc::new(model.replace("gravity", &[0.0, 0.0, -1.62])?);
     let mut there = Simulation::new(moon, Options::default(), Some(4), Precision::F64, 1)?;
     println!("refused: {}", there.restore_state(&sim.save_state()).unwrap_err());

@@ -1,6 +1,7 @@
 //! Resampling of the parameters of actuator dynamics, per environment.
 //!
-//! The stages of a spec and the length of its delay line cannot change after compilation. The parameters of the stages can.
+//! A spec ([`ActuatorSpec`]) has the dynamics of one actuator as a sequence of stages, such as servo, lag and limits. The stages of a spec
+//! and the length of its delay line cannot change after compilation. The parameters of the stages can.
 
 use crate::actuation::pipeline::any_nonzero;
 use crate::model::actuator_spec::ActuatorSpec;
@@ -13,7 +14,7 @@ pub struct ActuatorModels {
     pub model: Model,
     /// Actuator specs in the form that the simulation compiles, with the parameters taken from the model.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// Actuator specs as the user gave them.
+    /// Actuator specs as the user gave them, ideal ones where only the model has dynamics. `None` for actuators without dynamics.
     made: Vec<Option<ActuatorSpec>>,
     /// Per-environment specs; `None` if all environments have the same parameters.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
@@ -26,7 +27,7 @@ pub struct ResampledActuators {
     pub envs: Vec<usize>,
     /// Actuator specs of these environments alone, with the parameters taken from the model. `None` leaves an actuator unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// New value of [`ActuatorModels::drawn`], the specs of all environments.
+    /// New per-environment specs of all environments.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 

@@ -60,7 +60,7 @@ pub enum DerivedQuantity {
     /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their kinematic tree, in world axes: (nbody, 6).
     BodyMotion,
     /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6). The torques are about the centre
-    /// of mass of the body's tree. All are zero if the state was set since the last step.
+    /// of mass of the body's tree. Resets and [`Simulation::set`](crate::Simulation::set) set them to zero.
     BodyForce,
     /// Mass matrix with armature, without terms that depend on the time step: (nv, nv), kg, kg m and kg m^2.
     MassMatrix,
@@ -123,7 +123,8 @@ impl DerivedQuantity {
         }
     }
 
-    /// Whether the quantity is an acceleration or force of the last step, for which a trial step stands in if the state was set since.
+    /// Whether the quantity is an acceleration or force of the last step. If the state was set since that step, the quantity comes from a
+    /// trial step.
     pub fn is_of_last_step(self) -> bool {
         matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
     }

@@ -63,7 +63,7 @@ pub trait Environments {
     fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
     /// Begins a new episode: the next one of the present seed, or the first one of the seed `seed`.
     ///
-    /// The episode has other random numbers, and actuator pipelines begin without memory.
+    /// The episode has other random numbers. The function clears the memory of sensors and actuator pipelines.
     fn begin_episode(&mut self, env: usize, seed: Option<u64>);
     /// Sets the index of the random stream from which the environment draws its random numbers.
     fn set_random_stream(&mut self, env: usize, stream: u32);

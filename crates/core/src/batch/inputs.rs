@@ -20,7 +20,7 @@ pub struct StepInputs<'a> {
     pub mocap_quat: &'a [f64],
     /// Whether each equality is active during this call, (num_envs, neq); 0 for an inactive equality.
     pub eq_active: &'a [f64],
-    /// Mask of the environments that step, (num_envs). The state of the others does not change by a bit, and their inputs are not read.
+    /// Mask of the environments that make steps, (num_envs). The state of other environments does not change, and no input of them is read.
     pub mask: &'a [bool],
 }
 

@@ -139,7 +139,7 @@ pub(super) struct Scene<'a> {
     /// Degrees of freedom (bits) that move each frame.
     pub(super) moved_dofs: &'a [Vec<u64>],
     pub(super) dofs: &'a [Dof],
-    /// Chains of all degrees of freedom: each with its ancestors, in the order of the mass matrix entries.
+    /// Chains of all degrees of freedom, one after the other. A chain has the degree of freedom itself and its ancestors.
     pub(super) chain: &'a [u32],
     pub(super) frictions: &'a [CompiledFriction],
 }

@@ -64,7 +64,7 @@ def envpool(name: str, num_envs: int) -> Step:
 def sb3(infos: str) -> Callable[[str, int], Step]:
     """Return a function that creates environments in the adapter to Stable-Baselines3's `VecEnv`.
 
-    The created function takes the id and the number of environments. It returns a function that steps all of them once.
+    The created function takes the id and the number of environments, and returns a function that steps all environments once.
 
     Args:
         infos: Argument `infos` of the adapter `StepperVecEnv`.

@@ -103,8 +103,8 @@ impl Replay {
     /// Reads a recording from its folder.
     ///
     /// # Errors
-    /// If the recording cannot be read, was not closed, or cannot be repeated by this program. It cannot repeat models of sensors or
-    /// actuators, randomised parameters, and calls of `set_state`.
+    /// If the recording cannot be read, was not closed, or cannot be repeated by this program. The program cannot repeat models of sensors
+    /// or actuators, randomised parameters, and calls of `set_state`.
     pub fn load(folder: &Path) -> Result<Self, String> {
         let place = |name: &str| folder.join(name).display().to_string();
         let header = place("run.json");

@@ -97,8 +97,8 @@ impl Report {
 
     /// Prints the tables of the report.
     ///
-    /// `before` is an earlier report. The table then shows the earlier value after each ratio, if there is one. It marks the ratios that
-    /// have decreased by more than [`SLOWER`].
+    /// `before` is an earlier report. With it, the tables show the earlier value after each ratio, if there is one, and mark the ratios
+    /// that have decreased by more than [`SLOWER`].
     pub fn print(&self, before: Option<&Self>) {
         let m = &self.machine;
         println!("{}, {} cores, one used; levels {}; {}; commit {}", m.cpu, m.cores, m.levels.join(", "), m.rustc, m.commit);

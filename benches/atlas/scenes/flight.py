@@ -175,7 +175,7 @@ def _released(links: int) -> Array:
 def reference(links: int) -> Array:
     """Angles and rates of the chain of scene 11 after a second, rad and rad/s.
 
-    They come from the integrator DOP853 with MuJoCo's accelerations, rtol = atol = 1e-12.
+    The values come from the integrator DOP853 with MuJoCo's accelerations, rtol = atol = 1e-12.
     """
     model = mujoco.MjModel.from_xml_string(chain(links))
     d = mujoco.MjData(model)

@@ -29,7 +29,7 @@ TOP = document(f"""<body name="top"><joint type="ball"/>
 def precession() -> float:
     """Rate W of slow steady precession of the heavy top of scene 40, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0.
 
-    I1 and I3 are the transverse and axial moments of inertia about the fixed point, and l is the distance of the centre of mass from it.
+    I1 and I3 are the transverse and axial moments of inertia about the fixed point. The centre of mass is at the distance l from it.
     """
     a, b = ABOUT_POINT[0] * math.cos(TILT), ABOUT_POINT[2] * SPIN
     return 2 * WEIGHT / (b + math.sqrt(b**2 - 4 * a * WEIGHT))

@@ -47,7 +47,7 @@ impl<S: Scalar> Memory<S> {
         self.waiting &= !(1 << lane);
     }
 
-    /// Copy of the memory of `n` lanes, of which `first` is the first. The group has `lanes` lanes.
+    /// Copy of the memory of the `n` lanes that begin with lane `first`. The group has `lanes` lanes.
     pub fn part(&self, lanes: usize, first: usize, n: usize) -> Self {
         Self {
             waiting: lane_bits(self.waiting, first, n),

@@ -114,8 +114,8 @@ trait OwnNumbers: Sized {
     /// Spec with the parameters of only the environments `envs`.
     fn of(&self, envs: &[usize]) -> Self;
 
-    /// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list has one value for all of them,
-    /// or one for each.
+    /// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list of `given` has one value for
+    /// all these environments, or one value for each.
     fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize);
 
     /// Checks that this spec has the same stages as `made`, and valid parameters for `n` of the `num_envs` environments. `h` is the time

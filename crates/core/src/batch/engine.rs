@@ -9,7 +9,7 @@ use crate::batch::worker::LaneScalar;
 
 /// Batch of environments in any precision: steps, rays, configuration, access to the state of one environment, and saved states.
 pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {
-    /// Copy of the batch. It starts separate workers and threads.
+    /// Copy of the batch, with separate workers and threads.
     fn boxed_clone(&self) -> Box<dyn Engine>;
 }
 

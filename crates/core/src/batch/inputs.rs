@@ -7,8 +7,8 @@ use crate::model::Model;
 pub struct StepInputs<'a> {
     /// Controls, (num_envs, nu), or (nu) for all environments. They remain in force after the call.
     ///
-    /// A NaN or infinite control is no error, because other environments continue. It remains in force like any other. If it makes a step
-    /// non-finite, the environment keeps its state and gets the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE).
+    /// A NaN or infinite control is no error, because other environments continue. Such a control remains in force like any other. If it
+    /// makes a step non-finite, the environment keeps its state and gets the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE).
     pub ctrl: &'a [f64],
     /// Applied generalized forces (`qfrc_applied`) during this call, (num_envs, nv), N or N m.
     pub qfrc: &'a [f64],
@@ -20,7 +20,7 @@ pub struct StepInputs<'a> {
     pub mocap_quat: &'a [f64],
     /// Whether each equality is active during this call, (num_envs, neq); 0 for an inactive equality.
     pub eq_active: &'a [f64],
-    /// Mask of the environments that make steps, (num_envs). The state of other environments does not change, and no input of them is read.
+    /// Mask of the environments that make steps, (num_envs). The state of other environments does not change. Their inputs are not read.
     pub mask: &'a [bool],
 }
 

@@ -24,7 +24,7 @@ const OLDEST_VERSION: u32 = 6;
 
 /// Offset of the model's digest in a saved state, bytes.
 const MODEL: usize = 13;
-/// Offset of the checksum in a saved state, bytes. It covers all other bytes.
+/// Offset of the checksum in a saved state, bytes. The checksum covers all other bytes.
 const CHECK: usize = MODEL + 32;
 /// Offset of the payload in a saved state, bytes.
 const PAYLOAD: usize = CHECK + 32;

@@ -17,7 +17,7 @@ pub trait Saving {
     ///
     /// `ctrl` has the controls in force of the saved environments, nu for each.
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
-    /// Restores bytes that [`Saving::save`] wrote in the environments `envs`, and returns the saved controls.
+    /// Restores a saved state in the environments `envs`, and returns the saved controls. [`Saving::save`] made the bytes.
     ///
     /// If the saved state has as many environments as the batch, each of `envs` gets the state with the same index. A saved state of one
     /// environment goes to all of `envs`.

@@ -4,9 +4,9 @@
 //! same normal and coefficient of friction, and without restitution, form a contact area.
 //!
 //! A contact of an area is redundant if its gap is at least the linear interpolation, at its position, of the gaps of other contacts. There
-//! are two reasons. The contact's normal velocity is the same interpolation of the velocities of the others, so that it opens with them.
-//! And forces at the others, within their friction cones, can replace any force at the contact within its cone, with the same sum and
-//! moment. A flat contact area therefore needs only the contacts at the corners of its convex hull.
+//! are two reasons. The contact's normal velocity is the same interpolation of the velocities of the other contacts, so that it opens with
+//! them. And forces at the other contacts, within their friction cones, can replace any force at the contact within its cone, with the same
+//! sum and moment. A flat contact area therefore needs only the contacts at the corners of its convex hull.
 //!
 //! Rigid-body mechanics does not determine how friction is shared in an area that rotates while it slips, with or without the redundant
 //! contacts.

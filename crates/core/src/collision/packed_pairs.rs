@@ -1,8 +1,8 @@
 //! Packed pairs of balls or capsules with boxes: pairs of several lanes share one SIMD register.
 //!
 //! On stairs or stones, every environment is near other boxes. A kernel over lanes would then compute a pair in all lanes although its
-//! geoms are near each other in only one. Here an item is a pair in one lane, and a register holds as many items as it has lanes. Lanes of
-//! a register do not affect each other, so that the contacts have the same bits.
+//! geoms are near each other in only one lane. In this module an item is a pair in one lane, and a register holds as many items as it has
+//! lanes. Lanes of a register do not affect each other, so that the contacts have the same bits.
 
 use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Real, Scalar};
@@ -33,7 +33,7 @@ pub(super) struct Found<S> {
     pub(super) feature: u32,
     pub(super) lane: usize,
     pub(super) point: ContactPoint<S>,
-    /// Distance of the ball's centre from the border of the box face that is nearest to it, m. It is zero or negative if the centre is over
+    /// If the ball's centre is over a face of the box: its distance from the border of this face, m. Zero or negative if the centre is over
     /// no face, and zero for a capsule.
     pub(super) clearance: S,
 }

@@ -91,7 +91,7 @@ impl SeparationCache {
         }
     }
 
-    /// Cache with the entries of `n` lanes, of which `first` is the first.
+    /// Cache with the entries of the `n` lanes that begin with lane `first`.
     pub(crate) fn part(&self, first: usize, n: usize) -> Self {
         let count = self.count.get(first..first + n).unwrap_or_default().to_vec();
         Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }

@@ -57,7 +57,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Length of a row of `boxes`: one number per moving geom, and as many more as a register has lanes, for loads beyond the end.
+    /// Length of a row of `boxes`: one number per moving geom, plus the number of lanes, because loads may go beyond the last geom.
     fn row(pairs: &StaticPairs) -> usize {
         pairs.moving.len() + R::LANES
     }
@@ -110,8 +110,8 @@ impl<R: Real> StaticSearch<R> {
         merge_lanes(&self.found, |number| number as u32, &mut self.pairs);
     }
 
-    /// Updates the boxes of the moving geoms and of each group of them. For each geom, `travel` returns the upper bound of its
-    /// displacement, m, and whether its box must contain its bounding ball.
+    /// Updates the boxes of the moving geoms and of each group of moving geoms. For each geom, `travel` returns the upper bound of its
+    /// displacement, m, and whether to enlarge its box so that it meets each static geom whose bounding ball overlaps its own.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;

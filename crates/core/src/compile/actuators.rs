@@ -301,7 +301,7 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
             None => arms.push((dof, arm)),
         }
     }
-    // Deepest degree of freedom first. Its chain contains all the others, unless the moment goes across branches.
+    // Deepest degree of freedom first. Its chain contains all other ones of the moment, unless the moment goes across branches.
     arms.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
     let pairs: Vec<_> = arms.iter().enumerate().flat_map(|(k, &below)| arms[k..].iter().map(move |&above| (below, above))).collect();
     let product = |&((i, a), (j, b)): &((usize, f64), (usize, f64))| entry(scene, i, j).map(|entry| (entry, a * b));

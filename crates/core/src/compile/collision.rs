@@ -130,7 +130,7 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
     }
 
-    /// Collision parameters of the dynamic pair with index `number`. Its geoms are indices in the model. `None` if the two geoms do not
+    /// Collision parameters of the dynamic pair with index `number`, with the geoms as indices in the model. `None` if the two geoms do not
     /// collide.
     pub(crate) fn geom_pair(&self, number: usize) -> Option<GeomPair> {
         let [a, b] = self.members_of(number)?;

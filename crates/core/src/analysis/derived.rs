@@ -139,8 +139,9 @@ pub(crate) struct Derivation<R: Real> {
     velocity: Vec<V6<R>>,
     /// Mass of every body with its descendants, kg.
     mass: Vec<R>,
-    /// Centre of mass of every body, m. `subtrees` has the centre of mass of every body with its descendants.
+    /// Centre of mass of every body, m.
     centres: Vec<V3<R>>,
+    /// Centre of mass of every body together with its descendants, m.
     subtrees: Vec<V3<R>>,
     /// Centre of mass of the kinematic tree to which each body belongs, m.
     references: Vec<V3<R>>,

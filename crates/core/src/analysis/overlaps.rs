@@ -82,10 +82,11 @@ pub fn exclude(model: &Model) -> Model {
     }
 }
 
-/// Marks of the bodies, to test whether an overlap is with the ground. `fixed` marks the bodies that are fixed to the world. `free` marks
-/// the bodies that a free joint moves.
+/// Two marks for every body, to test whether an overlap is with the ground.
 struct Ground {
+    /// Whether the body is fixed to the world.
     fixed: Vec<bool>,
+    /// Whether a free joint moves the body.
     free: Vec<bool>,
 }
 
@@ -178,7 +179,7 @@ fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     lines
 }
 
-/// First [`SHOWN`] of the lines. If there are more, a last line gives their number and the text `what`, for example "12 more overlaps".
+/// First [`SHOWN`] of the lines. If there are more, a last line gives their number and the text `what`, for example "3 more pairs overlap".
 fn shortened(mut lines: Vec<String>, what: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(SHOWN);
     lines.truncate(SHOWN);

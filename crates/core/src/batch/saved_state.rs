@@ -62,6 +62,7 @@ impl SavedState {
         PAYLOAD + self.payload.len()
     }
 
+    /// Bytes before the checksum: magic bytes, format version, precision and digest of the model.
     fn head(&self) -> [u8; CHECK] {
         let mut head = [0; CHECK];
         head[..8].copy_from_slice(&MAGIC);

@@ -111,6 +111,6 @@ class Theirs(MujocoBatch):
 
 
 PGS = Options(solver="pgs")
-"""Options of projected Gauss-Seidel without Newton's method."""
+"""Options of stepper with the solver projected Gauss-Seidel, without Newton's method."""
 LAW = Options(contact="mujoco")
-"""Options of MuJoCo's contact law, with the integrator of the model."""
+"""Options of stepper with MuJoCo's contact law and the integrator of the model."""

@@ -18,7 +18,7 @@ Height = Callable[[Array, Array], Array]
 
 @dataclass(frozen=True)
 class Ground:
-    """Kind of terrain.
+    """Kind of ground.
 
     Attributes:
         name: Name in tables.

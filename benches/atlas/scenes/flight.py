@@ -19,7 +19,7 @@ from atlas.world import Array
 
 I1, I2, I3 = 0.010, 0.020, 0.026
 SPIN, TOUCH = 5.0, 0.05
-"""Initial angular velocities about the second and third axis, rad/s. The small second one starts the tumbling."""
+"""Initial angular velocities about the second and third axis, rad/s. The small one, about the third axis, starts the tumbling."""
 ENERGY = (I2 * SPIN**2 + I3 * TOUCH**2) / 2
 L2 = (I2 * SPIN) ** 2 + (I3 * TOUCH) ** 2
 RATE = math.sqrt((I3 - I2) * (L2 - 2 * ENERGY * I1) / (I1 * I2 * I3))
@@ -60,7 +60,7 @@ def tumbling(engine: Engine, dt: float) -> float:
 
 
 def flips(engine: Engine, dt: float) -> float:
-    """Error of scene 8, a tumbling body: largest error of the angular velocity, relative to SPIN, at ten times within one period."""
+    """Error of scene 8, a tumbling body: largest error of the angular velocity, relative to SPIN, at ten instants within one period."""
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
     worst = 0.0

@@ -1,8 +1,8 @@
 """Speed of the adapters to other libraries, compared with the vector environment that they wrap.
 
-The first table has environment steps per second with random actions, on one core. The adapters take turns; speeds are medians over rounds.
-Libraries that are not installed are skipped; `make adapters` installs them. The second table shows the time that overlapping saves on two
-cores: a policy acts on one core while environments step on the other.
+The first table has environment steps per second with random actions, on one core. In each round every adapter makes six steps in turn, and
+the table has medians over the rounds. Libraries that are not installed are skipped; `make adapters` installs them. The second table shows
+the time that overlapping saves on two cores: a policy acts on one core while environments step on the other.
 
     python benches/adapters.py                          # HalfCheetah and Ant with 1,024 environments
     python benches/adapters.py Humanoid --num-envs 256
@@ -26,7 +26,7 @@ from stepper.envs import TASKS
 from stepper.shared.machine import cpu_name, one_core
 
 STEPS = 6
-"""Number of vector steps of each adapter per round of the measurement."""
+"""Number of steps that each adapter makes per round of the measurement. A step moves all environments."""
 SETTINGS: dict[str, Any] = {"precision": "f32", "autoreset_mode": "SameStep"}
 """Settings of the environments of all adapters. Some adapters set the autoreset mode themselves."""
 
@@ -64,7 +64,7 @@ def envpool(name: str, num_envs: int) -> Step:
 def sb3(infos: str) -> Callable[[str, int], Step]:
     """Return a function that creates environments in the adapter to Stable-Baselines3's `VecEnv`.
 
-    The created function takes the id and the number of environments. It returns a function that steps all of them once.
+    The created function takes the id and the number of environments, and returns a function that steps all environments once.
 
     Args:
         infos: Argument `infos` of the adapter `StepperVecEnv`.
@@ -112,7 +112,7 @@ def torchrl(name: str, num_envs: int) -> Step:
 def rllib(name: str, num_envs: int) -> Step:
     """Create a vector environment in RLlib's wrapper, and return a function that steps all its environments once.
 
-    The wrapper makes a dictionary of infos for each environment.
+    The wrapper turns the dictionary of infos into a list with one dictionary per environment.
     """
     from gymnasium.wrappers.vector import DictInfoToList  # noqa: PLC0415
 
@@ -149,9 +149,10 @@ def ray(name: str, num_envs: int) -> Step:
 
 
 def ray_rollout(name: str, num_envs: int) -> Step:
-    """Create the adapter to Ray, and return a function that is called once per step, but makes several steps in one remote call.
+    """Create the adapter to Ray, and return a function that steps all its environments `STEPS` times, by one remote call.
 
-    One actor has the environments, in four blocks. Only every `STEPS`-th call of the function does work.
+    The function works only in every `STEPS`-th of its calls, so that on average one call is one step. One actor has the environments, in
+    four blocks.
     """
     import ray  # noqa: PLC0415
     from stepper.adapters.ray import RayVectorEnv  # noqa: PLC0415
@@ -192,7 +193,10 @@ function that steps them.
 
 
 def race(name: str, num_envs: int, rounds: int) -> dict[str, tuple[float, float]]:
-    """Environment steps per second of each adapter, and the ratio to `StepperVectorEnv` in the same round: medians over rounds."""
+    """Speed of each adapter, environment steps/s, and its ratio to the speed of `StepperVectorEnv` in the same round.
+
+    Both numbers are medians over the rounds.
+    """
     made = {label: make(name, num_envs) for label, (library, make) in CONTESTANTS.items() if library is None or find_spec(library)}
     times: dict[str, list[float]] = {label: [] for label in made}
     for k in range(rounds + 2):
@@ -212,7 +216,7 @@ def race(name: str, num_envs: int, rounds: int) -> dict[str, tuple[float, float]
 def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float, float]:
     """Median times per step of all environments, s: policy alone, environments alone, both in sequence, and both overlapping.
 
-    They overlap through `StepperPool` with two batches: the policy acts on one batch while the other one steps.
+    Policy and environments overlap through `StepperPool` with two batches: the policy acts on one batch while the other one steps.
 
     Args:
         name: Id of the environment, such as "stepper/Ant-v5".
@@ -247,7 +251,7 @@ def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float,
         for _ in range(2 * (STEPS - 1)):
             ahead, *_, infos = pool.recv()
             pool.send(act(ahead), infos["env_id"])
-        seen = [pool.recv() for _ in range(2)]  # No batch steps while the others are measured.
+        seen = [pool.recv() for _ in range(2)]  # Wait for both batches: none may step while the next round measures the sequence.
         times.append((acting, between - begin - acting, between - begin, time.perf_counter() - between))
     policy, steps, both, pooled = (statistics.median(part) / STEPS for part in zip(*times[2:], strict=True))
     return policy, steps, both, pooled

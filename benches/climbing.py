@@ -1,4 +1,4 @@
-"""Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: on stairs, and by its return in the task.
+"""Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: climbing of stairs, and returns in the task.
 
     stepper train stepper/Go1Rough-v0
     python benches/climbing.py out/train/stepper_Go1Rough-v0/seed1/policy.npz
@@ -40,7 +40,7 @@ The pit's edge is at 3 m, and half a robot is 0.3 m long.
 def simulators() -> dict[str, tuple[str, dict[str, Any]]]:
     """Simulators of the tables by label: namespace of the environment's id, and arguments of the environment.
 
-    The time step is that of the task, 5 ms, or a quarter of it, with four times the steps per action.
+    The time step is 5 ms, that of the task, or 1.25 ms with four times as many steps per action.
     """
     law = Options.from_model(Go1Rough().model())
     hard, soft = ({"options": dataclasses.replace(options, timestep=0.00125), "frame_skip": 16} for options in (Options(), law))

@@ -53,7 +53,10 @@ def path_of(robot: str) -> str:
 
 
 def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3) -> tuple[stepper.Stepper, Array]:
-    """Stepper with robots on the floor after ten seconds of random controls, and random controls for the next step."""
+    """Stepper with robots on the floor, and random controls for the next step.
+
+    The robots have made 200 steps with random controls, which changed every 20 steps.
+    """
     model, rng = stepper.load(path_of(robot), strict=False), np.random.default_rng(0)
     sim = stepper.Stepper(model, num_envs, options=options)
     for _ in range(10):
@@ -69,7 +72,7 @@ def matrix(lin: Linearization) -> Array:
 def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
     """Noise of an entry of the finite-difference matrices A and B of `linearize`, (num_envs,).
 
-    It is four times the sum of solver residual and rounding of the velocities, divided by the difference step.
+    The noise is four times the sum of solver residual and rounding of the velocities, divided by the difference step.
     """
     floor: Array = 4.0 * (lin.residual + 2.0**-52 * np.maximum(np.abs(sim.qvel).max(axis=1), 1.0)) / lin.step
     return floor
@@ -78,8 +81,9 @@ def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
 def agreement() -> None:
     """Print the share of entries of A and B of `linearize` that do not change if the difference step is halved.
 
-    Two entries agree if they differ by less than the noise plus 1e-6 of the largest entry of their column. The table also has the share of
-    columns near a kink (a change, such as of contacts or limits, at which a step has no derivative).
+    An entry agrees if both differences are equal within twice the noise plus 1e-6 of the largest entry of its column. This largest entry is
+    the one among rows of the same kind: positions, velocities or activations. The table also has the share of columns near a kink (a
+    change, such as of contacts or limits, at which a step has no derivative).
     """
     print("| robot | options | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
     print("|---|---|---|---|---|---|---|")
@@ -139,7 +143,7 @@ def implicit(num_envs: int = 24) -> None:
             apart = [np.abs(a - b)[:, rows].max(axis=1) for rows in (slice(0, nv), slice(nv, None))]
             off = np.max([d / size for d, size in zip(apart, largest, strict=True)], axis=0)
             error = np.concatenate([differences.errors[name] for name in WRT], axis=-1).max(axis=1)
-            # Kinks that either method detects. Finite differences do not detect where the damping of a contact that equalities move ends.
+            # Kinks that either method detects. Finite differences miss the end of a contact's damping, if equalities move the contact.
             kinks = np.concatenate([differences.kinks[name] | own.kinks[name] for name in WRT], axis=-1)
             smooth = (kinks == 0) & own.implicit[:, None]
             good = ((off < 1e-6) | (off < error))[smooth].mean()
@@ -193,7 +197,7 @@ def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> Non
 
 
 def horizon(steps: int = 32) -> None:
-    """Print how well gradients by backpropagation through `steps` steps agree with finite differences of whole rollouts, for a hopper."""
+    """Print how well two gradients agree for a hopper: backpropagation through `steps` steps, and finite differences of whole rollouts."""
     print("| options | gradient by | cosine: median | worst of 8 | norm error, median | below 0.999999 | of these near a kink |")
     print("|---|---|---|---|---|---|---|")
     for law, options in SETTINGS.items():
@@ -338,7 +342,7 @@ def effort(num_envs: int = 32) -> None:
                 again()
                 times.append(float(np.median([again() for _ in range(15)])) / len(part.ctrl) * 1e6)
                 counts.append(mean_effort(copies))
-                # Again from the same perturbed states, but with the impulses of the unperturbed step as warm start.
+                # Repeat the step from the same perturbed states, but with the impulses of the unperturbed step as warm start.
                 solved, where = copies.get_state(), np.arange(len(part.ctrl)) // part.count
                 copies.set_state(state)
                 before = [np.array(getattr(copies, name)) for name in ("qpos", "qvel", "act")]

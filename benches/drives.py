@@ -1,4 +1,4 @@
-"""Cost of drives: step time of a humanoid with a drive on each actuator, divided by the step time without drives.
+"""Cost of drives (models of a servo, its motor and its delays): step time of a humanoid with and without a drive on each actuator.
 
 Calls with and without drives alternate, and the reported times are medians over calls. The step time depends on the motion, so all
 variants start each call from the same states. These states come from a run without drives, under random control.
@@ -51,7 +51,7 @@ def main() -> None:
     n = options.num_envs
     rng = np.random.default_rng(0)
     controls = rng.uniform(-1, 1, (options.calls, n, model.nu))
-    # Each variant alternates with one without drives, call by call. Both are set to the same state before each call.
+    # Calls with and without drives alternate, and both start from the same state.
     plain = Stepper(model, n, precision=options.precision)
     states = []
     for ctrl in controls:

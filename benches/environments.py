@@ -7,7 +7,7 @@ All engines run the same tasks with random actions, Gymnasium's default autorese
 * Gymnasium's environments in a `SyncVectorEnv`, with few environments, as its speed does not depend on their number;
 * stepper's task code over `mujoco.batch`, and over mjbatch if `--mjbatch` gives a Python that has it.
 
-The engines take turns, and the results are medians of processor time, so that other load on the machine affects all of them alike.
+The engines take turns, and the results are medians of processor time, so that other load on the machine affects all engines alike.
 
     pip install envpool imageio                         # Gymnasium needs imageio; missing libraries are skipped
     python -m venv .venv-mjbatch && .venv-mjbatch/bin/pip install mjbatch gymnasium
@@ -45,7 +45,7 @@ GYMNASIUMS, ENVPOOLS = 16, 256
 LIMIT = 1000
 """Number of actions in an episode."""
 BESIDE = ("EnvPool", "mujoco.batch", "Gymnasium's own")
-"""Reference engines. For each, the table has a column with stepper's speed relative to it."""
+"""Reference engines. The table has a column for each, with the speed of the row's engine divided by that of the reference engine."""
 TURN = 0.15
 """Processor time of a turn, in which one batch is stepped, s."""
 

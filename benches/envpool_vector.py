@@ -69,7 +69,7 @@ class EnvPoolVectorEnv(VectorEnv[Array, Array, Array]):
 
 
 def register(name: str) -> str:
-    """Register EnvPool's task "NAME" with Gymnasium as "envpool/NAME". Returns this name."""
+    """Register the EnvPool task `name` with Gymnasium. Returns the id in Gymnasium, "envpool/" and the name."""
     known = f"envpool/{name}"
     if known not in gymnasium.registry:
         gymnasium.register(known, vector_entry_point=f"{__name__}:{EnvPoolVectorEnv.__name__}", kwargs={"name": name})

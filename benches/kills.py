@@ -55,7 +55,7 @@ class Count:
 
 
 def start(command: str, study: Path, out: Path, more: list[str]) -> subprocess.Popen[bytes]:
-    """Starts a command of stepper for a study as a process.
+    """Start a command of stepper for a study as a process.
 
     Args:
         command: Name of the command, such as "sweep".
@@ -87,7 +87,7 @@ def differences(whole: Path, cut: Path) -> Iterator[str]:
 
 
 def kill(command: str, study: Path, folder: Path, *, kills: int, more: list[str], draw: random.Random) -> tuple[Count, int, float]:
-    """Kills a command repeatedly, restarts it each time, and lets it finish after the last kill.
+    """Kill a command repeatedly, restart it each time, and let it finish after the last kill.
 
     Args:
         command: Name of the command.
@@ -111,7 +111,7 @@ def kill(command: str, study: Path, folder: Path, *, kills: int, more: list[str]
     while len(count.rows) < kills:
         with start(command, study, cut, more) as process:
             moment = time.monotonic() + draw.uniform(0.0, length) if draw.random() < BY_TIME else math.inf
-            # A run whose journal already has all rows is not killed.
+            # If the journal already has all rows, only a random time can kill the run.
             known, late = len(keys_of(cut)), draw.uniform(0.0, LATE)
             rows = draw.randint(known + 1, total) if known < total else math.inf
             while (code := process.poll()) is None and time.monotonic() < moment:

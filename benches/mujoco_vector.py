@@ -117,7 +117,7 @@ class MujocoSim(MujocoFields):
     @property
     def body_linvel(self) -> Array:
         """Velocities of the origins of the bodies in world axes, (num_envs, nbody, 3) m/s."""
-        # MuJoCo has the velocity of the point of each body that is at the centre of mass of its tree.
+        # MuJoCo's `cvel` has the velocity of the body's point that is now at the centre of mass of the body's tree.
         arms = self.bind("xpos") - self.bind("subtree_com")[:, self._m.body_rootid]
         return np.array(self.bind("cvel")[..., 3:]) + np.cross(self.body_angvel, arms)
 
@@ -248,7 +248,7 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
 
 
 def register(name: str) -> str:
-    """Register the task "stepper/NAME" over `mujoco.batch` with Gymnasium as "mujoco_batch/NAME". Returns this name."""
+    """Register the task "stepper/NAME" with MuJoCo's physics in Gymnasium, as "mujoco_batch/NAME". Returns this id."""
     known = f"mujoco_batch/{name}"
     if known not in gymnasium.registry:
         spec = gymnasium.spec(f"stepper/{name}")

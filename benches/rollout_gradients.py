@@ -30,23 +30,23 @@ WIDTHS = (1e-4, 1e-5, 1e-6)
 """Half widths of the differences of whole rollouts, for coordinates in SI units."""
 
 SAME = 0.01
-"""Relative difference within which two derivatives agree.
+"""Relative difference within which finite differences count as equal. A derivative agrees with them within twice this value.
 
 Over the largest width of the differences, the curvature of a stiff contact (1e4 / s^2) changes a derivative by 1 %. Gradient methods are
 insensitive to such errors: Adam divides by the size of the gradient.
 """
 
 FLOOR = 1e-3
-"""Tolerance within which two derivatives agree, even if their relative difference is larger.
+"""Half the difference within which a derivative agrees with finite differences, even if the relative difference is larger.
 
-It is relative to the largest derivative of the same scene by the same kind of coordinate, or to 1 if that is larger. An error of this size
-rotates the gradient by a thousandth of a radian.
+This value is a fraction of the largest derivative of the same scene by coordinates of the same kind, or of 1 if that is larger. An error of
+this size rotates the gradient by a thousandth of a radian.
 """
 
 NOISE = 1e-5
 """Noise of a finite difference with the smallest of the `WIDTHS`, with a solver tolerance of 1e-13 m/s.
 
-It is relative to the largest derivative of the same scene by the same kind of coordinate, or to 1 if that is larger.
+The noise is a fraction of the largest derivative of the same scene by coordinates of the same kind, or of 1 if that is larger.
 """
 
 LAWS = {"hard": Options(tolerance=1e-13), "mujoco": Options(contact="mujoco", tolerance=1e-13)}
@@ -88,7 +88,7 @@ def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
         a, b, c = rng.uniform(0.05, 0.15, 3)
         size, up = {"box": (f"{a} {b} {c}", c), "sphere": (f"{a}", a), "capsule": (f"{a} {b}", a)}[kind]
         turn = ' euler="90 0 0"' if kind == "capsule" else ""
-        # Every second body lies on the previous one, the others next to it.
+        # Half of the bodies that follow a box lie on the box. All other bodies lie next to the previous one.
         on_top = i > 0 and rng.random() < 0.5 and kinds[i - 1] == "box"
         height = height + up if on_top else up
         x = f"{0.5 * i}" if not on_top else f"{0.5 * (i - 1)}"
@@ -106,7 +106,7 @@ def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
     )
     sim = stepper.Stepper(model, 1, options=options)
     if motion == "impact":
-        # The first body collides within the rollout, the others soon after it.
+        # All bodies start above the floor or the body below, and collide within the rollout.
         qpos = np.array(sim.qpos)
         qpos[0, [7 * i + 2 for i in range(len(kinds))]] += rng.uniform(0.01, 0.04)
         sim.set_state(qpos)
@@ -128,7 +128,7 @@ def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
 
 
 def robots(seed: int, model: stepper.Model, name: str, options: Options, *, num_envs: int = 2, steps: int = 10) -> Scene:
-    """Scene with a robot on the floor after random controls."""
+    """Scene with a robot after 200 steps with random controls, for a rollout with further random controls."""
     rng = np.random.default_rng(seed)
     sim = stepper.Stepper(model, num_envs, options=options)
     low, high = np.clip(model.actuator_ctrlrange, -1.0, 1.0).T
@@ -180,7 +180,7 @@ def directions(scene: Scene, rng: np.random.Generator, count: int) -> Iterator[t
 
 
 def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
-    """Compares derivatives of a random function of the last state of a rollout with finite differences of whole rollouts.
+    """Compare derivatives of a random function of the last state of a rollout with finite differences of whole rollouts.
 
     Args:
         scene: Initial state and controls.
@@ -222,7 +222,7 @@ def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
         ours: The derivative.
         central: Central differences, one for each width, (3,).
         sides: One-sided differences to both sides, for each width, (2, 3).
-        scale: Largest derivative of the same scene by the same kind of coordinate, at least 1.
+        scale: Largest derivative of the same scene by coordinates of the same kind, at least 1.
 
     Returns:
         "agrees", "differs" or "wrong sign". Without a reliable difference: "corner" if both sides differ, or "differences differ" if the

@@ -38,7 +38,7 @@ TRANSFERS = {
 def equipped(model: Model, transfer: Transfer | None) -> SensorModel | None:
     """Sensor model with the errors of a transfer function on every sensor. The result is None if `transfer` is None.
 
-    The orientation sensor, which measures a unit quaternion, gets no scale error, misalignment and limits.
+    The orientation sensor, which measures a unit quaternion, gets no scale error, no misalignment and no limits.
     """
     if transfer is None:
         return None

@@ -19,6 +19,7 @@ fn stages(c: &mut Criterion) {
     parts(c, &format!("humanoid stages f64 lanes {level}"), episode);
 }
 
+/// Adds a benchmark for each part of the step, and one for the whole step. `make` creates the benchmark run.
 fn parts(c: &mut Criterion, name: &str, make: impl Fn() -> InTurn<Episode>) {
     let own = own_cost();
     let mut probed = make().probe();

@@ -34,7 +34,7 @@ fn bench<T: Run>(c: &mut Criterion, scene: &str, name: &str, make: impl Fn() -> 
     let mut group = c.benchmark_group(scene);
     group.sample_size(10).sampling_mode(SamplingMode::Flat).warm_up_time(Duration::from_millis(200));
     group.measurement_time(Duration::from_secs(1));
-    // All runs of the same kind make the same number of steps per environment.
+    // Environment steps of a run: 100 steps of 8 or of 64 environments, or one derivative per environment.
     group.throughput(Throughput::Elements(match (scene, name) {
         ("ant derivative", "f64") => 1,
         ("ant derivative", _) => LANES as u64,

@@ -27,7 +27,7 @@ def main() -> None:
 
 
 def _grounds() -> dict[str, stepper.Model]:
-    """Models with a ball or a box on each kind of ground, by name."""
+    """Models with a ball on each kind of ground, by name."""
     line = np.linspace(-SIDE / 2, SIDE / 2, POINTS)
     height = 0.1 * np.sin(2 * line)[:, None] * np.sin(2 * line)[None, :] + 0.2
     elevation = " ".join(f"{z:.4f}" for z in height.ravel())

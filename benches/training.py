@@ -412,7 +412,7 @@ def _cells(row: str) -> list[str]:
 
 
 def main() -> None:
-    """Run the command of the command line, such as "curves" or "race", and write its table or figure."""
+    """Run the command that the command line names, such as "curves" or "race", and write its table or figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "race", "engines"))
     parser.add_argument("--runs", type=Path, default=RUNS, help=f"folder of the runs; race and engines use its subfolders [{RUNS}]")

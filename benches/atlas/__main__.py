@@ -1,7 +1,7 @@
 """Sweep of the failure atlas: `python -m atlas` writes atlas.md, atlas.png and atlas.csv into out/atlas.
 
-With --update-docs, a sweep of all scenes and engines replaces the page of the documentation (docs/benchmarks); --add replaces the rows of
-some scenes or engines in it.
+A sweep runs scenes in engines. With --update-docs, a sweep of all scenes and engines replaces the page in docs/benchmarks. With --add too,
+a sweep of some scenes or engines replaces only their rows in that page.
 """
 
 from __future__ import annotations
@@ -61,12 +61,12 @@ def main() -> None:
 
 
 def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[Row], dict[str, object]]:
-    """Rows and notes of the existing report, in which new rows are added or replace old ones.
+    """Rows and notes of the existing report after adding new rows, which replace the old rows with their scene number and engine.
 
     Args:
         rows: New rows.
         notes: Provenance of the new rows.
-        data: CSV file of the existing report.
+        data: CSV file of the existing report, which has its rows and notes.
     """
     kept, before = read_csv(data)
     renewed = {(row.number, row.engine) for row in rows}

@@ -1,4 +1,4 @@
-"""Engines with their settings, the columns of the table: stepper, MuJoCo and rapier."""
+"""Engines that run the scenes of the atlas: stepper, MuJoCo and rapier. Each engine with its settings is a column of the atlas's tables."""
 
 from __future__ import annotations
 
@@ -173,14 +173,20 @@ class _MujocoWorld(World):
 
 
 ELASTIC_STEPS = 10.0
-"""Duration of an elastic impact in MuJoCo with tuned contacts, in time steps. Contacts are then springs."""
+"""Duration of an elastic impact in MuJoCo with tuned contacts, in time steps. Elastic contacts are springs in MuJoCo."""
 
 
 def _stiffen(model: mujoco.MjModel, time_constant: float, restitution: float | None) -> None:
-    """Set contacts as stiff as the time step allows: solref = 2 dt, as advised in section "Solver parameters" of MuJoCo's documentation.
+    """Set contacts, limits and equalities as stiff as the time step allows.
 
-    With restitution e, solref has the direct format (-stiffness, -damping). Half a period of the spring is `ELASTIC_STEPS` time steps, and
-    the damping ratio zeta follows from e = exp(-pi zeta / sqrt(1 - zeta^2)).
+    Section "Solver parameters" of MuJoCo's documentation advises a time constant of two time steps. With restitution e, solref of contacts
+    has the direct format (-stiffness, -damping). Half a period of the spring is `ELASTIC_STEPS` time steps, and the damping ratio zeta
+    follows from e = exp(-pi zeta / sqrt(1 - zeta^2)).
+
+    Args:
+        model: Model to change.
+        time_constant: Time constant in solref, two time steps, s.
+        restitution: Coefficient of restitution of every contact. With None contacts are inelastic.
     """
     reference = np.array([time_constant, 1.0])
     model.jnt_solref[:] = reference

@@ -1,4 +1,4 @@
-"""Known failures of stepper in the scenes of the atlas, with their reasons for the page and bounds for the tests."""
+"""Known failures of stepper in the scenes of the atlas. The page shows their reasons, and the tests check their bounds."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Known:
 
 
 def below(largest: float, because: str) -> Bound:
-    """Bound of a known error that does not depend on the time step.
+    """Bound of a known error, with the same value at all time steps.
 
     Args:
         largest: The bound, in the unit of the scene.

@@ -71,7 +71,7 @@ def incline(geom: str, height: float, slope: float, friction: float) -> str:
 
 
 SURFACE = "surface"
-"""Name of mesh geoms that collide by their triangles instead of their convex hull. MJCF has no attribute for it."""
+"""Name of mesh geoms that collide by their triangles instead of their convex hull. The name marks them: MJCF has no attribute for this."""
 
 
 def surface(half: float, heights: NDArray[np.float64], kind: str) -> tuple[str, str]:

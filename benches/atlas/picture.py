@@ -23,7 +23,7 @@ DIVERGED, ABSENT = "#1a1a1a", "#d9d9d9"
 def _colour(row: Row) -> str | tuple[float, float, float, float]:
     """Colour of a result in the figure.
 
-    It follows from the ratio of error to tolerance on a logarithmic scale, or is fixed if the run diverged or was not possible.
+    The colour shows the ratio of error to tolerance on a logarithmic scale. Runs that diverged or were not possible have fixed colours.
     """
     if row.outcome == CANNOT:
         return ABSENT
@@ -31,7 +31,7 @@ def _colour(row: Row) -> str | tuple[float, float, float, float]:
         return DIVERGED
     held = row.error <= row.tolerance
     ratio = math.log10(max(row.error, 1e-300) / row.tolerance) if row.tolerance > 0 else (-DECADES if held else DECADES)
-    # Avoid the value 0 exactly: the colour map has a jump there.
+    # Avoid exactly 0, where the colour map jumps.
     value = min(max(ratio / DECADES, -1.0), -1e-3) if held else max(min(ratio / DECADES, 1.0), 1e-3)
     return COLOURS(0.5 + 0.5 * value)
 
@@ -67,7 +67,7 @@ def _cell(x: float, y: float, width: float, row: Row) -> Rectangle:
 
     Args:
         x: Left end.
-        y: Lower end.
+        y: Upper end; y points down in the figure.
         width: Width.
         row: Result whose ratio of error to tolerance gives the colour.
     """

@@ -46,7 +46,7 @@ def quadruped(
 
     Args:
         gravity: Gravity, m/s^2.
-        beside: MJCF of further objects. Feet and trunk collide with them, not with each other.
+        beside: MJCF of further objects. Feet and trunk collide with these objects, but not with each other.
         friction: Friction of all geoms.
         gains: Stiffness (N m/rad) and damping (N m s/rad) of a servo on each joint. None adds no servos.
         torques: Whether to add a motor to each joint if there are no servos.

@@ -56,7 +56,7 @@ class RapierWorld(World):
         return np.array([w.state()[1] for w in self._worlds])
 
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
-        """Sets states of all environments, (num_envs, n), or (n,) for all; None keeps positions or velocities."""
+        """Set positions and velocities: (num_envs, n), or (n,) for the same in all environments. None keeps the present ones."""
         presents = map(np.array, zip(*(w.state() for w in self._worlds), strict=True))
         states = (
             present if given is None else np.broadcast_to(np.asarray(given, float), present.shape)
@@ -119,7 +119,10 @@ class _Loaded(RapierScene):
 
 
 def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | None, iterations: int | None) -> _Loaded:
-    """Rapier world from MJCF text."""
+    """Rapier world from MJCF text.
+
+    If rapier's MJCF loader fails, or has other bodies, shapes or masses than MuJoCo, the function raises `CannotRunError`.
+    """
     try:
         robot, _ = loader.MjcfRobot.from_str(text, loader.MjcfLoaderOptions(skip_plane_geoms=False))
     except rp.MjcfError as error:

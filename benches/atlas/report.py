@@ -14,7 +14,7 @@ from atlas.run import CANNOT, HELD, Row
 from atlas.scene import Scene
 
 USUAL = 2e-3
-"""Time step whose errors the summary of the atlas shows, s."""
+"""Time step of the summary of the atlas, s: each scene's error is that at its time step nearest to this one."""
 
 HEAD = """# The failure atlas
 

@@ -27,7 +27,7 @@ class Row:
         tolerance: Largest error at which the scene holds (passes).
         unit: Unit of error and tolerance.
         cost: Processor time per simulated second of one environment, s/s.
-        flags: Status flags of the engine, each with the number of calls (of 1 to 1000 steps) that reported it.
+        flags: Status flags of the engine, each with its count as in `World.flags`.
         note: Reason why the scene cannot run or how it diverged.
     """
 
@@ -79,7 +79,7 @@ def run(scene: Scene, engine: Engine, dt: float) -> Row:
 
 
 def sweep(scenes: Sequence[Scene], engines: Sequence[Engine], progress: Callable[[Row], None]) -> list[Row]:
-    """Run all scenes in all engines at all time steps of the scenes. Returns the results, and calls `progress` with each new one."""
+    """Run all scenes in all engines at all time steps of the scenes. Returns the results, and calls `progress` with each new result."""
     rows = []
     for scene in scenes:
         for dt in scene.dts:

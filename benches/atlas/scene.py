@@ -76,5 +76,5 @@ class Scene:
 
 
 def flat(value: float) -> Callable[[float], float]:
-    """Function of the time step that always returns `value`, for tolerances that do not depend on it."""
+    """Function of the time step that always returns `value`, for tolerances that do not depend on the time step."""
     return lambda _dt: value

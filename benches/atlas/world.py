@@ -55,7 +55,8 @@ class World(ABC):
         num_envs: Number of environments.
         cpu: Processor time spent in steps so far, s.
         seconds: Simulated time so far, s.
-        flags: Status flags of the engine, each with the number of calls of `step` that reported it in any environment.
+        flags: Status flags of the engine, each with a count: environments that report it after a call of the engine (of 1 to 1000
+            steps), summed over all calls.
         limit: Processor time after which a world raises `TooSlowError`, s.
     """
 
@@ -100,7 +101,7 @@ class World(ABC):
 
     @abstractmethod
     def _advance(self, ctrl: Array | None, nstep: int) -> None:
-        """Makes `nstep` steps with controls (num_envs, nu). The time of this method counts as the cost."""
+        """Make `nstep` steps with controls (num_envs, nu). `cpu` adds the processor time of this method."""
 
     @abstractmethod
     def _check(self) -> None:
@@ -143,7 +144,7 @@ class World(ABC):
         return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, name))
 
     def at(self, env: int = 0) -> mujoco.MjData:
-        """MuJoCo's data with kinematics, energy and momentum at the current state of an environment. Valid until the next call."""
+        """MuJoCo's data with kinematics, energy and momentum at the current state of an environment. The next call overwrites the data."""
         d, m = self._yard, self.model
         d.qpos[:], d.qvel[:] = self.qpos[env], self.qvel[env]
         mujoco.mj_kinematics(m, d)

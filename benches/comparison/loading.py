@@ -37,7 +37,10 @@ ROBOTS = (
 
 
 def seconds(engine: str, file: str) -> list[float]:
-    """Times in which an engine loads a file for the first and the second time in this process, s."""
+    """Times in which an engine loads a file for the first and the second time in this process, s.
+
+    `engine` is "mujoco", "stepper", or "saved" for stepper with a file of `Model.save`.
+    """
     mujoco = require("mujoco", "to read MJCF") if engine != "saved" else None
     times = []
     for _ in range(2):
@@ -53,7 +56,7 @@ def seconds(engine: str, file: str) -> list[float]:
 def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
     """Times to load a file for the first and for the second time in a process, s: two numbers for each engine, by name.
 
-    Both are medians over `turns` new processes.
+    The numbers are medians over `turns` new processes.
     """
     times: dict[str, list[list[float]]] = {engine: [] for engine in ("mujoco", "stepper", "saved")}
     with tempfile.TemporaryDirectory() as folder:

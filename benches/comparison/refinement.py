@@ -1,4 +1,6 @@
-"""Convergence of trajectories of robots in contact: errors at the time step dt of the model, dt / 2 and dt / 4, relative to dt / 64.
+"""Convergence of trajectories of robots in contact: errors with the time steps dt (that of the model), dt / 2 and dt / 4.
+
+The reference solution has the time step dt / 64.
 
 After 120 steps of random controls, 256 environments of each robot are simulated for 40 ms with constant controls. The error of an
 environment is the largest error of a coordinate, m or rad. The table has the median, the third quartile and the ninth decile over
@@ -61,7 +63,7 @@ def main() -> None:
 
 
 def reference(model: Model) -> tuple[Array, Array, Array, Array]:
-    """Initial state and reference solution of the comparison for all environments of a model.
+    """Inputs and reference solution of the comparison for all environments of a model.
 
     Returns:
         Initial qpos and qvel after random controls, constant controls, and final qpos of the reference.

@@ -67,7 +67,7 @@ def robot(walker: unitree.Walker, assets: Assets, share: float) -> Any:
 
 
 def run(sim: Stepper, script: tuple[Any, Any], steps: int) -> tuple[Any, float]:
-    """Steps a batch with prescribed servo targets.
+    """Step a batch with prescribed servo targets.
 
     Args:
         sim: The batch.

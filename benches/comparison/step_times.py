@@ -1,6 +1,6 @@
 """Worker process of versions.py: measures step times of the build of stepper that it imports.
 
-It runs with old builds too, as it uses only features that the first version had.
+This script runs with old builds too, as it uses only features that the first version had.
 
 Usage:
 

@@ -1,9 +1,9 @@
 """Throughput of common training models, compared with MuJoCo, as a markdown table, throughput.md and throughput.json.
 
 Both engines step the same environments with the same random controls at the model's time step. MuJoCo runs with two settings: those of the
-model ("own"), and implicitfast, Newton and elliptic cones ("same"). Ratios are relative to the faster one. stepper runs with its defaults,
-and with settings as accurate as MuJoCo ("fast"). MuJoCo's collision detection measures contacts and penetration of both engines. See
-README.md in this folder.
+model ("own"), and implicitfast, Newton and elliptic cones ("same"). Ratios compare stepper with the faster of the two. stepper runs with
+its defaults, and with settings as accurate as MuJoCo ("fast"). MuJoCo's collision detection measures contacts and penetration of both
+engines. See README.md in this folder.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
 PLAN = Plan(num_envs=256, peers=64, steps=300, rest=0)
 """Default plan of the measurement."""
 ALONE = 8
-"""Number of environments that are stepped alone (one environment per stepper), for a mean time."""
+"""Number of environments that are stepped alone (one environment per stepper), over which step times are averaged."""
 
 
 @dataclass(frozen=True)

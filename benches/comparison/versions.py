@@ -1,8 +1,7 @@
 """Step times of two builds of stepper for common training robots, in turns on one core.
 
 Each build runs in a separate process, which imports the package from a given folder: `python/` of a checkout after `maturin develop`, or an
-unpacked wheel. Both get the same random controls. The results are medians of processor time over the
-turns.
+unpacked wheel. Both get the same random controls. The results are medians of processor time over the turns.
 
     python benches/comparison/versions.py old/python new/python
     python benches/comparison/versions.py old/python new/python --integrator euler --num-envs 1024 --precision f32

@@ -22,6 +22,7 @@ REST_SECONDS = 2.0
 NUDGE = 1e-2
 """Standard deviation of the initial velocities of the episode "rest", rad/s and m/s. Unstable equilibria fall over."""
 _SHARES = {field.name for field in dataclasses.fields(Episode)}
+"""Fields of `Episode`. Those with the name of a status flag get the share of steps with that flag."""
 PATIENCE = 60.0
 """Largest processor time of an episode, s. Models with very small time steps make fewer steps."""
 
@@ -33,7 +34,7 @@ def random_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Ep
 
 
 def rest_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Episode:
-    """Episode of `REST_SECONDS` with all controls 0."""
+    """Episode of `REST_SECONDS` with all controls 0 and small random initial velocities."""
     zero, qvel = np.zeros(m.nu), rng.normal(scale=NUDGE, size=m.nv)
     return _run(m, model, qvel, lambda: zero, max(1, round(REST_SECONDS / m.opt.timestep)))
 
@@ -116,7 +117,7 @@ class _Track:
         self.excess = np.zeros(len(limits.adr))
 
     def add(self, energy: float, qpos: Array) -> None:
-        """Adds the kinetic energy and the positions after a step to the record."""
+        """Add the kinetic energy and the positions after a step to the record."""
         self.energies.append(energy)
         self.excess = np.maximum(self.excess, self.limits.excess(qpos))
 

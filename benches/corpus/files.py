@@ -86,7 +86,7 @@ def _compile_urdf(folder: Path, path: Path) -> mujoco.MjModel:
 
 
 def _correct_inertia(inertia: ET.Element) -> None:
-    """Removes the products of inertia of a URDF's inertia if they make it not positive definite."""
+    """Set the products of inertia of a URDF's inertia to 0 if the inertia is not positive definite."""
     xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "0")) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] <= 0.0:
         for name in ("ixy", "ixz", "iyz"):
@@ -94,7 +94,9 @@ def _correct_inertia(inertia: ET.Element) -> None:
 
 
 def resolve(reference: str, folder: Path, urdf: Path) -> Path:
-    """File that a reference in a URDF means. The search begins in the folder of the URDF and goes up to the folder of the package.
+    """Path of the file to which a reference in a URDF refers.
+
+    The search begins in the folder of the URDF and goes up to the folder of the package.
 
     Args:
         reference: Reference: "package://name/path", "model://name/path", "file://path", or a path.
@@ -114,7 +116,7 @@ def resolve(reference: str, folder: Path, urdf: Path) -> Path:
 
 
 def _upwards(start: Path, end: Path) -> Iterator[Path]:
-    """Yields a folder and all folders above it, up to the folder `end`."""
+    """Yield a folder and all folders above it, up to the folder `end`."""
     yield start
     while start not in (end, start.parent):
         start = start.parent

@@ -1,7 +1,7 @@
 """Process that measures one model file: `python -m corpus.measure PACKAGE FILE --cache DIR`.
 
-The process writes the measurements (a row of the corpus table) to standard output, as JSON. Standard input has
-the digests of the models that have already been measured, as a JSON list.
+The process writes the measurements (a row of the corpus table) to standard output, as JSON. Standard input has the digests of the models
+that have already been measured, as a JSON list.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def library() -> str:
 
 
 def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
-    """Measures one model file. Returns the measurements as a row of the corpus table; an error is stored in the row and not raised.
+    """Measure one model file. Returns the measurements as a row of the corpus table; an error is stored in the row and not raised.
 
     Args:
         package: Package of the file.

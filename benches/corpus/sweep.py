@@ -69,7 +69,7 @@ class Sweep:
         return [r.model for r in rows if r.model and r.outcome in (MEASURED, REFUSED) and r.stepper == library() and r.key != key]
 
     def _measure(self, package: Package, file: str) -> Row:
-        """Measures a model file in another process with a time limit, and returns the measurements."""
+        """Measure a model file in another process with a time limit, and return the measurements."""
         key = (package.name, package.version, file)
         command: Sequence[str] = [sys.executable, "-m", "corpus.measure", package.name, file, "--cache", str(self.cache)]
         try:

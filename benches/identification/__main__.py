@@ -21,6 +21,7 @@ from identification.scenes import HARD, SCENES
 PAGE = Path(__file__).parents[2] / "docs/benchmarks/identification.md"
 OUT = Path("out/identification")
 COLOUR = 0.8
+"""Correlation of consecutive noise values in the table "coloured"."""
 
 
 def _table(title: str, rows: Sequence[Row], kept: Kept) -> str:

@@ -35,7 +35,7 @@ class Followed:
 
 
 def followed(tracker: stepper.sysid.Tracker, ctrl: Array, readings: Mapping[str, Array], truths: Mapping[int, Array]) -> Followed:
-    """Runs a tracker over all samples, and compares its estimates with the truth after some of the samples, the keys of `truths`.
+    """Run a tracker over all samples, and compare its estimates with the truth after some of the samples, the keys of `truths`.
 
     Args:
         tracker: Tracker before its first sample.

@@ -17,7 +17,9 @@ from identification.scenes import HARD, by_sensor, held
 STILL, SHAKEN = 1.0, 3.0
 """Durations of holding the box at rest and of shaking it, s."""
 PERIOD = 0.02
+"""Time between controls, s."""
 NOISE = {"wrist_force": 0.3, "lift": 1e-4}
+"""Standard deviations of the sensor noise by channel, N and m."""
 MARKS = (0.9, 2.4, 4.0)
 """Times at which intervals are compared with the truth, s."""
 
@@ -46,7 +48,7 @@ def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndar
 
 
 def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS) -> Followed:
-    """Runs a tracker on the shaken box, and returns its results at the times `marks`, s.
+    """Run a tracker on the shaken box, and return its results at the times `marks`, s.
 
     Args:
         seed: Seed of the noise.

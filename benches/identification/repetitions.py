@@ -18,6 +18,7 @@ Readings: TypeAlias = "dict[str, np.ndarray[Any, Any]]"
 Answer: TypeAlias = "tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarray[Any, Any]]"
 """Result of an identification: estimated values (2,), and lower and upper bounds of their 95 % intervals (2,) each."""
 Peer: TypeAlias = "Callable[[Scene, tuple[float, float], Readings], Answer]"
+"""Identification by another library: function of scene, initial values of both parameters, and noisy readings."""
 
 VERSION = 1
 """Version of scenes, noise and initial values. Stored results of another version are not reused."""
@@ -59,6 +60,7 @@ class Tally:
 
 
 HEAD = "mass error | interval | coverage | friction error | interval | coverage | CPU time"
+"""Headings of the columns with the results, without the first column."""
 
 
 def noisy(clean: Readings, scene: Scene, seed: int, colour: float = 0.0) -> Readings:
@@ -115,7 +117,7 @@ class Trial:
         Args:
             start: Initial values of both parameters.
             seed: Seed of the noise.
-            peer: Function of another library that identifies. None selects stepper.
+            peer: Identification by another library. None selects stepper.
             colour: Autocorrelation of consecutive noise values; 0 is white noise.
             starts: Number of initial values of stepper's search: `start`, and random ones.
 
@@ -195,7 +197,7 @@ class Kept:
 
 
 def repeated(rows: Sequence[Row], kept: Kept) -> list[tuple[str, Tally]]:
-    """Results of all repetitions, by row name. The repetitions of all rows take turns, so that an interrupted run has some of each."""
+    """Results of all repetitions, by row name. The rows take turns, so that an interrupted run has some repetitions of each row."""
     tallies = [Tally(np.array(row.truth)) for row in rows]
     most = max(row.count for row in rows)
     for k in range(most):

@@ -112,7 +112,7 @@ def pushed() -> Scene:
 
 
 def held() -> Scene:
-    """Scene in which two fingers squeeze a box while the wrist shakes, so that it slips at times. Sensors: wrist force and torque."""
+    """Scene in which two fingers squeeze a box while the wrist shakes, so that the box slips at times. Sensors: wrist force and torque."""
     t = np.arange(100) * 0.02
     lift = 0.03 * (np.sin(2 * np.pi * 1.0 * t) + 0.5 * np.sin(2 * np.pi * 2.6 * t)) * np.minimum(1, t / 0.4)
     squeeze = np.full_like(t, 12.0)

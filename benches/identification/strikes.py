@@ -71,7 +71,7 @@ class Strike:
         ctrl: Controls, (T, nu).
         noise: Standard deviations of the readings by channel.
         qvel: Initial velocities by joint.
-        marks: Samples after which intervals are compared with the truth, each with the last event before it.
+        marks: Numbers of samples after which intervals are compared with the truth, each with the last event before that time.
     """
 
     name: str
@@ -228,12 +228,12 @@ def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, n
 
 
 def resting(model: stepper.Model) -> list[int]:
-    """Degrees of freedom along which the box touches the floor at the start."""
+    """Index of the box's vertical degree of freedom, along which it may rest on the floor at the start. Empty if there is none."""
     return [model.joint("z").dofadr] if "z" in model.joint_names else []
 
 
 def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
-    """Runs a tracker on a scene with the noise of a seed, and returns the results. `settings` are arguments of the tracker."""
+    """Run a tracker on a scene with the noise of a seed, and return the results. `settings` are arguments of the tracker."""
     rng = np.random.default_rng(seed)
     truth = scene.draw(rng)
     noisy = readings(scene, truth, rng)
@@ -241,7 +241,7 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
 
 
 def follow_matched(scene: Strike, seed: int) -> Followed:
-    """Runs a tracker on a scene so that its assumptions hold, and returns the results.
+    """Run a tracker on a scene so that the tracker's assumptions hold, and return the results.
 
     The tracker's initial values are drawn from its prior, and the true parameters are constant.
     """

@@ -101,7 +101,7 @@ def identified(scene: Scene, start: tuple[float, float], given: Readings, settin
         return (rows - measured[: len(rows)]) / sigma, predicted, predicted
 
     residual = sysid.build_residual_fn(models_sequences=[sequences], modify_residual=compare, resample_true=False)
-    with contextlib.redirect_stdout(io.StringIO()):  # its backends print each iteration, even without `verbose`
+    with contextlib.redirect_stdout(io.StringIO()):  # The optimizers print each iteration, even without `verbose`.
         best, result = sysid.optimize(parameters, residual, verbose=False, **settings)
     left, _, _ = residual(result.x, best)
     flat = np.concatenate([np.ravel(r) for r in left])

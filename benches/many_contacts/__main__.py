@@ -106,7 +106,7 @@ def _save(scenes: Sequence[Scene], args: argparse.Namespace) -> None:
 
 
 def _path(scene: Scene, cache: Path, out: Path) -> Path:
-    """Writes the MJCF file of a scene, and returns its path."""
+    """Write the MJCF file of a scene, and return its path."""
     return written(scene.spec(Assets(cache)), out / "many_contacts" / f"{scene.name.replace(' ', '_')}.xml")
 
 
@@ -116,9 +116,9 @@ def _words(error: Exception) -> str:
 
 
 def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str, Any]]:
-    """Measures a scene, and returns a dictionary of measurements for each timed phase.
+    """Measure a scene, and return a dictionary of measurements for each timed phase.
 
-    After an error the function prints the error, and returns an empty list.
+    If the scene fails, the dictionaries have the error as a note, and no measurements.
     """
     begin = time.perf_counter()
     try:

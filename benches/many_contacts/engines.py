@@ -43,7 +43,7 @@ class Batch(EngineBatch, Protocol):
 
     @property
     def failed(self) -> int:
-        """Number of environments that the engine has reset or marked as not finite since `begin`."""
+        """Number of failures since the measurement began: environments that the engine has reset, or steps that were not finite."""
 
 
 class Ours(StepperBatch):
@@ -111,6 +111,6 @@ class Theirs(MujocoBatch):
 
 
 PGS = Options(solver="pgs")
-"""Options of projected Gauss-Seidel without Newton's method."""
+"""Options of stepper with the solver projected Gauss-Seidel, without Newton's method."""
 LAW = Options(contact="mujoco")
-"""Options of MuJoCo's contact law, with the integrator of the model."""
+"""Options of stepper with MuJoCo's contact law and the integrator of the model."""

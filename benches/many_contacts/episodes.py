@@ -47,7 +47,7 @@ def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) 
     Args:
         folder: Folder of the episodes.
         precisions: Precisions, "f64" and "f32".
-        only: Texts of which a robot's name must contain at least one. An empty list selects all robots.
+        only: Texts, at least one of which is in the name of each recorded robot. An empty list selects all robots.
     """
     for case in cases(PLAN, only):
         if isinstance(case, str):
@@ -91,7 +91,7 @@ Floors: TypeAlias = Mapping[tuple[str, int, str], Anatomy]
 
 
 def floors(path: Path) -> Floors:
-    """Reads the times of the parts of a step from a JSON file that the program `anatomy` has written with its option --json.
+    """Read the times of the parts of a step from a JSON file that the program `anatomy` has written with its option --json.
 
     The result is empty if the file does not exist.
     """

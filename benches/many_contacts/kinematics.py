@@ -12,7 +12,7 @@ from many_contacts.scene import Array
 ROUNDS, DAMPING, NEAR, FARTHEST = 200, 1e-4, 1e-6, 0.2
 """Settings of the inverse kinematics.
 
-They are the largest number of iterations, damping, tolerance of the error, and largest step of a joint per iteration (rad or m).
+In order: largest number of iterations, damping, tolerance of the error, and largest step of a joint per iteration (rad or m).
 """
 
 
@@ -82,6 +82,9 @@ def eased(begin: Array, end: Array, blocks: int) -> Array:
 
 
 def downwards(yaw: float) -> Array:
-    """Rotation matrix (3, 3) of a hand whose z axis points down. Its x axis is horizontal, at the angle `yaw` (rad) from the world's."""
+    """Rotation matrix (3, 3) of a hand whose z axis points down.
+
+    The hand's x axis is horizontal, at the angle `yaw` (rad) from the x axis of the world.
+    """
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]])

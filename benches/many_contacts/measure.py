@@ -35,7 +35,9 @@ LEAD = Options(tolerance=1e-3)
 DROPPED = 0.02
 """Displacement relative to the holder above which an object counts as dropped, m."""
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
+"""Names of MuJoCo's two settings."""
 SETTINGS = ("default", "fast", "pgs", "law")
+"""Names of stepper's settings, see `options`."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class Track:
     """Measurements of one batch of environments in a phase of the episode.
 
     Attributes:
-        times: Microseconds per environment step, a list of rounds for each chunk.
+        times: Times per environment step, us: a list for each chunk, with a time for each round.
         steps: Number of steps of each chunk.
         samples: Contacts and penetration at the end of each chunk.
         before: Initial position of the held object in the frame of its holder, (environments, 3), m.
@@ -235,7 +237,7 @@ class _StateMeter:
 
     Args:
         model: Compiled model of the scene.
-        path: Its MJCF file.
+        path: MJCF file of the scene.
     """
 
     def __init__(self, model: mujoco.MjModel, path: Path) -> None:
@@ -262,7 +264,7 @@ class _StateMeter:
 
 
 def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, meter: _StateMeter) -> dict[tuple[str, str], Track]:
-    """Simulates the episode of a script `plan.rounds` times in all batches, which take turns of `CHUNK` steps.
+    """Simulate the episode of a script `plan.rounds` times in all batches, which take turns of `CHUNK` steps.
 
     Args:
         scene: Scene with the phases.
@@ -306,7 +308,7 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, me
 
 
 def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> float:
-    """Steps a batch through a part of an episode. Returns the processor time per environment step, us.
+    """Step a batch through a part of an episode. Returns the processor time per environment step, us.
 
     Args:
         batch: Environments.
@@ -329,12 +331,12 @@ def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> flo
 
 
 def _restart(batch: Batch, script: Script, restarts: Any) -> None:
-    """Resets the environments whose episode has ended to the next initial states of the script.
+    """Reset the environments whose episode has ended to the next configurations of `Script.reset_qpos`.
 
     Args:
         batch: Environments.
-        script: Script with these states.
-        restarts: Number of resets of each environment so far, which is increased.
+        script: Script with the configurations.
+        restarts: Number of resets of each environment so far, (num_envs,). The function increases it in place.
     """
     if script.ended is None or script.reset_qpos is None:
         return

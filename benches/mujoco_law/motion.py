@@ -74,7 +74,7 @@ def _first(parted: NDArray[np.bool_]) -> int:
 
 
 def _apart(compiled: Any, model: stepper.Model, episodes: int, steps: int) -> Array:
-    """Largest difference between the configurations of MuJoCo and of this simulator, after each step of each episode.
+    """Largest difference between the configurations of MuJoCo and of stepper, after each step of each episode.
 
     Both engines start from the same random states and receive the same random controls. Returns an array (steps, episodes), rad or m.
     """

@@ -26,7 +26,7 @@ _BLOWN_UP = 1e3
 _ATTEMPTS = 10
 """Largest number of attempts to find each state."""
 _NOISE = (0.02, 0.3)
-"""Standard deviations of the initial configuration (on the tangent space) and of the initial velocity of an episode."""
+"""Standard deviations of the initial configuration (on the tangent space, rad or m) and velocity (rad/s or m/s) of an episode."""
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def write_csv(path: Path, rows: list[Row]) -> None:
 
 
 def write_table(path: Path, rows: list[Row]) -> None:
-    """Replaces the table of the page docs/benchmarks/mujoco_law.md (the file `path`) by the results in `rows`."""
+    """Replace the table of the page docs/benchmarks/mujoco_law.md (the file `path`) by the results in `rows`."""
     measured = [row for row in rows if row.parity]
     header = ["model", *measured[0].cells(), "omitted"] if measured else []
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]

@@ -20,7 +20,7 @@ from stepper.shared.machine import one_core, provenance, require
 
 @dataclass(frozen=True)
 class Newton(MujocoEngine):
-    """Engine MuJoCo with the integrator and cone of the model and Newton's solver, the fastest one on most models."""
+    """Engine MuJoCo with the integrator and cone of the model, and with Newton's solver, which is the fastest solver on most models."""
 
     def configure(self, mujoco: Any, model: Any) -> None:
         """Write the settings into a compiled model."""

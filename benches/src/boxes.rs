@@ -113,6 +113,9 @@ impl Heap {
         self
     }
 
+    /// Adds a contact at each corner of the rectangle that two touching faces share. The faces are normal to `axis`.
+    ///
+    /// `above` and `below` are the indices of the bricks; `None` is the floor.
     fn corners(&mut self, below: Option<usize>, above: usize, axis: usize) {
         let b = self.bricks[above];
         let range = |k: usize| {
@@ -179,6 +182,7 @@ impl Heap {
 }
 
 impl Brick {
+    /// Moments of inertia about the box's axes, kg m^2.
     fn moments(&self) -> [f64; 3] {
         let [x, y, z] = self.half.map(|h| h * h);
         [y + z, z + x, x + y].map(|s| self.mass / 3.0 * s)

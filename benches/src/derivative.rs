@@ -17,15 +17,22 @@ const TOLERANCE: f64 = 1e-12;
 /// Benchmark run that computes the derivatives of one step for a batch of environments.
 pub struct Derivatives {
     simulation: Simulation,
+    /// Controls of the step, (num_envs, nu).
     ctrl: Vec<f64>,
+    /// Displacements of each coordinate, (num_envs, 2, columns), in SI units.
     offsets: Vec<f64>,
+    /// Result: derivatives, (num_envs, 2 nv + na, columns).
     slopes: Vec<f64>,
+    /// Result: flags of the kinks of each column, (num_envs, columns).
     causes: Vec<u32>,
     /// Two result arrays, each with one number per environment. The first has the distance to the nearest kink (a change, such as of
     /// contacts or limits, at which the step has no derivative). The second has the solver residual, m/s.
     numbers: [Vec<f64>; 2],
+    /// Result: 1 for each environment with a valid derivative, otherwise 0.
     sound: Vec<u8>,
+    /// Result: status flags of the step in each environment.
     status: Vec<u32>,
+    /// Result: qpos, qvel and act after the step.
     state: [Vec<f64>; 3],
 }
 

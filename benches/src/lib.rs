@@ -1,5 +1,5 @@
-//! Shared parts of the benchmarks: robot models made in code, repeatable runs, a clock, time
-//! measurement within a step, and scenes in the engine rapier for comparison.
+//! Shared parts of the benchmarks: robot models made in code, repeatable runs, a clock, time measurement within a step, and scenes in the
+//! engine rapier for comparison.
 //!
 //! All times are processor time of one thread that is pinned to one core. Other load of the machine only affects caches.
 

@@ -60,7 +60,7 @@ impl Npz {
         Ok(Some(array))
     }
 
-    /// Array with the given name. It must exist.
+    /// Array with the given name, which must exist.
     ///
     /// # Errors
     /// Returns the errors of [`Npz::get`], and an error if there is no such array.

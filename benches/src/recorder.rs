@@ -21,7 +21,7 @@ pub type Meter = fn(Option<Span>) -> [u64; READINGS];
 /// Instrumentation of a step (a probe): adds the meter readings of the step's parts, and numbers of events such as contacts, to the
 /// recording in progress on its thread.
 ///
-/// Without a recording in progress it does nothing. It has no fields, so that passing it by value costs nothing.
+/// Without a recording in progress the recorder does nothing. The type has no fields, so that passing it by value costs nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recorder;
 

@@ -54,10 +54,9 @@ pub enum Call {
     Reset {
         /// Indices of the environments, ascending.
         envs: Vec<usize>,
-        /// Configurations of all environments, (num_envs, nq). With `None` they are reset to the
-        /// reference configuration of the model.
+        /// Configurations of all environments, (num_envs, nq). `None` sets the reference configuration of the model.
         qpos: Option<Vec<f64>>,
-        /// Velocities of all environments, (num_envs, nv). With `None` they are reset to zero.
+        /// Velocities of all environments, (num_envs, nv). `None` sets zero velocities.
         qvel: Option<Vec<f64>>,
     },
 }
@@ -104,8 +103,8 @@ impl Replay {
     /// Reads a recording from its folder.
     ///
     /// # Errors
-    /// If the recording cannot be read, was not closed, or cannot be repeated by this program. It cannot repeat models of sensors or
-    /// actuators, randomised parameters, and calls of `set_state`.
+    /// If the recording cannot be read, was not closed, or cannot be repeated by this program. The program cannot repeat models of sensors
+    /// or actuators, randomised parameters, and calls of `set_state`.
     pub fn load(folder: &Path) -> Result<Self, String> {
         let place = |name: &str| folder.join(name).display().to_string();
         let header = place("run.json");

@@ -97,8 +97,8 @@ impl Report {
 
     /// Prints the tables of the report.
     ///
-    /// `before` is an earlier report. The table then shows the earlier value after each ratio, if there is one. It marks the ratios that
-    /// have decreased by more than [`SLOWER`].
+    /// `before` is an earlier report. With it, the tables show the earlier value after each ratio, if there is one, and mark the ratios
+    /// that have decreased by more than [`SLOWER`].
     pub fn print(&self, before: Option<&Self>) {
         let m = &self.machine;
         println!("{}, {} cores, one used; levels {}; {}; commit {}", m.cpu, m.cores, m.levels.join(", "), m.rustc, m.commit);
@@ -169,7 +169,7 @@ pub fn rustc() -> String {
     says("rustc", &["--version"])
 }
 
-/// First line of the output of a program, or "unknown" if it fails.
+/// Output of a program without white space at both ends, or "unknown" if there is no output.
 fn says(program: &str, arguments: &[&str]) -> String {
     let output = std::process::Command::new(program).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
     let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default();
@@ -200,6 +200,7 @@ impl Group {
     }
 }
 
+/// Measures the group of a scene: a row for one environment in `f64`, and a row for each lane type and CPU level.
 fn steps(scene: &Scene, rounds: usize) -> Group {
     let mut alone = single(scene);
     let (mut names, mut batches) = (vec!["f64".to_owned()], vec![]);
@@ -215,6 +216,7 @@ fn steps(scene: &Scene, rounds: usize) -> Group {
     Group::new(scene.name.into(), None, names.into_iter().zip(times).map(|(name, t)| (name, t, None)).collect())
 }
 
+/// Measures the group of a scene of the comparison with rapier: a row for each engine and setting.
 fn peers(course: Course, rounds: usize) -> Group {
     let mut entries = entries(course);
     let mut runs: Vec<&mut dyn Run> = entries.iter_mut().map(|e| &mut *e.engine as &mut dyn Run).collect();

@@ -44,7 +44,7 @@ impl Scene {
         Self { name, model: chain(links), warm_up: 0 }
     }
 
-    /// Initial configuration and velocity (q, v) of environment `env`. They are different in each environment.
+    /// Initial configuration and velocity (q, v) of environment `env`, different in each environment.
     pub fn start(&self, env: usize) -> (Vec<f64>, Vec<f64>) {
         let mut q = self.model.qpos0.clone();
         for (i, x) in q.iter_mut().enumerate() {
@@ -95,8 +95,8 @@ pub fn humanoid() -> Arc<Model> {
     Arc::new(scene.finish().expect("the humanoid is a valid model"))
 }
 
-/// Adds a leg of the humanoid to the scene, on the side `y` (-1 or 1). It has three hinges at the hip, one at the knee, two at the ankle,
-/// and two capsules under the foot.
+/// Adds a leg of the humanoid to the scene, on the side `y` (-1 or 1). The leg has three hinges at the hip, one at the knee, two at the
+/// ankle, and two capsules under the foot.
 fn leg(scene: &mut ModelBuilder, pelvis: usize, side: &str, y: f64) {
     let name = |part: &str| format!("{side} {part}");
     let thigh = BodyBuilder::new(&name("thigh"))
@@ -123,8 +123,8 @@ fn leg(scene: &mut ModelBuilder, pelvis: usize, side: &str, y: f64) {
     }
 }
 
-/// Adds an arm of the humanoid to the scene, on the side `y` (-1 or 1). It has two hinges at the shoulder, one at the elbow, and a sphere
-/// as hand.
+/// Adds an arm of the humanoid to the scene, on the side `y` (-1 or 1). The arm has two hinges at the shoulder, one at the elbow, and a
+/// sphere as hand.
 fn arm(scene: &mut ModelBuilder, torso: usize, side: &str, y: f64) {
     let name = |part: &str| format!("{side} {part}");
     let upper = BodyBuilder::new(&name("upper arm"))

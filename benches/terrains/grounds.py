@@ -18,14 +18,14 @@ Height = Callable[[Array, Array], Array]
 
 @dataclass(frozen=True)
 class Ground:
-    """Kind of terrain.
+    """Kind of ground.
 
     Attributes:
         name: Name in tables.
         add: Function that adds the geoms to an `MjSpec`.
         height: Function from positions x and y to the height of the ground, m.
         spread: Half the side of the square in which robots start, m.
-        mesh: Function that adds the concave mesh "ground" for stepper instead. None if both engines have the same geoms.
+        mesh: Function that stepper uses in place of `add`: it adds the concave mesh "ground". With None both engines use `add`.
     """
 
     name: str
@@ -48,17 +48,17 @@ def _flat(x: Array, _: Array) -> Array:
 
 
 def _plane(spec: Any) -> None:
-    """Adds a plane to an `MjSpec`."""
+    """Add a plane to an `MjSpec`."""
     spec.worldbody.add_geom(name="floor", type=PLANE, size=[0, 0, 0.01])
 
 
 def _box(spec: Any, half: list[float], pos: list[float]) -> None:
-    """Adds a box to an `MjSpec`, with half sizes and a position, m."""
+    """Add a box to an `MjSpec`, with half sizes and a position, m."""
     spec.worldbody.add_geom(type=BOX, size=half, pos=pos)
 
 
 def _stairs(spec: Any) -> None:
-    """Adds a flight of stairs along x to an `MjSpec`."""
+    """Add a flight of stairs along x to an `MjSpec`."""
     for k in range(STAIRS):
         top = STEP_HEIGHT * (k + 1)
         _box(spec, [STEP_DEPTH / 2, 4.0, top / 2], [STEP_DEPTH * (k - STAIRS / 2 + 0.5), 0.0, top / 2])
@@ -70,14 +70,14 @@ def _stair_height(x: Array, _: Array) -> Array:
 
 
 def elevation() -> Array:
-    """Heights of the field, (POINTS, POINTS) with x along the columns, m: waves and roughness of 3 cm."""
+    """Heights of the height field, m: waves, and roughness of 3 cm. The array (POINTS, POINTS) has the indices (y, x)."""
     line = np.linspace(-HALF, HALF, POINTS)
     x, y = np.meshgrid(line, line)
     return 0.1 + 0.07 * np.sin(1.5 * x) * np.cos(1.2 * y) + np.random.default_rng(0).uniform(0.0, 0.03, x.shape)
 
 
 def _field(spec: Any) -> None:
-    """Adds the height field to an `MjSpec`."""
+    """Add the height field to an `MjSpec`."""
     z = elevation()
     low, high = float(z.min()), float(z.max())
     asset = spec.add_hfield(name="rough", nrow=POINTS, ncol=POINTS, size=[HALF, HALF, high - low, 0.5])
@@ -86,7 +86,7 @@ def _field(spec: Any) -> None:
 
 
 def _mesh(spec: Any) -> None:
-    """Adds the surface of the height field to an `MjSpec`, as a mesh of triangles."""
+    """Add the surface of the height field to an `MjSpec`, as a mesh of triangles."""
     line = np.linspace(-HALF, HALF, POINTS)
     x, y = np.meshgrid(line, line)
     vertices = np.stack([x, y, elevation()], axis=-1).reshape(-1, 3)
@@ -118,14 +118,14 @@ def _stones() -> Array:
 
 
 def _stones_and_floor(spec: Any) -> None:
-    """Adds a plane, and stones on it, to an `MjSpec`."""
+    """Add a plane, and stones on it, to an `MjSpec`."""
     _plane(spec)
     for x, y, a, b, c, turn in _stones():
         spec.worldbody.add_geom(type=BOX, size=[a, b, c], pos=[x, y, c], quat=[np.cos(turn / 2), 0, 0, np.sin(turn / 2)])
 
 
 def _stone_height(x: Array, y: Array) -> Array:
-    """Upper bound of the height of the stones, m, the same at all positions."""
+    """Upper bound of the height of the ground at positions x and y, m. Each stone counts as a disc around its corners."""
     height = np.zeros_like(x)
     for cx, cy, a, b, c, _ in _stones():
         height = np.where(np.hypot(x - cx, y - cy) < np.hypot(a, b), np.maximum(height, 2 * c), height)
@@ -146,7 +146,7 @@ def _tiles(count: int) -> Callable[[Any], None]:
 
 
 def _far_boxes(spec: Any) -> None:
-    """Adds a plane to an `MjSpec`, and boxes that the robot cannot reach."""
+    """Add a plane to an `MjSpec`, and boxes that the robot cannot reach."""
     _plane(spec)
     for k in range(200):
         _box(spec, [0.15, 0.15, 0.1], [50.0 + 0.5 * (k % 20), 0.5 * (k // 20), 0.1])

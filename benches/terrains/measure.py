@@ -118,11 +118,11 @@ def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
 
 
 def _written(ground: Ground, add: Callable[[Any], None], cache: Path, out: Path) -> Path:
-    """Writes the MJCF file of the robot on a ground, and returns its path.
+    """Write the MJCF file of the robot on a ground, and return the path of the file.
 
     Args:
         ground: The ground.
-        add: Function that adds its geoms to an `MjSpec`.
+        add: Function that adds the geoms of the ground to an `MjSpec`.
         cache: Folder of the downloads.
         out: Folder for the file.
     """
@@ -153,7 +153,7 @@ def _foothold(ground: Ground, qpos: Array) -> Array:
 
 
 def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any]:
-    """Measures the step times of all engines on a ground. Returns the name of the ground and the measured numbers, for JSON.
+    """Measure the step times of all engines on a ground. Returns the name of the ground and the measured numbers, for JSON.
 
     Args:
         ground: The ground.
@@ -181,7 +181,7 @@ def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any
 
 
 def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[str, Track], referee: Referee | None) -> None:
-    """Runs an episode in all batches, which take turns of `CHUNK` steps.
+    """Run an episode in all batches, which take turns of `CHUNK` steps.
 
     Args:
         batches: Batches of environments.
@@ -212,12 +212,12 @@ def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[st
 
 
 def _restart(batch: Batch, actions: Script, restarts: Any) -> None:
-    """Resets the environments whose robot has fallen.
+    """Reset the environments whose robot has fallen.
 
     Args:
         batch: Environments.
         actions: Script with the states after a reset.
-        restarts: Number of resets of each environment so far, which is increased.
+        restarts: Number of resets of each environment so far, (num_envs,). The function increases it in place.
     """
     assert actions.ended is not None
     assert actions.reset_qpos is not None

@@ -9,6 +9,7 @@ from typing import Any
 from sections import write_section
 
 PEERS = "MuJoCo"
+"""First word of the names of MuJoCo's settings."""
 PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "terrain.md"
 
 

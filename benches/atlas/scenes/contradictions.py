@@ -31,8 +31,8 @@ def out_of_reach() -> str:
 def gap_left(engine: Engine, dt: float) -> float:
     """Error of scene 36, an arm pulled to a point beyond its reach, after three seconds.
 
-    If the arm is at rest, it is the distance of its tip from the target, minus the smallest possible distance, m. If the kinetic energy is
-    above 1 mJ, it is a speed instead, m/s: that at which a point mass with the arm's mass has the same kinetic energy.
+    If the arm is almost at rest, the error is the distance of its tip from the target minus the smallest possible distance, m. If the
+    kinetic energy is above 1 mJ, the error is a speed, m/s: a point mass with the arm's mass has the same kinetic energy at this speed.
     """
     world = engine.start(out_of_reach(), dt)
     world.set(qpos=[0.6, -1.0])
@@ -93,7 +93,7 @@ def narrow_slot() -> str:
 def off_the_middle(engine: Engine, dt: float) -> float:
     """Error of scene 37, a box in a slot that is too narrow: distance from the middle (m) or speed (m/s), the larger of the two.
 
-    It is measured half a second after a start 0.4 mm off the middle.
+    The box starts 0.4 mm off the middle, and the error is measured half a second later.
     """
     world = engine.start(narrow_slot(), dt)
     world.set(qpos=[ASIDE])

@@ -106,7 +106,7 @@ def bowl(kind: str):
     def measure(engine: Engine, dt: float) -> float:
         sign = 1.0 if kind == "hfield" else -1.0
         world = _start(engine, dt, lambda x, y: BOWL * (x**2 + y**2 + sign * x * y), (0.25, 0.0), kind)
-        # The centre of a ball that rests in the bowl is above its lowest point.
+        # Initial height of the ball's centre above its rest position, which is RADIUS above the lowest point of the bowl.
         height = float(world.qpos[0, 2]) - RADIUS
         before = float(world.energy()[0])
         worst = 0.0

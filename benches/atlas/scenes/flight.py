@@ -19,11 +19,13 @@ from atlas.world import Array
 
 I1, I2, I3 = 0.010, 0.020, 0.026
 SPIN, TOUCH = 5.0, 0.05
+"""Initial angular velocities about the second and third axis, rad/s. The small one, about the third axis, starts the tumbling."""
 ENERGY = (I2 * SPIN**2 + I3 * TOUCH**2) / 2
 L2 = (I2 * SPIN) ** 2 + (I3 * TOUCH) ** 2
 RATE = math.sqrt((I3 - I2) * (L2 - 2 * ENERGY * I1) / (I1 * I2 * I3))
 M = (I2 - I1) * (2 * ENERGY * I3 - L2) / ((I3 - I2) * (L2 - 2 * ENERGY * I1))
 PERIOD = 4 * float(ellipk(M)) / RATE
+"""Period of the motion, s. `L2` is the squared angular momentum; `RATE` and `M` are rate and parameter of the elliptic functions."""
 
 
 def omega(t: float) -> Array:
@@ -46,7 +48,7 @@ START = (0, 0, 0, 0, SPIN, TOUCH)
 def tumbling(engine: Engine, dt: float) -> float:
     """Error of scene 8, a tumbling body: largest relative error of energy or angular momentum over a hundred periods.
 
-    It is sampled ten times per period.
+    The error is sampled ten times per period.
     """
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
@@ -58,7 +60,7 @@ def tumbling(engine: Engine, dt: float) -> float:
 
 
 def flips(engine: Engine, dt: float) -> float:
-    """Error of scene 8, a tumbling body: largest error of the angular velocity within one period, relative to SPIN, sampled ten times."""
+    """Error of scene 8, a tumbling body: largest error of the angular velocity, relative to SPIN, at ten instants within one period."""
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
     worst = 0.0
@@ -69,11 +71,11 @@ def flips(engine: Engine, dt: float) -> float:
 
 
 def second_order(rate: float, factor: float = 1.0):
-    """Function of the time step h for tolerances (rate h)^2, the error of a second-order integrator.
+    """Function from the time step h (s) to a tolerance, `factor` times (rate h)^2: the error of a second-order integrator.
 
     Args:
         rate: Angular rate of the motion, rad/s.
-        factor: Factor of the tolerance.
+        factor: Factor on (rate h)^2.
     """
     return lambda dt: factor * (rate * dt) ** 2
 
@@ -87,7 +89,7 @@ def _spun(inside: str, engine: Engine, dt: float) -> Array:
     """Angular velocity of the tumbling body of scene 9 after 10,000 steps, (3,) rad/s.
 
     Args:
-        inside: MJCF of the body; the placeholder {} in it gets the MJCF of a child with inertia that is fixed to the body.
+        inside: MJCF inside the body. Its placeholder {} gets the inertia and a geom, so that they are in the body or in a fixed child.
         engine: The engine.
         dt: Time step, s.
     """
@@ -101,7 +103,7 @@ def _spun(inside: str, engine: Engine, dt: float) -> Array:
 def fixed_child(engine: Engine, dt: float) -> float:
     """Error of scene 9: relative difference of the angular velocities of two bodies after 10,000 steps.
 
-    One of them has a fixed child. Both have the same total inertia, so that the exact difference is zero.
+    One body has the inertia itself, the other one in a fixed child. The exact difference is zero.
     """
     merged, nested = _spun("{}", engine, dt), _spun('<body name="child">{}</body>', engine, dt)
     return float(np.linalg.norm(nested - merged) / np.linalg.norm(merged))
@@ -113,7 +115,7 @@ def fixed_child(engine: Engine, dt: float) -> float:
 def swimming(engine: Engine, dt: float) -> float:
     """Error of scene 10, a floating quadruped: sum of squares of linear (kg m/s) and angular (kg m^2/s) momentum.
 
-    It is measured after ten seconds of swinging all joints.
+    The error is measured after ten seconds in which all joints swing.
     """
     world = engine.start(quadruped(gravity=0.0, torques=True), dt)
     rng = np.random.default_rng(2)
@@ -173,7 +175,7 @@ def _released(links: int) -> Array:
 def reference(links: int) -> Array:
     """Angles and rates of the chain of scene 11 after a second, rad and rad/s.
 
-    They come from the integrator DOP853 with MuJoCo's accelerations, rtol = atol = 1e-12.
+    The values come from the integrator DOP853 with MuJoCo's accelerations, rtol = atol = 1e-12.
     """
     model = mujoco.MjModel.from_xml_string(chain(links))
     d = mujoco.MjData(model)

@@ -60,7 +60,7 @@ def penetration_at_rest(engine: Engine, dt: float) -> float:
 def sliding(engine: Engine, dt: float) -> float:
     """Error of scene 3, a sliding box: relative error of its acceleration a tenth of a degree above the friction angle.
 
-    The acceleration is g / 500 there.
+    The exact acceleration is about g / 500 there.
     """
     slope = CRITICAL + NEAR
     right = G * (math.sin(slope) - MU_INCLINE * math.cos(slope))
@@ -84,8 +84,8 @@ def extrapolated(way: Array, half: Array) -> Array:
     """Richardson extrapolation 2 x(h/2) - x(h) of distances, which removes the error of order h.
 
     Args:
-        way: Results with the time step h.
-        half: Results with the time step h/2.
+        way: Distances with the time step h, m.
+        half: Distances with the time step h/2, m.
     """
     return 2 * half - way
 
@@ -110,9 +110,9 @@ def stopping(engine: Engine, dt: float) -> float:
 
 
 def isotropy(engine: Engine, dt: float) -> float:
-    """Error of scene 5, boxes that slide in nine directions: difference of stopping distances, or sideways drift, m.
+    """Error of scene 5, boxes that slide in nine directions, m.
 
-    Both are the largest over all directions, and the error is the larger of them.
+    The error is the larger of two lengths: the longest minus the shortest stopping distance, and the largest distance from a straight path.
     """
     angles = np.radians([0, 10, 22.5, 30, 45, 60, 67.5, 80, 90])
     along = np.array([np.cos(angles), np.sin(angles)]).T
@@ -140,7 +140,7 @@ def _roll(engine: Engine, dt: float) -> tuple[float, float]:
 def slip_to_roll(engine: Engine, dt: float) -> float:
     """Error of scene 6, a ball that first slips and then rolls.
 
-    It is the error of its final speed, m/s, or of its extrapolated distance, m, the larger of the two.
+    The result is the error of the final speed (m/s) or of the extrapolated distance (m), the larger of the two.
     """
     (v, way), (_, half) = _roll(engine, dt), _roll(engine, dt / 2)
     slip_time, slip_way, rolling = 2 * SLIP / (7 * MU_BALL * G), 12 * SLIP**2 / (49 * MU_BALL * G), 5 * SLIP / 7

@@ -60,7 +60,7 @@ def downhill(kind: str, rolls: bool):
 
     The created function returns the relative error of the distance that the ball travels in a second.
 
-    Half the opening angle of the groove is a, and the ball's radius is r. Both contacts are at the distance r sin(a) from its rotation
+    Half the opening angle of the groove is a, and the ball's radius is r. Both contacts are at the distance r sin(a) from the rotation
     axis. Rolling with angular velocity w gives the speed w r sin(a), and the acceleration g sin(slope) / (1 + 2/5 / sin^2(a)).
 
     Args:

@@ -10,16 +10,17 @@ from atlas.mjcf import FLOOR, G, ball, document, free
 from atlas.scene import Engine, Scene
 from atlas.scenes.impacts import NEWTON
 
-# Scene 34: a billiard ball collides with an equal one at rest, without friction and elastically. Five starts put the impact at five
-# phases of a step.
+# Scene 34: a billiard ball collides with an equal one at rest, without friction and elastically. In five environments it starts at
+# different distances, so that the collision is at five different times within a step.
 
 BALL, MASS, SPEED, CUT, PHASES = 0.03, 0.17, 5.0, math.radians(30), 5
+"""Radius, m; mass, kg; initial speed, m/s; angle between initial velocity and line of centres, rad; number of environments."""
 
 
 def billiards(engine: Engine, dt: float) -> float:
     """Error of scene 34, an elastic collision of two balls: largest error of a velocity after the collision, relative to the initial speed.
 
-    Five starts put the collision at five phases of a step.
+    In the five environments the collision is at different times within a step.
     """
     aside = 2 * BALL * math.sin(CUT)
     pair = free("cue", ball(BALL, MASS), (-0.2, -aside, 0)) + free("object", ball(BALL, MASS), (0, 0, 0))
@@ -36,10 +37,11 @@ def billiards(engine: Engine, dt: float) -> float:
     return float(np.abs(found - exact).max()) / SPEED
 
 
-# Scene 35: a ball falls from twenty heights H, so that it hits the floor at twenty phases of the step. With restitution e, its n-th apex is
-# at e^(2n) H.
+# Scene 35: a ball falls from twenty heights H, so that it hits the floor at twenty different times within a step. With restitution e, its
+# n-th apex is at e^(2n) H.
 
 RADIUS, HEIGHTS, BOUNCES = 0.1, 0.5 + 0.5 * np.arange(20) / 20, 2
+"""Radius of the ball, m; initial heights of its lowest point, m; number of apexes that are measured."""
 
 
 def apexes(e: float):

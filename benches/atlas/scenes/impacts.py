@@ -54,7 +54,7 @@ def one_step(engine: Engine, dt: float) -> float:
     return abs(float(world.qvel[0, 0]) - E * (1.5 + G * STEP))
 
 
-# Scene 7: a ball falls from the height H. With restitution e, its n-th apex is at e^(2n) H. Scene S2 has elastic spheres.
+# Scene 7: a ball falls from the height H. With restitution e, its n-th apex is at e^(2n) H.
 
 RADIUS, DROP, BOUNCE = 0.1, 0.9, 0.5
 
@@ -62,7 +62,7 @@ RADIUS, DROP, BOUNCE = 0.1, 0.9, 0.5
 def apexes(engine: Engine, dt: float) -> float:
     """Error of scene 7, a bouncing ball: largest error of the heights of the first three apexes, m.
 
-    The height of an apex is computed from height and velocity in the step that passes it.
+    The height of an apex follows from the energy, which is constant in flight, after the step in which the ball passes it.
     """
     world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + DROP))), dt, restitution=BOUNCE)
     found, before, worst = 0, 0.0, 0.0
@@ -84,7 +84,7 @@ BALLS, V = 5, 0.5
 
 
 def cradle(gap: float) -> str:
-    """MJCF of scene 26, Newton's cradle: equal balls on a line, with gaps of `gap` m between them."""
+    """MJCF of scene 26, Newton's cradle: equal balls on a line, with gaps of `gap` m. The first ball starts 5 cm farther away."""
     row = "".join(free(f"ball{k}", ball(RADIUS, 1.0), (k * (2 * RADIUS + gap) - (0.05 if k == 0 else 0.0), 0, 0)) for k in range(BALLS))
     return document(row, gravity=(0, 0, 0))
 

@@ -14,6 +14,7 @@ from atlas.scenes.friction import ACCELERATION, COULOMB, CREEP, NO_CREEP, creep
 
 ALPHA = math.radians(15)
 JAW, WEDGE, SQUEEZE, WIDTH, THICK = 1.0, 1.0, 50.0, 0.05, 0.01
+"""Masses of a jaw and of the wedge, kg; force on a jaw, N; half width of the wedge at its middle, and half thickness of its plates, m."""
 
 
 def wedge(factor: float) -> str:
@@ -77,9 +78,9 @@ def rod(mu: float) -> str:
 
 
 def _contact() -> tuple[np.ndarray, np.ndarray]:
-    """Jacobian J (2, 3) of the tip's x and z by the rod's x, z and rotation about y, and W = J M^-1 J^T (2, 2), 1/kg, in scene 19.
+    """Contact Jacobian J (2, 3) of scene 19's rod, and inverse effective mass W = J M^-1 J^T (2, 2), 1/kg.
 
-    M is the mass matrix of the rod.
+    J maps the rod's velocity (x, z, rotation about y) to the velocity of its contact point (x, z). M is the mass matrix of the rod.
     """
     x, z = HALF * math.cos(THETA), -HALF * math.sin(THETA) - TIP
     jacobian = np.array([[1.0, 0.0, z], [0.0, 1.0, -x]])
@@ -106,7 +107,7 @@ def _jamming() -> float:
 def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
     """Velocity of scene 19's rod (x, z, rotation about y) after one step, m/s and rad/s.
 
-    It starts with its tip sliding in the direction of jamming.
+    The rod starts with its tip sliding in the direction of jamming.
     """
     world = engine.start(rod(mu), dt)
     world.set(qvel=[_jamming() * SLIDE, 0, 0, 0, 0, 0])
@@ -117,7 +118,7 @@ def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
 def right_velocity(mu: float, dt: float) -> np.ndarray:
     """Exact velocity of scene 19's rod after one step by Coulomb's law: x and z, m/s, and rotation about y, rad/s.
 
-    The tip keeps sliding without normal velocity if this is possible. Otherwise it sticks.
+    The tip keeps sliding without normal velocity if this is possible. Otherwise the tip sticks.
     """
     jacobian, w = _contact()
     inverse = np.diag([1 / MASS, 1 / MASS, 1 / INERTIA])
@@ -203,7 +204,7 @@ def pinch(mu: float, shape: str) -> str:
 
 
 def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], factor: float) -> tuple[float, float]:
-    """Slip of the object of scene 31 relative to the hand from 0.25 s to 0.5 s, m, and mean downward acceleration of the slip, m/s^2.
+    """Motion of scene 31's object relative to the hand from 0.25 s to 0.5 s: slip, m, and mean downward acceleration, m/s^2.
 
     Args:
         engine: The engine.

@@ -59,7 +59,7 @@ def stretch(engine: Engine, dt: float) -> float:
     return float(np.linalg.norm(world.qpos[0, -7:-4] - start))
 
 
-# Scene 22: critically damped servos on a mass m of 1 kg, whose stiffness k is given by h sqrt(k/m) with the time step h.
+# Scene 22: a critically damped servo on a mass m of 1 kg. Its stiffness k follows from a given value of h sqrt(k/m), with the time step h.
 
 HELD = 200
 """Number of steps for which scene 22 runs."""
@@ -102,7 +102,7 @@ def four_bar() -> str:
 def _turning(engine: Engine, dt: float) -> tuple[float, float]:
     """Largest gap of scene 23's parallelogram (m) and largest relative error of its energy in ten seconds.
 
-    It passes six times through the singularity in which all links are in line.
+    The parallelogram passes six times through the singularity in which all links are in line.
     """
     world = engine.start(four_bar(), dt)
     # All angles are zero when the links are in line; the loop is closed at any common angle of the cranks.
@@ -183,7 +183,7 @@ RATE = math.sqrt(G / 0.3) * LIMITED
 def gain(engine: Engine, dt: float) -> float:
     """Error of scene 24, a chain with joint limits: largest gain of energy in 1e4 steps.
 
-    It is relative to the work of lifting the chain by its length.
+    The gain is relative to the work of lifting the chain by its length.
     """
     world = engine.start(limited(), dt)
     world.set([1.5, 0.2, -0.2, 0.2, -0.2], np.zeros(LIMITED))

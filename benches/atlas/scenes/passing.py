@@ -52,12 +52,13 @@ SLIDERS = {
     "a box": (box((0.02, 0.02, 0.02), 1.0), 0.02),
     "a cylinder": ('type="cylinder" size=".06 .03" mass="1"', 0.03),
 }
+"""Sliding bodies of scene 44, as in `FLYERS`."""
 
 
 def small_tiles(slider: str) -> Callable[[Engine, float], float]:
     """Create the function that measures scene 44: a body, named in `SLIDERS`, that slides over ten seams of flush tiles without friction.
 
-    The created function returns the share of the speed that the body loses, or its largest rise divided by 10 mm, the larger of the two.
+    The created function returns the relative change of the body's speed, or its largest change of height divided by 10 mm, the larger one.
     """
 
     def measure(engine: Engine, dt: float) -> float:

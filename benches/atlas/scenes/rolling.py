@@ -40,7 +40,7 @@ def disc_energy_growth(engine: Engine, dt: float) -> float:
     """Growth of the energy of Euler's disc in three seconds, as a fraction of the initial energy.
 
     The disc starts at a tilt of 0.5 rad from the horizontal, in steady rolling with its centre at rest. A thin disc of radius r then turns
-    about the vertical at the rate W, with W^2 = 4 g / (r sin(tilt)) (Moffatt 2000). It does not spin about its axis.
+    about the vertical at the rate W, with W^2 = 4 g / (r sin(tilt)) (Moffatt 2000). The disc does not spin about its axis.
     """
     tilt = 0.5
     height, turn = _tilted(tilt)
@@ -156,7 +156,7 @@ def _pulled(engine: Engine, dt: float, factor: float) -> float:
     world.push("bead0", (0, 0, -HOLD))
     world.push(f"bead{BEADS + 1}", (0, 0, -HOLD * gripping() * factor))
     last = world.body(f"bead{BEADS + 1}")
-    # The friction under a bead is not at its hinge: links turn by a thousandth of a radian before the rope is taut.
+    # Friction acts at the surface of a bead, not at its hinge: links turn by a thousandth of a radian before the rope is taut.
     world.run(SECONDS)
     start = float(world.at().xpos[last][2])
     world.run(SECONDS)

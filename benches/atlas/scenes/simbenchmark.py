@@ -24,13 +24,14 @@ SAMPLE = 0.01
 
 PLATE, BALL, COUNT, FORCE, MU = 10.0, 1.0, 25, 150.0, 0.4
 WAY = np.array([0.5, math.sqrt(0.75), 0.0])
+"""Direction of the force on the plate."""
 
 
 def rolling_accelerations() -> tuple[float, float]:
     """Exact accelerations of plate and balls of scene S1, m/s^2.
 
     The friction f between the plate and each of n balls of mass m accelerates the ball's lowest point by f/m (1 + 5/2). The plate of mass
-    M, pulled with the force F, accelerates by (F - mu (M + n m) g - n f) / M. Rolling without slip makes both equal.
+    M, pulled with the force F, accelerates by (F - mu (M + n m) g - n f) / M. Rolling without slip makes these accelerations equal.
     """
     driving = FORCE - MU * (PLATE + COUNT * BALL) * G
     f = driving / PLATE / (3.5 / BALL + COUNT / PLATE)
@@ -171,7 +172,7 @@ def standing(engine: Engine, dt: float) -> float:
 def fourth(dt: float) -> float:
     """Tolerance for squared errors of a second-order integrator at the time step `dt`, s.
 
-    It is 1e-8 at 1 ms, in the squared unit of the scene, and grows with the fourth power of the time step.
+    The tolerance is 1e-8 at 1 ms, in the squared unit of the scene, and grows with the fourth power of the time step.
     """
     return 1e-8 * (dt / 1e-3) ** 4
 

@@ -53,13 +53,14 @@ def stands_a_minute(engine: Engine, dt: float) -> float:
 
 
 LONGEST = 30_000
-"""Largest number of steps: a minute at 2 ms. Runs with smaller steps are shorter."""
+"""Largest number of steps: a minute at 2 ms. With smaller time steps the run is shorter than a minute."""
 
 
 def on_two(engine: Engine, dt: float) -> float:
-    """Relative error of the total forces on and under two small boxes below a box 20 times their size, after two seconds.
+    """Error of scene 12, two small boxes below a box 20 times their size: relative error of a total force after two seconds.
 
-    Each small box has four contact points, so statics determines only the sum: one box may carry up to a ninth more than the other.
+    The total forces are that on both small boxes and that under them; the error is the larger one. Each small box has four contact points,
+    so statics determines only their sum. One box may carry up to a ninth more than the other.
     """
     s, big, deep = 0.05, 1.0, 0.05
     density = 1000.0
@@ -81,7 +82,10 @@ def on_two(engine: Engine, dt: float) -> float:
 
 
 def steady(engine: Engine, dt: float) -> float:
-    """Creep speed of a box in a stack of ten equal ones over 99,000 steps, or its final speed, the larger of the two, m/s."""
+    """Error of scene 14, a stack of ten equal boxes: largest mean speed of a box over 99,000 steps (m/s), or largest final velocity.
+
+    The final velocity is in m/s or rad/s, and the error is the larger of the two.
+    """
     world = engine.start(tower(1.0), dt)
     world.step(1000)
     start = world.qpos.reshape(COUNT, 7)[:, :3]
@@ -142,7 +146,7 @@ def pyramid() -> str:
 def pops(engine: Engine, dt: float) -> float:
     """Error of scene 17, overlapping boxes that separate: largest kinetic energy during the separation.
 
-    It is relative to the work of lifting all ten boxes by the depth of one overlap.
+    The energy is relative to the work of lifting all ten boxes by the depth of one overlap.
     """
     world = engine.start(pyramid(), dt)
     worst = 0.0
@@ -163,8 +167,8 @@ def _apart(world: World) -> bool:
 def share(dt: float) -> float:
     """Largest relative error of a force in a stack that counts as correct, at the time step `dt`, s.
 
-    It is ten times (once per contact of the stack) the solver's tolerance, 1e-6 m/s, divided by the velocity g dt that gravity adds in a
-    step.
+    This tolerance is ten times (once per contact of the stack) the solver's tolerance, 1e-6 m/s, divided by the velocity g dt that gravity
+    adds in a step.
     """
     return max(1e-6, 10 * 1e-6 / (G * dt))
 

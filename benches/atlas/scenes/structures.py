@@ -33,7 +33,10 @@ SPACING = 0.35
 
 
 def _frame(name: str, x: float, z: float) -> str:
-    """MJCF of a frame of two cards that lean against each other over (x, z). Each requires friction tan LEAN = 0.47 at its foot."""
+    """MJCF of a frame: two cards that lean against each other, with the middle at `x` and the feet at the height `z`, m.
+
+    Each card requires the friction tan LEAN = 0.47 at its foot.
+    """
     card = box((THIN, DEEP, TALL), CARD)
     cards = (free(f"{name}{side}", card, (x + side * REACH, 0, z + RISE), about_y(-side * LEAN)) for side in (-1, 1))
     return "".join(cards)
@@ -67,7 +70,7 @@ def _catenary(s: float) -> tuple[np.ndarray, np.ndarray]:
 def arch() -> str:
     """MJCF of an arch of blocks of equal arc length, which stands on the floor.
 
-    The first and the last block have horizontal faces on the floor. They need a friction of 0.42 there, and have 0.6.
+    The first and the last block have horizontal faces on the floor. These faces need a friction of 0.42, and have 0.6.
     """
     ends = math.sinh(SPREAD)
     ground = -math.cosh(SPREAD)
@@ -110,7 +113,7 @@ def dominoes(engine: Engine, dt: float) -> float:
     row = "".join(free(f"domino{k}", box(DOMINO, 0.05), (GAP * k, 0, DOMINO[2])) for k in range(DOMINOES))
     world = engine.start(document(FLOOR + row, friction=0.6), dt)
     qpos = world.qpos[0].reshape(DOMINOES, 7)
-    # Rotated about its lower front edge by twice the angle of balance, at which its centre is above that edge.
+    # Rotate the first domino about its lower front edge, by twice the angle at which its centre is above that edge.
     tip = 2 * math.atan(DOMINO[0] / DOMINO[2])
     x, _, z = DOMINO
     qpos[0, 0] = x - x * math.cos(tip) + z * math.sin(tip)

@@ -72,14 +72,14 @@ def stays(start):
 def _fall(kind: str) -> float:
     """Exact time in which scene 41's box, with 1.001 of the load at which it tips, tilts by the angle `TILT`, s.
 
-    It comes from numerical integration of the rotation about the edge. `kind` is the kind of load: "pushed" or "leaning".
+    The time comes from numerical integration of the rotation about the edge. `kind` is the kind of load: "pushed" or "leaning".
     """
     pull = ABOVE * FORCE if kind == "pushed" else MASS * G * math.sin(math.atan(ABOVE * WIDE / TALL))
     weight = MASS * G if kind == "pushed" else MASS * G * math.cos(math.atan(ABOVE * WIDE / TALL))
     corner = math.atan2(TALL, WIDE)
 
     def rate(_: float, y: np.ndarray) -> list[float]:
-        # The centre is at ARM (-cos, sin)(corner + phi) from the edge, against the pull and above the edge.
+        # At the tilt phi, the centre is ARM cos(corner + phi) behind the edge, against the pull, and ARM sin(corner + phi) above it.
         angle = corner + y[0]
         return [y[1], ARM * (pull * math.sin(angle) - weight * math.cos(angle)) / INERTIA]
 

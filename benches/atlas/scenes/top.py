@@ -18,6 +18,7 @@ ABOUT_POINT = np.array([TRANSVERSE + MASS * ARM**2, TRANSVERSE + MASS * ARM**2, 
 SPIN, TILT = 60.0, 0.6
 """Angular velocity along the axis (rad/s), angle between the axis and the vertical (rad)."""
 WEIGHT = MASS * G * ARM
+"""Torque of the weight about the fixed point if the axis is horizontal, m g l, N m."""
 SECONDS = 5.0
 
 TOP = document(f"""<body name="top"><joint type="ball"/>
@@ -28,7 +29,7 @@ TOP = document(f"""<body name="top"><joint type="ball"/>
 def precession() -> float:
     """Rate W of slow steady precession of the heavy top of scene 40, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0.
 
-    I1 and I3 are the transverse and axial moments of inertia about the fixed point, and l is the distance of the centre of mass from it.
+    I1 and I3 are the transverse and axial moments of inertia about the fixed point. The centre of mass is at the distance l from it.
     """
     a, b = ABOUT_POINT[0] * math.cos(TILT), ABOUT_POINT[2] * SPIN
     return 2 * WEIGHT / (b + math.sqrt(b**2 - 4 * a * WEIGHT))
@@ -57,7 +58,10 @@ def steady(engine: Engine, dt: float) -> float:
 
 
 def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
-    """Largest relative errors of a nutating top's energy, and of its angular momenta about the vertical and about its axis."""
+    """Largest errors of a nutating top: that of the energy, and that of the angular momenta about the vertical and about its axis.
+
+    The first is relative to `WEIGHT`, the second to the angular momentum about the axis.
+    """
     world = engine.start(TOP, dt)
     world.set(about_y(TILT), [0.0, 0.0, SPIN])
     energy, momentum = 0.0, 0.0
@@ -89,8 +93,8 @@ def momentum(engine: Engine, dt: float) -> float:
     return _nutation(engine, dt)[1]
 
 
-# The axis nutates at I3 spin / I1. The spin about the symmetry axis limits no step, as it does not change the motion of the axis.
 NUTATION = AXIAL * SPIN / ABOUT_POINT[0]
+"""Angular rate at which the axis nutates, I3 spin / I1, rad/s. Tolerances ignore the faster spin, which does not move the axis."""
 BECAUSE = "(rate h)^2 of the nutation: a second-order integrator"
 
 SCENES = (

@@ -9,6 +9,7 @@ from atlas.scene import Engine, Scene
 from atlas.scenes.flight import second_order
 
 TURN, RADIUS, MASS, THICK = 5.0, 0.05, 1.0, 0.1
+"""Angular rate of the table, rad/s; radius (m) and mass (kg) of the ball; half thickness of the table, m."""
 START, SPEED, SECONDS = 0.3, 0.4, 5.0
 """Initial distance of the ball from the axis, m; initial speed in the world frame, m/s; simulated time, s."""
 RATE = 2 / 7 * TURN

@@ -31,7 +31,7 @@ def humanoid(file: str, assets: Assets) -> Any:
 def limp(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
     """Initial states and controls of an episode (a `Script`) for humanoids that fall without controls.
 
-    They start at a height of 1 m with random orientations and random joint angles within 0.35 rad.
+    The humanoids start at a height of 1 m with random orientations and random joint angles within 0.35 rad.
     """
     qpos = still(model.qpos0, num_envs)
     qpos[:, 2] = 1.0

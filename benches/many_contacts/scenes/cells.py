@@ -28,7 +28,7 @@ HOLD = 5
 def sawyer(assets: Assets) -> Any:
     """Model specification (`MjSpec`) of metaworld's Sawyer arm with a drawer; the time step is 2.5 ms, as in metaworld's model.
 
-    The hand is welded to a mocap body, with the same weld data as by metaworld's `reset_mocap_welds`.
+    The hand is welded to a mocap body, with the weld data that metaworld's `reset_mocap_welds` sets.
     """
     s = assets.spec("metaworld", "metaworld/assets/sawyer_xyz/sawyer_drawer.xml")
     s.body("hand").add_site(name="hand")
@@ -62,6 +62,7 @@ ARM = ("waist", "shoulder", "elbow", "forearm_roll", "wrist_angle", "wrist_rotat
 ARMS = {"right": ("peg", 0.01), "left": ("socket", 0.022)}
 """Object in front of each arm, and height of its centre when it lies on the table, m."""
 WAYPOINTS = 4
+"""Number of random targets of each hand in the phase "pushes"."""
 SPREAD = np.array([0.03, 0.03, 0.005])
 """Range of the random hand positions about the object, m."""
 DRY, DAMPING = 0.05, 0.07

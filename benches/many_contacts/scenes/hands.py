@@ -21,6 +21,7 @@ HOLD, STEPS = 20, 300
 PALM = 0.04
 """Height below which the object counts as fallen off, m."""
 DRAWS = 6
+"""Number of random configurations of each environment, for its resets."""
 PHASES = (Phase("drops", 100, timed=False), Phase("turns", STEPS))
 
 

@@ -31,6 +31,7 @@ FREQUENCY, DAMPING_RATIO = 10 * 2.0 * math.pi, 2.0
 FALLEN = math.cos(math.radians(70.0))
 """Vertical component of the trunk's z axis below which the robot counts as fallen."""
 DRAWS = 8
+"""Number of random configurations of each environment, for its resets."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Walker:
     Attributes:
         xml: MJCF file in mjlab.
         height: Initial height of the trunk, m.
-        pose: Initial joint angles by regular expression, rad; others are 0.
+        pose: Initial joint angles, rad, by regular expression for the names of the joints; other angles are 0.
         motors: Motors of the joints.
         colliding: Regular expression for the names of colliding geoms.
         feet: Regular expression for the names of the feet. Other geoms have no friction.
@@ -191,7 +192,7 @@ def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.
 
     Args:
         walker: The robot.
-        model: Its compiled model.
+        model: Compiled model of the scene.
         num_envs: Number of environments.
         rng: Random number generator.
         noise: Standard deviation of the actions (mjlab's `init_std` is 1).

@@ -1,8 +1,7 @@
 //! Program that measures the time of a step by part.
 //!
 //! The program prints the tables of docs/benchmarks/performance.md: times for every lane type, and the floor, which is the least time of
-//! the arithmetic and of memory. Further tables show the time against the number of degrees of freedom, contacts, environments and
-//! threads.
+//! the arithmetic. Further tables show how the time grows with the number of degrees of freedom, contacts, environments and threads.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -65,7 +64,7 @@ fn run() -> Result<(), String> {
 }
 
 fn humanoid(level: Level) {
-    // Pinning comes after this, because threads that start later inherit it.
+    // Measure several threads before the pinning to one core, because threads that start later inherit the pinning.
     let growth_by_threads = by_threads(level);
     pin();
     let scene = Scene::humanoid();
@@ -100,7 +99,7 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
             std::fs::write(path, format!("{text:#}\n")).map_err(|e| format!("{}: {e}", path.display()))?;
         }
     }
-    // f64 comes first.
+    // Sort by name and number of environments, f64 before f32.
     found.sort_by(|a, b| (&a.name, a.num_envs, b.precision).cmp(&(&b.name, b.num_envs, a.precision)));
     let same = |a: &Anatomy, b: &Anatomy| (&a.name, a.num_envs) == (&b.name, b.num_envs);
     for columns in found.chunk_by(same) {
@@ -252,7 +251,7 @@ fn simulation(model: &Arc<Model>, num_envs: usize, precision: Precision, threads
 
 /// Time per environment step, us, in the fastest of [`ROUNDS`] runs of `calls` steps from the current state.
 ///
-/// `clock` is the function that reads the time. At the end, the simulation is in its initial state again.
+/// `clock` is the function that reads the time. At the end, the simulation is in the same state as before.
 fn cost(simulation: &mut Simulation, calls: usize, clock: impl Fn() -> Duration) -> f64 {
     let (steps, state) = (calls * simulation.num_envs(), simulation.save_state());
     let mut fastest = Duration::MAX;

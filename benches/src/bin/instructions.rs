@@ -88,7 +88,7 @@ fn load(path: &Path) -> Result<Counts, String> {
 
 /// Prints a table of the instruction counts `found`, and of their ratios to the earlier counts `before`, if there are any.
 ///
-/// The result is the number of counts that increased by more than [`GREW`].
+/// The result is the number of counts that increased by more than [`GREW`]; 0 if the counts of `before` have another compiler or CPU level.
 fn print(found: &Counts, before: Option<&Counts>) -> usize {
     let of = |c: &Counts| [&c.rustc[..], &c.arch, &c.level].join(", ");
     let kept = before.map_or_else(String::new, |b| format!("; kept ones: {}", of(b)));
@@ -174,8 +174,8 @@ fn write_down(name: &CStr) {
     /// Request code CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the letters of the tool, and the number of the request.
     const DUMP_STATS_AT: usize = (b'C' as usize) << 24 | (b'T' as usize) << 16 | 3;
     let request = [DUMP_STATS_AT, name.as_ptr() as usize, 0, 0, 0, 0];
-    // SAFETY: valgrind reads six words from the address in rax and a string that ends with 0. Both live until here. It writes rdx. On a
-    // processor, the rotations of rdi add up to twice its width and the exchange of rbx with itself does nothing.
+    // SAFETY: valgrind reads six words from the address in rax and a string that ends with 0. Both live until here. It writes rdx. Without
+    // valgrind, the rotations of rdi add up to twice its width, and the exchange of rbx with itself does nothing.
     unsafe {
         std::arch::asm!(
             "rol rdi, 3", "rol rdi, 13", "rol rdi, 61", "rol rdi, 51", "xchg rbx, rbx",
@@ -218,10 +218,9 @@ const PARTS: &str = "humanoid f64, ";
 
 /// Names of the two counts that measure the cost of the instrumentation.
 ///
-/// They are the instructions inside empty spans (instrumented parts without work), and in the part around these spans.
-///
-/// `EMPTY_SPANS` is the number of empty spans in the measurement.
+/// The first count has the instructions inside empty spans (instrumented parts without work), the second those around these spans.
 const EMPTY: [&str; 2] = ["inside an empty span", "outside of it"];
+/// Number of empty spans in the measurement of this cost.
 const EMPTY_SPANS: usize = 1000;
 
 fn name_of(part: Option<Span>) -> &'static str {

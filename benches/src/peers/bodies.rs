@@ -136,7 +136,7 @@ impl Bodies {
 
     /// Scene wall: five courses of three bricks. Every second course is shifted by two fifths of a brick.
     ///
-    /// With half a brick and the gap, the last brick of the top course would tip: its centre would be beyond the supporting brick.
+    /// With a shift of half a brick, the last brick of the top course would tip: its centre would be beyond the supporting brick.
     pub fn wall() -> Self {
         let brick = |k: usize| {
             let (course, place) = (k / 3, (k % 3) as f64);
@@ -158,7 +158,7 @@ impl Bodies {
     /// Exact accelerations in the scene balls, m/s^2: plate first, then each ball.
     ///
     /// The friction f between the plate and each of n balls of mass m accelerates the ball's lowest point by f / m (1 + 5/2). The plate of
-    /// mass M, pulled with the force F, accelerates by (F - mu (M + n m) g - n f) / M. Rolling without slip makes both equal.
+    /// mass M, pulled with the force F, accelerates by (F - mu (M + n m) g - n f) / M. Rolling without slip makes these equal.
     pub fn rolling_accelerations() -> Vec<[f64; 3]> {
         let n = (SIDE * SIDE) as f64;
         let driving = FORCE - SLIPPERY * (PLATE + n * BALL) * GRAVITY;

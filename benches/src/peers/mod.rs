@@ -1,8 +1,8 @@
-//! Comparison of stepper and rapier on the same scenes with the same time step: speed, and the error of each.
+//! Comparison of stepper and rapier on the same scenes with the same time step: speed and error of each engine.
 //!
-//! A speed is meaningful only with the error at that setting. Rapier's accuracy setting is `num_solver_iterations`, the number of substeps
-//! per step. The default is 4; the documentation of `IntegrationParameters` recommends "8-12: demanding scenarios (complex machinery)". A
-//! substep evaluates the whole multibody dynamics, as a smaller time step would.
+//! A speed is meaningful only together with the error at the same setting. Rapier's accuracy setting is `num_solver_iterations`, the number
+//! of substeps per step. The default is 4; the documentation of `IntegrationParameters` recommends "8-12: demanding scenarios (complex
+//! machinery)". A substep evaluates the whole multibody dynamics, as a smaller time step would.
 
 mod bodies;
 mod ours;
@@ -64,7 +64,7 @@ impl Course {
         }
     }
 
-    /// Simulated time over which the speed is measured, s. In scenes with uniform motion of many bodies it is only the beginning.
+    /// Simulated time over which the speed is measured, s. In scenes with many bodies it is only the first part of [`Course::duration`].
     pub const fn timed(self) -> f64 {
         match self {
             Course::Chain(_) | Course::Box => self.duration(),
@@ -239,7 +239,7 @@ pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [
                 engine.advance(steps / 2);
                 places.push(engine.centres());
             }
-            // The second difference of positions contains neither the velocity nor the offset of a half step.
+            // The second difference of positions cancels offsets of position and velocity, such as those of half a step.
             let time = 0.5 * course.duration();
             let acceleration =
                 |k: usize| std::array::from_fn(|i| (places[2][k][i] - 2.0 * places[1][k][i] + places[0][k][i]) / (time * time));

@@ -24,10 +24,10 @@ fn pendulum() -> Result<Model, stepper_core::ModelError> {
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let model = Arc::new(pendulum()?);
     let mut sim = Simulation::new(model.clone(), Options::default(), Some(NUM_ENVS), Precision::F64, 1)?;
-    assert_eq!(sim.timestep(), 0.001); // the model's
+    assert_eq!(sim.timestep(), 0.001); // that of the model
 
-    // Every environment starts at its own angle above the pivot, and pushes with its own torque. The rod is longer than its pivot is high:
-    // it falls, and comes to lie against the floor.
+    // Every environment has its own initial angle, above the pivot, and its own torque. The rod is longer than the height of its pivot, so
+    // that it falls against the floor.
     for env in 0..NUM_ENVS {
         sim.set(Field::Qpos, env, &[FRAC_PI_2 + PI * (env as f64 + 0.5) / NUM_ENVS as f64])?;
     }

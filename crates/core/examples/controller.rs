@@ -10,7 +10,7 @@ use stepper_core::{Field, Model, Simulation, Status, StepInputs};
 
 /// Period of the controller, in steps of the simulation.
 const STEPS: usize = 5;
-/// Force per metre and radian, N/m and N/rad, and per m/s and rad/s.
+/// Gains of the controller: of cart position and pole angle, N/m and N/rad, and of their velocities, N s/m and N s/rad.
 const GAINS: ([f64; 2], [f64; 2]) = ([1.0, 35.0], [2.5, 8.0]);
 
 fn cart_pole() -> Result<Model, stepper_core::ModelError> {
@@ -36,7 +36,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
 
     for period in 0..1000 {
         let force = control(&sim.qpos(0), &sim.qvel(0));
-        // A control that is not finite would be an error.
+        // A control that is not finite is no error: the status would have the flag NON_FINITE.
         sim.step(&StepInputs { ctrl: &[force], ..StepInputs::default() }, STEPS)?;
         if sim.status(0) != Status::OK {
             println!("{:.3} s: {}, residual {:.1e} m/s", sim.time(0), sim.status(0), sim.certificate(0).residual);

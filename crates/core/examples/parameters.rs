@@ -1,4 +1,4 @@
-//! Environments with parameters of their own: how far a puck slides, by its friction.
+//! Parameters per environment: the sliding distance of a puck for four coefficients of friction.
 //!
 //!     cargo run --release -p stepper-core --example parameters
 
@@ -15,8 +15,8 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     scene.body(WORLD, puck.geom(GeomBuilder::cuboid("puck", [0.05, 0.05, 0.02])));
     let model = Arc::new(scene.finish()?);
 
-    // Sliding, torsional and rolling friction of every geom, of every environment: (num_envs, ngeom, 3). A contact takes the larger of two
-    // geoms.
+    // Sliding, torsional and rolling friction of every geom in every environment: (num_envs, ngeom, 3). A contact has the larger
+    // coefficients of its two geoms.
     let coefficients = [0.1, 0.2, 0.3, 0.4];
     let friction: Vec<f64> = coefficients.iter().flat_map(|&mu| [0.0, 0.0, 0.0, mu, 0.0, 0.0]).collect();
     let envs: Vec<usize> = (0..coefficients.len()).collect();

@@ -33,7 +33,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let bytes = sim.save_state().to_bytes();
     println!("{} bytes for {} environments", bytes.len(), sim.num_envs());
 
-    // Another simulation of the same model goes on from them as the first one does, to the bit.
+    // Another simulation of the same model continues from these bytes, with the same bits as the first one.
     let mut other = make(4)?;
     other.restore_state(&SavedState::from_bytes(&bytes)?)?;
     for simulation in [&mut sim, &mut other] {
@@ -41,12 +41,12 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     }
     assert!((0..4).all(|env| sim.qpos(env) == other.qpos(env)));
 
-    // One environment becomes the start of many.
+    // The state of one environment becomes the state of all environments of another batch.
     let mut many = make(64)?;
     many.restore_state(&sim.save_state_of(3))?;
     assert_eq!(many.qpos(63), sim.qpos(3));
 
-    // A state knows its model: another model refuses it.
+    // A saved state belongs to its model. Restoring it in a simulation of another model is an error.
     let moon = Arc::new(model.replace("gravity", &[0.0, 0.0, -1.62])?);
     let mut there = Simulation::new(moon, Options::default(), Some(4), Precision::F64, 1)?;
     println!("refused: {}", there.restore_state(&sim.save_state()).unwrap_err());

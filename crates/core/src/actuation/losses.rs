@@ -41,8 +41,10 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Subtracts the friction losses of actuator dynamics in a step from the actuator forces. The losses follow from the impulses of the
-    /// dry friction rows.
+    /// Subtracts the friction losses of actuator dynamics in a step from the actuator forces.
+    ///
+    /// The losses follow from the impulses of the dry friction rows, which `scalar_impulse` has after those of the limits. `h` is the time
+    /// step, s.
     pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], scalar_impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]

@@ -20,6 +20,8 @@ pub struct Memory<S> {
 
 impl<S: Scalar> Memory<S> {
     /// Creates the memory with allocated buffers: `numbers` values per lane, `lines` delay lines, and `controls` controls per lane.
+    ///
+    /// `alive` has the bits of the lanes that are used.
     pub fn with_capacity(lanes: usize, alive: u32, numbers: usize, lines: usize, controls: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self { waiting: alive, numbers: zeros(numbers), cursors: vec![0; lines], applied: zeros(controls) }
@@ -45,7 +47,7 @@ impl<S: Scalar> Memory<S> {
         self.waiting &= !(1 << lane);
     }
 
-    /// Copy of the memory of the `n` lanes from `first` on, out of `lanes`.
+    /// Copy of the memory of the `n` lanes that begin with lane `first`. The group has `lanes` lanes.
     pub fn part(&self, lanes: usize, first: usize, n: usize) -> Self {
         Self {
             waiting: lane_bits(self.waiting, first, n),
@@ -55,7 +57,7 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Copies `part`, the memory of `n` lanes, to the lanes `to`, out of `lanes`.
+    /// Copies `part`, the memory of `n` lanes, to the lanes `to`. The group has `lanes` lanes.
     pub(crate) fn set_part(&mut self, lanes: usize, to: DestinationLanes, n: usize, part: &Self) {
         set_lane_bits(&mut self.waiting, to, n, part.waiting);
         set_columns(&mut self.numbers, lanes, to, n, &part.numbers);

@@ -1,7 +1,7 @@
 //! Actuator dynamics: from a control to a force.
 //!
 //! ```text
-//! control -> range -> delay -> servo (sampled and held, or continuous) -> lag -> affine force -> limits -> speed curve
+//! control -> range -> delay -> servo (sampled and held, or continuous) -> lag -> affine force -> limits -> torque-speed curve
 //!     -> gear and friction -> joint
 //! ```
 //!

@@ -1,6 +1,7 @@
 //! Resampling of the parameters of actuator dynamics, per environment.
 //!
-//! The stages of a spec and the length of its delay line cannot change after compilation. The parameters of the stages can.
+//! A spec ([`ActuatorSpec`]) has the dynamics of one actuator as a sequence of stages, such as servo, lag and limits. The stages of a spec
+//! and the length of its delay line cannot change after compilation. The parameters of the stages can.
 
 use crate::actuation::pipeline::any_nonzero;
 use crate::model::actuator_spec::ActuatorSpec;
@@ -13,7 +14,7 @@ pub struct ActuatorModels {
     pub model: Model,
     /// Actuator specs in the form that the simulation compiles, with the parameters taken from the model.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// Actuator specs as the user gave them.
+    /// Actuator specs as the user gave them, ideal ones where only the model has dynamics. `None` for actuators without dynamics.
     made: Vec<Option<ActuatorSpec>>,
     /// Per-environment specs; `None` if all environments have the same parameters.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
@@ -26,11 +27,14 @@ pub struct ResampledActuators {
     pub envs: Vec<usize>,
     /// Actuator specs of these environments alone, with the parameters taken from the model. `None` leaves an actuator unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
+    /// New per-environment specs of all environments.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
 impl ActuatorModels {
     /// Creates the actuator dynamics of a model; see [`ActuatorSpec::fold`].
+    ///
+    /// `given` has the spec of each actuator, or `None` for an actuator without dynamics. `h` is the time step, s.
     ///
     /// # Errors
     /// As [`ActuatorSpec::fold`].
@@ -110,8 +114,8 @@ trait OwnNumbers: Sized {
     /// Spec with the parameters of only the environments `envs`.
     fn of(&self, envs: &[usize]) -> Self;
 
-    /// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list has one value for all of them,
-    /// or one for each.
+    /// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list of `given` has one value for
+    /// all these environments, or one value for each.
     fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize);
 
     /// Checks that this spec has the same stages as `made`, and valid parameters for `n` of the `num_envs` environments. `h` is the time

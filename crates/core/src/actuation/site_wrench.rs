@@ -9,8 +9,9 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Computes moment arms and lengths of the actuators on sites at the configuration of `kinematics`. Lengths are extrapolated with the
-    /// velocity `v` by `time` seconds.
+    /// Computes moment arms and lengths of the actuators on sites at the configuration of `kinematics`.
+    ///
+    /// Lengths relative to a reference site are extrapolated with the velocity `v` by `time` seconds.
     pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         if self.lengths.is_empty() {
             return;
@@ -58,7 +59,9 @@ impl<R: Real> ActuatorForces<R> {
         sum
     }
 
-    /// Motion of an actuator: length at the configuration `q`, velocity by `v_at` for explicit forces, and velocity by `v` before the step.
+    /// Motion of an actuator: its length at the configuration `q`, its velocity for explicit forces, and its velocity before the step.
+    ///
+    /// The first velocity follows from the generalized velocity `v_at`, and the second from `v`.
     #[inline(always)]
     pub(crate) fn motion(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R], v_at: &[R], v: &[R]) -> Motion<R> {
         Motion { length: self.length_of(actuator, q), velocity: self.project(actuator, v_at), before: self.project(actuator, v) }

@@ -10,7 +10,7 @@ use crate::model::{JointKind, Model};
 /// Norm of a quaternion below which it defines no orientation.
 const NO_LENGTH: f64 = 1e-10;
 
-/// Index of the first joint whose quaternion in the configuration `q`, (nq,), is zero; `None` if there is none.
+/// Index of the first joint whose quaternion in the configuration `q`, (nq,), is zero or not finite; `None` if there is none.
 ///
 /// # Errors
 /// [`Error::Length`] when `q` has more or fewer numbers.
@@ -23,10 +23,10 @@ pub fn joint_without_orientation(model: &Model, q: &[f64]) -> Result<Option<usiz
     Ok(quaternions(model).find(|&(_, [at, _])| has_no_length(at)).map(|(joint, _)| joint))
 }
 
-/// Configuration q (+) d, (nq,), of a configuration `q`, (nq,), and a displacement `d`, (nv,). Quaternions are normalised.
+/// Configuration q (+) d, (nq,), after a displacement `d`, (nv,), from the configuration `q`, (nq,). Quaternions are normalised.
 ///
 /// # Errors
-/// [`Error::Length`] when one of them has more or fewer numbers.
+/// [`Error::Length`] when `q` or `d` has more or fewer numbers.
 pub fn integrate(model: &Model, q: &[f64], d: &[f64]) -> Result<Vec<f64>, Error> {
     check_length("q", q.len(), model.nq())?;
     check_length("d", d.len(), model.nv())?;
@@ -44,7 +44,7 @@ pub fn integrate(model: &Model, q: &[f64], d: &[f64]) -> Result<Vec<f64>, Error>
 /// Shortest displacement d, (nv,), with `from` (+) d = `to`, between two configurations, (nq,).
 ///
 /// # Errors
-/// [`Error::Length`] when one of them has more or fewer numbers.
+/// [`Error::Length`] when `from` or `to` has more or fewer numbers.
 pub fn differentiate(model: &Model, from: &[f64], to: &[f64]) -> Result<Vec<f64>, Error> {
     check_length("from", from.len(), model.nq())?;
     check_length("to", to.len(), model.nq())?;

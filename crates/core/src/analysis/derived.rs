@@ -15,8 +15,8 @@ use crate::sensing::{contact_wrenches, motion_of, orientations};
 
 /// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment. The names in Python are MuJoCo's.
 ///
-/// Poses and velocities belong to the present state, as after `mj_forward`. Other quantities are results of the last step. If the state was
-/// set since then, they come from a trial step, which does not change the state.
+/// Most quantities belong to the present state, as after `mj_forward`. Those of [`DerivedQuantity::is_of_last_step`] are results of the
+/// last step. If the state was set since then, they come from a trial step, which does not change the state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum DerivedQuantity {
@@ -36,8 +36,7 @@ pub enum DerivedQuantity {
     GeomPos,
     /// Orientations of the geoms, quaternions (w, x, y, z): (ngeom, 4).
     GeomQuat,
-    /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). If they have no mass, it is the body's centre
-    /// of mass.
+    /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). Without mass, it is that of the body alone.
     SubtreeCom,
     /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
     Acceleration,
@@ -61,7 +60,7 @@ pub enum DerivedQuantity {
     /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their kinematic tree, in world axes: (nbody, 6).
     BodyMotion,
     /// Torques (N m) and forces (N) of the last step's contacts on the bodies, in world axes: (nbody, 6). The torques are about the centre
-    /// of mass of the body's tree.
+    /// of mass of the body's tree. Resets and [`Simulation::set`](crate::Simulation::set) set them to zero.
     BodyForce,
     /// Mass matrix with armature, without terms that depend on the time step: (nv, nv), kg, kg m and kg m^2.
     MassMatrix,
@@ -124,8 +123,8 @@ impl DerivedQuantity {
         }
     }
 
-    /// Whether the quantity is a result of the last step, not only of the state. If the state was set since the last step, the quantity
-    /// comes from a trial step, which does not change the state.
+    /// Whether the quantity is an acceleration or force of the last step. If the state was set since that step, the quantity comes from a
+    /// trial step.
     pub fn is_of_last_step(self) -> bool {
         matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
     }
@@ -140,8 +139,9 @@ pub(crate) struct Derivation<R: Real> {
     velocity: Vec<V6<R>>,
     /// Mass of every body with its descendants, kg.
     mass: Vec<R>,
-    /// Centre of mass of every body, m. `subtrees` has the centre of mass of every body with its descendants.
+    /// Centre of mass of every body, m.
     centres: Vec<V3<R>>,
+    /// Centre of mass of every body together with its descendants, m.
     subtrees: Vec<V3<R>>,
     /// Centre of mass of the kinematic tree to which each body belongs, m.
     references: Vec<V3<R>>,
@@ -305,6 +305,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
+    /// Computes the positions of all bodies, sites or geoms into `values`.
     fn positions(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, quantity: DerivedQuantity) {
         let objects = if quantity == DerivedQuantity::SitePos { &compiled.sensing.sites } else { &compiled.sensing.geoms };
         let of_bodies = quantity == DerivedQuantity::BodyPos;
@@ -326,6 +327,7 @@ impl<R: Real> Derivation<R> {
         );
     }
 
+    /// Computes the orientations of all bodies, sites or geoms into `values`.
     fn quaternions(&mut self, compiled: &LaneModel<R>, quantity: DerivedQuantity) {
         let objects = if quantity == DerivedQuantity::SiteQuat { &compiled.sensing.sites } else { &compiled.sensing.geoms };
         let of_bodies = quantity == DerivedQuantity::BodyQuat;
@@ -447,6 +449,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
+    /// Computes `subtrees` from the centres of mass of the bodies.
     fn find_subtrees(&mut self, compiled: &LaneModel<R>) {
         let n = compiled.bodies.len();
         self.subtrees.resize(n, zero());

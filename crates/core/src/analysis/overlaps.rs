@@ -33,8 +33,7 @@ pub struct OutOfRange {
     pub by: f64,
 }
 
-/// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first. They include pairs that [`exclude`] excludes,
-/// and pairs with the ground.
+/// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first. Pairs with the ground are included.
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let compiled: CompiledModel<f64> = CompiledModel::new(model);
     let lanes: LaneModel<f64> = LaneModel::new(&compiled);
@@ -65,8 +64,8 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
 
 /// Copy of a model in which bodies that overlap at the reference pose (`qpos0`) do not collide. Overlaps at keyframes have no effect.
 ///
-/// [`Description::excluded_overlaps`] lists the overlaps. As with SRDF and `<exclude>`, no geoms of the two bodies collide, because other
-/// geoms of them would jam as soon as a joint moves. World geoms are excluded one by one, because the world is not a link.
+/// [`Description::excluded_overlaps`] lists the overlaps. As with SRDF and `<exclude>`, no geoms of the two bodies collide, because their
+/// other geoms would jam as soon as a joint moves. World geoms are excluded one by one, because the world is not a link.
 ///
 /// Overlaps with the ground are not excluded, because their remedy is another pose. These are overlaps of planes and height fields with
 /// anything, and of fixed geoms with a body on a free joint.
@@ -83,10 +82,11 @@ pub fn exclude(model: &Model) -> Model {
     }
 }
 
-/// Marks of the bodies, to test whether an overlap is with the ground. `fixed` marks the bodies that are fixed to the world. `free` marks
-/// the bodies that a free joint moves.
+/// Two marks for every body, to test whether an overlap is with the ground.
 struct Ground {
+    /// Whether the body is fixed to the world.
     fixed: Vec<bool>,
+    /// Whether a free joint moves the body.
     free: Vec<bool>,
 }
 
@@ -179,7 +179,7 @@ fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     lines
 }
 
-/// First [`SHOWN`] of the lines. If there are more, a last line gives their number and the text `what`, for example "12 more overlaps".
+/// First [`SHOWN`] of the lines. If there are more, a last line gives their number and the text `what`, for example "3 more pairs overlap".
 fn shortened(mut lines: Vec<String>, what: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(SHOWN);
     lines.truncate(SHOWN);

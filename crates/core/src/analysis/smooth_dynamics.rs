@@ -62,8 +62,11 @@ impl<R: Real> SmoothDynamics<R> {
 /// Dense mass matrix that includes the inertia of tendons, with its workspace.
 #[derive(Clone, Debug)]
 struct FullMass<R: Real> {
+    /// Sparse mass matrix, without the inertia of tendons.
     mass: MassMatrix<R>,
+    /// Workspace: inertia of every link with its descendants.
     composite: Vec<Inertia<R>>,
+    /// Dense mass matrix, (nv, nv), row-major.
     full: Vec<R>,
 }
 
@@ -76,6 +79,7 @@ impl<R: Real> FullMass<R> {
         }
     }
 
+    /// Computes the dense mass matrix, (nv, nv), row-major.
     fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) -> &[R] {
         let Self { mass, composite, full } = self;
         R::vectorize(

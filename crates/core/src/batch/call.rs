@@ -11,10 +11,10 @@ use crate::compile::CompiledModel;
 use crate::options::StepSettings;
 use crate::sensing::errors::Errors;
 
-/// Sequence of controls of a call, and the number of steps with each control. A call of `step` has one control.
+/// Number of controls of a call, and number of steps with each control. A call of `step` has one control.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
-    /// Number of controls in the sequence.
+    /// Number of controls, which are applied one after the other.
     pub controls: usize,
     /// Number of steps with each control.
     pub nstep: usize,

@@ -1,4 +1,4 @@
-//! Engine: interface of a batch of environments, independent of its precision. A simulation calls the batch through it.
+//! Engine: interface through which a simulation calls a batch of environments, independent of the batch's precision.
 
 use crate::batch::configuration::Configuration;
 use crate::batch::environments::{Batch, Environments};
@@ -9,7 +9,7 @@ use crate::batch::worker::LaneScalar;
 
 /// Batch of environments in any precision: steps, rays, configuration, access to the state of one environment, and saved states.
 pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {
-    /// Copy of the batch. It starts separate workers and threads.
+    /// Copy of the batch, with separate workers and threads.
     fn boxed_clone(&self) -> Box<dyn Engine>;
 }
 

@@ -61,7 +61,9 @@ pub trait Environments {
     /// Outputs of the actuator dynamics: controls after delay and lag, and the dynamics that act within a step. `None` if no actuator has
     /// dynamics.
     fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
-    /// Begins a new episode of random numbers: the next episode of the present seed, or the first episode of the seed `seed`.
+    /// Begins a new episode: the next one of the present seed, or the first one of the seed `seed`.
+    ///
+    /// The episode has other random numbers. The function clears the memory of sensors and actuator pipelines.
     fn begin_episode(&mut self, env: usize, seed: Option<u64>);
     /// Sets the index of the random stream from which the environment draws its random numbers.
     fn set_random_stream(&mut self, env: usize, stream: u32);
@@ -81,9 +83,12 @@ pub trait Environments {
 pub struct Batch<S: LaneScalar> {
     pub(super) compiled: CompiledModel<S>,
     pub(super) settings: StepSettings,
+    /// State of the environments, in the order of their indices.
     pub(super) groups: Vec<Group<S>>,
+    /// Number of lanes of a group.
     pub(super) lanes: usize,
     pub(super) num_envs: usize,
+    /// Largest number of contacts of an environment.
     pub(super) max_contacts: usize,
     pub(super) sensor_errors: Option<Errors<S>>,
     pub(super) overrides: ParameterOverrides<S>,

@@ -7,8 +7,8 @@ use crate::model::Model;
 pub struct StepInputs<'a> {
     /// Controls, (num_envs, nu), or (nu) for all environments. They remain in force after the call.
     ///
-    /// A NaN or infinite control is no error, because other environments continue. It remains in force like any other. If it makes a step
-    /// non-finite, the environment keeps its state and gets the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE).
+    /// A NaN or infinite control is no error, because other environments continue. Such a control remains in force like any other. If it
+    /// makes a step non-finite, the environment keeps its state and gets the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE).
     pub ctrl: &'a [f64],
     /// Applied generalized forces (`qfrc_applied`) during this call, (num_envs, nv), N or N m.
     pub qfrc: &'a [f64],
@@ -20,7 +20,7 @@ pub struct StepInputs<'a> {
     pub mocap_quat: &'a [f64],
     /// Whether each equality is active during this call, (num_envs, neq); 0 for an inactive equality.
     pub eq_active: &'a [f64],
-    /// Mask of the environments that step, (num_envs). The state of the others does not change by a bit, and their inputs are not read.
+    /// Mask of the environments that make steps, (num_envs). The state of other environments does not change. Their inputs are not read.
     pub mask: &'a [bool],
 }
 
@@ -171,8 +171,8 @@ impl AppliedInputs {
         self.complete_with(given, |held| &held[env * (held.len() / num_envs)..][..held.len() / num_envs])
     }
 
-    /// Completes the inputs `given` of a call with the inputs in force. `part` selects the rows of an array with the inputs in force that
-    /// the call needs.
+    /// Completes the inputs `given` of a call with the inputs in force. `part` selects, from an array of inputs in force, the rows that the
+    /// call needs.
     fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
         let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] = &self.arrays;
         let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };

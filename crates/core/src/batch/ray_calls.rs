@@ -16,7 +16,7 @@ pub trait RayCalls {
     /// For each geom of `rays`, `surfaces` has the mesh or height field that rays hit; `None` for a simple shape.
     ///
     /// # Errors
-    /// [`Error::Threads`].
+    /// [`Error::Threads`] when threads cannot be started.
     fn cast_rays(
         &mut self,
         inputs: &StepInputs<'_>,

@@ -94,8 +94,11 @@ pub struct Recording<'a> {
 /// Chunk of a recording: the output rows of consecutive environments (those of one chunk of groups), which one worker writes.
 #[derive(Debug)]
 pub struct RecordingChunk<'a, S> {
+    /// Recorded quantities: quantity, number of values per environment, and the values after each control.
     quantities: Vec<(Quantity, usize, Vec<&'a mut [S]>)>,
+    /// Status flags of the environments for each control.
     status: Vec<&'a mut [u32]>,
+    /// Residuals of the environments for each control, m/s.
     residual: Vec<&'a mut [f64]>,
 }
 
@@ -147,11 +150,11 @@ impl<S: Scalar> RecordingChunk<'_, S> {
         self.quantities.iter().any(|q| q.0 == quantity)
     }
 
-    /// Restores the status flags and residuals that [`Share::write`] stored for control number `call`. Copies the flags to `status`, and
-    /// returns the residuals.
+    /// Reads the status flags and residuals of one group that [`RecordingChunk::write`] stored for control number `call`. Copies the flags
+    /// to `status`, and returns the residuals.
     ///
-    /// A part of a rollout may end between two steps with this control. The next part calls this function to continue them. `first` is the
-    /// row in the arrays of `self` that belongs to the group's first environment.
+    /// A part of a rollout may end between two steps with this control. The next part then continues with these flags and residuals.
+    /// `first` is the row in the arrays of `self` that belongs to the group's first environment.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);

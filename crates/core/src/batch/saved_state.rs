@@ -24,7 +24,7 @@ const OLDEST_VERSION: u32 = 6;
 
 /// Offset of the model's digest in a saved state, bytes.
 const MODEL: usize = 13;
-/// Offset of the checksum in a saved state, bytes. It covers all other bytes.
+/// Offset of the checksum in a saved state, bytes. The checksum covers all other bytes.
 const CHECK: usize = MODEL + 32;
 /// Offset of the payload in a saved state, bytes.
 const PAYLOAD: usize = CHECK + 32;
@@ -62,6 +62,7 @@ impl SavedState {
         PAYLOAD + self.payload.len()
     }
 
+    /// Bytes before the checksum: magic bytes, format version, precision and digest of the model.
     fn head(&self) -> [u8; CHECK] {
         let mut head = [0; CHECK];
         head[..8].copy_from_slice(&MAGIC);
@@ -77,7 +78,7 @@ impl SavedState {
         [&head[..], &checksum(&head, &self.payload), &self.payload].concat()
     }
 
-    /// Reads a state that [`SavedState::to_bytes`] wrote. Whether it fits a simulation is checked when it is restored.
+    /// Reads a state that [`SavedState::to_bytes`] wrote. The restoring function checks whether the state fits the simulation.
     ///
     /// # Errors
     /// [`Error::NotAState`] when the bytes are no state, of another format version, or damaged.

@@ -13,20 +13,22 @@ use crate::sensing::errors::Errors;
 
 /// Conversion of the state of a batch to bytes, and restoring.
 pub trait Saving {
-    /// Saves the state of environment `env`, or of all environments, as bytes. `ctrl` are the controls in force, (num_envs, nu).
+    /// Saves the state of environment `env`, or of all environments, as bytes.
+    ///
+    /// `ctrl` has the controls in force of the saved environments, nu for each.
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
-    /// Restores bytes that [`Saving::save`] wrote in the environments `envs`, and returns the saved controls.
+    /// Restores a saved state in the environments `envs`, and returns the saved controls. [`Saving::save`] made the bytes.
     ///
     /// If the saved state has as many environments as the batch, each of `envs` gets the state with the same index. A saved state of one
     /// environment goes to all of `envs`.
     ///
     /// # Errors
-    /// The first mismatch; nothing is changed then.
+    /// The first mismatch between the saved state and the batch. Nothing is changed in this case.
     fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
 }
 
-/// Saved environments in groups. The number of lanes of a group is the same on every CPU level: 4 for `f64`, 8 for `f32`, or one
-/// environment alone.
+/// Saved environments in groups. The number of lanes of a group is the same on every CPU level: 4 for `f64`, 8 for `f32`, and 1 for a
+/// single environment.
 #[derive(Serialize, Deserialize)]
 struct SavedGroups<S> {
     num_envs: usize,

@@ -30,7 +30,7 @@ pub(super) struct Reader<'a, R: Real, P> {
 }
 
 impl<R: Real, P: Probe> Reader<'_, R, P> {
-    /// Makes the first observation of the error models, in those lanes that have not made it since their state was set.
+    /// Makes the first observation of the error models, in those lanes that have not made one since their state was set.
     ///
     /// This reading ignores the forces that the user applies. It is therefore the same before a step and within a step.
     pub(super) fn begin_observations(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>) {
@@ -39,6 +39,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
+    /// Makes the first observation of the error models in the lanes of `group.sensing.waiting`.
     #[cold]
     fn observe_initial_state(&self, errors: &Errors<R::Scalar>, group: &mut Group<R::Scalar>, s: &mut Workspace<R>) {
         let waiting = group.sensing.waiting & group.alive;
@@ -192,6 +193,7 @@ fn load_other_lanes<R: Real>(from: &[R::Scalar], out: &mut [R], kept: R::Mask) {
     }
 }
 
+/// Loads the values `from` into `out`, or zeros if `from` is empty.
 fn load_or_zero<R: Real>(from: &[R::Scalar], out: &mut [R]) {
     R::vectorize(
         #[inline(always)]

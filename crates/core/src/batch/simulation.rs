@@ -45,7 +45,9 @@ pub struct Simulation {
     engine: Box<dyn Engine>,
     num_envs: usize,
     precision: Precision,
+    /// Digest of the model, computed when it is first needed.
     digest: OnceLock<[u8; 32]>,
+    /// Compiled model in f64, made when it is first needed.
     compiled: OnceLock<LaneModel<f64>>,
     randomization: Randomization,
     actuator_models: Option<ActuatorModels>,
@@ -118,6 +120,7 @@ impl Simulation {
         Ok(simulation)
     }
 
+    /// Creates a simulation at the model's reset state on the CPU level `level`. If `check` is true, it first checks the available memory.
     fn make(
         model: Arc<Model>,
         options: Options,
@@ -205,7 +208,7 @@ impl Simulation {
         self.num_envs
     }
 
-    /// Number of threads that step. It is at most the number of groups of environments.
+    /// Number of threads that make steps, at most the number of groups of environments.
     pub fn threads(&self) -> usize {
         self.engine.threads()
     }

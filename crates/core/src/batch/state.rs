@@ -19,8 +19,8 @@ const NORMAL: usize = 6;
 
 /// State of the environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
 ///
-/// The solver of the next step starts from the contact impulses, so they are part of the state. Positions of contacts are stored only for
-/// the user to read. A step hands over nothing else to the next step.
+/// The solver of the next step starts from the contact impulses, so they are part of the state. Positions of contacts and results of the
+/// last call are stored only for the user to read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group<S> {
     /// Number of lanes of the group.

@@ -31,7 +31,7 @@ impl<S: LaneScalar> WorkerPool<S> {
         Self { threads, lanes, level, make: S::worker, idle: Mutex::new(Vec::new()), pool: None }
     }
 
-    /// Number of threads that step, including the calling thread.
+    /// Number of threads that make steps, including the calling thread.
     pub(super) fn threads(&self) -> usize {
         self.threads
     }

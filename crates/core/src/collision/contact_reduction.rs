@@ -1,10 +1,12 @@
 //! Reduction of contacts: in a flat contact area, the contacts at the corners can carry every load, and the others are redundant.
 //!
 //! Two bodies may touch by several geoms (a foot of seven capsules). Their contacts form a contact group. The contacts of a group with the
-//! same normal and coefficient of friction form a contact area. Interpolate the gaps of other contacts of the area linearly at the position
-//! of a contact. The contact is redundant if its gap is at least this value, for two reasons. Its normal velocity is the same interpolation
-//! of theirs, so that it opens with them. And forces at the others, within their friction cones, can replace any force at it within its
-//! cone, with the same sum and moment. A flat contact area therefore needs only the corners of its convex hull.
+//! same normal and coefficient of friction, and without restitution, form a contact area.
+//!
+//! A contact of an area is redundant if its gap is at least the linear interpolation, at its position, of the gaps of other contacts. There
+//! are two reasons. The contact's normal velocity is the same interpolation of the velocities of the other contacts, so that it opens with
+//! them. And forces at the other contacts, within their friction cones, can replace any force at the contact within its cone, with the same
+//! sum and moment. A flat contact area therefore needs only the contacts at the corners of its convex hull.
 //!
 //! Rigid-body mechanics does not determine how friction is shared in an area that rotates while it slips, with or without the redundant
 //! contacts.
@@ -33,14 +35,18 @@ pub(crate) struct ContactReduction {
     /// Contact group of each contact of the present lane; [`NO_CONTACT_GROUP`] for contacts that [`ContactReduction::gather`] has assigned
     /// to an area.
     groups: Vec<u32>,
+    /// Contacts of the present area.
     points: Vec<Point>,
+    /// Corners of the convex hull of the present area.
     hull: Vec<Point>,
+    /// Whether each contact of the present lane is kept.
     kept: Vec<bool>,
 }
 
 /// Contact as a point in the plane of its contact area.
 #[derive(Clone, Copy, Debug)]
 struct Point {
+    /// Index of the contact in its lane.
     slot: usize,
     /// Coordinates in the plane of the area, relative to its first contact, m.
     x: [f64; 2],
@@ -75,6 +81,7 @@ impl ContactReduction {
         kept.reserve(contacts);
     }
 
+    /// Removes the redundant contacts of lane `l`.
     fn reduce_lane<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>, l: usize) {
         let n = contacts.count[l];
         self.clear(contacts.data.len());
@@ -97,7 +104,9 @@ impl ContactReduction {
     }
 
     /// Gathers the contact area of contact `first` of lane `l`: the contacts of the contact group `group` with the same normal and
-    /// friction. Sets their entries of `groups` to [`NO_CONTACT_GROUP`], and returns the size of the area, m.
+    /// friction, and without restitution.
+    ///
+    /// Sets their entries of `groups` to [`NO_CONTACT_GROUP`], and returns the size of the area, m.
     fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, group: u32) -> f64 {
         let (origin, normal) = (of_lane(&contacts.data[first].point.pos, l), of_lane(&contacts.data[first].point.normal, l));
         let [_, a, b] = contact_frame(normal);

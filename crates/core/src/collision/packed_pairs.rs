@@ -1,8 +1,8 @@
 //! Packed pairs of balls or capsules with boxes: pairs of several lanes share one SIMD register.
 //!
 //! On stairs or stones, every environment is near other boxes. A kernel over lanes would then compute a pair in all lanes although its
-//! geoms are near each other in only one. Here an item is a pair in one lane, and a register holds as many items as it has lanes. Lanes of
-//! a register do not affect each other, so that the contacts have the same bits.
+//! geoms are near each other in only one lane. In this module an item is a pair in one lane, and a register holds as many items as it has
+//! lanes. Lanes of a register do not affect each other, so that the contacts have the same bits.
 
 use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Real, Scalar};
@@ -18,18 +18,22 @@ pub(crate) struct Item<S> {
     pub(crate) index: usize,
     /// Indices of the two geoms in the compiled model: the ball or capsule, then the box.
     pub(crate) geoms: [usize; 2],
+    /// Margin of the pair, m.
     pub(crate) margin: S,
+    /// Lane in which the pair is tested.
     pub(crate) lane: usize,
 }
 
 /// Contact point of an item (a packed pair in one lane) that can touch within the step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<S> {
+    /// Index of the pair in the compiled model.
     pub(super) index: usize,
+    /// Number of the contact point among those of the pair: 0, or 1 for the second point of a capsule.
     pub(super) feature: u32,
     pub(super) lane: usize,
     pub(super) point: ContactPoint<S>,
-    /// Distance of the ball's centre from the border of the box face that is nearest to it, m. It is zero or negative if the centre is over
+    /// If the ball's centre is over a face of the box: its distance from the border of this face, m. Zero or negative if the centre is over
     /// no face, and zero for a capsule.
     pub(super) clearance: S,
 }

@@ -16,23 +16,28 @@ use crate::math::spatial::*;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedSweep<R> {
     kernel: Kernel,
-    /// Origin of the ball or capsule at the start of the path, world axes, m. `axis` is its axis.
+    /// Origin of the ball or capsule at the start of the path, world axes, m.
     pos: V3<R>,
+    /// Axis of the capsule at the start of the path, world axes. Not used for a ball.
     axis: V3<R>,
     radius: R,
     half_length: R,
     bounding_radius: R,
     cuboid: Cuboid<R>,
-    /// Origin of the frame of the ball or capsule, m. `angular_velocity` is the frame's angular velocity, rad/s, and `velocity` the linear
-    /// velocity of its origin, m/s.
+    /// Origin of the frame of the ball or capsule, world axes, m.
     origin: V3<R>,
+    /// Angular velocity of the frame, rad/s.
     angular_velocity: V3<R>,
+    /// Linear velocity of `origin`, m/s.
     velocity: V3<R>,
     /// Spatial velocity of the link. Its linear part is the velocity at the point `motion_origin`, m.
     motion: V6<R>,
     motion_origin: V3<R>,
+    /// Margin of each pair, m.
     margin: R,
+    /// Slack of the path, see [`Path::slack`].
     slack: R,
+    /// Duration of the path, s.
     time: R,
 }
 
@@ -47,8 +52,7 @@ pub(crate) fn is_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R:
 }
 
 impl<R: Real> PackedSweep<R> {
-    /// Packs the first `LANES` of `items` for the motion of `swept`. All items have the kernel `kernel`. The function does not use the pair
-    /// of `path`.
+    /// Packs the first `LANES` of `items` for the motion of `swept`. All items have the kernel `kernel`. The pair of `path` is not used.
     #[inline(always)]
     pub(crate) fn new(swept: &SweptPair<R>, path: &Path<'_, R>, kernel: Kernel, items: &[Item<R::Scalar>]) -> Self {
         let Path { compiled, kinematics, start, .. } = *path;
@@ -130,7 +134,7 @@ impl<R: Real> PackedSweep<R> {
         }
     }
 
-    /// First touch on its path of each of the items `items`, see [`find_touch`]. `gap` has the distances at the start of the paths.
+    /// First touch of each of the items `items` on its path, see [`find_touch`]. `gap` has the distances at the start of the paths.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
         let end = self.gap_at(self.time, items);
@@ -177,7 +181,7 @@ impl<R: Real> PackedSweep<R> {
 
     /// Replaces `least` by the contact point `point`, in those of the items `items` in which it can touch within the step and is closer.
     ///
-    /// `travel` is an upper bound of the displacement, m, and `time` is the time along the path, s.
+    /// `travel` is an upper bound of the displacement in twice the path's duration, m. `time` is the time along the path, s.
     #[inline(always)]
     fn take(&self, point: &ContactPoint<R>, items: R::Mask, travel: R, time: R, least: &mut Gap<R>) {
         let distance = point.distance - self.margin;

@@ -15,6 +15,7 @@ use crate::math::lanes::{DestinationLanes, each_of};
 /// Largest number of pairs of one environment in the cache. The cache stores the first pairs that a step tests.
 const MAX_ENTRIES: usize = 16;
 
+/// Entry of the cache: separating plane of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Held {
     /// Index of the pair in the compiled model.
@@ -22,6 +23,7 @@ struct Held {
     separating_plane: SeparatingPlane,
 }
 
+/// Unused entry.
 const NONE: Held = Held { pair: u32::MAX, separating_plane: SeparatingPlane::NONE };
 
 /// Cache of separating planes, for all lanes of a group.
@@ -31,6 +33,7 @@ pub struct SeparationCache {
     places: usize,
     /// Number of used entries of each lane.
     count: Vec<u32>,
+    /// Entries: those of lane l begin at `l * places`.
     held: Vec<Held>,
 }
 
@@ -51,6 +54,7 @@ impl SeparationCache {
         self.places == 0
     }
 
+    /// Range of the used entries of lane `lane` in `held`.
     #[inline(always)]
     fn used(&self, lane: usize) -> std::ops::Range<usize> {
         let used = self.count.get(lane).map_or(0, |&n| n as usize);
@@ -87,7 +91,7 @@ impl SeparationCache {
         }
     }
 
-    /// Cache with the entries of the `n` lanes from lane `first` on.
+    /// Cache with the entries of the `n` lanes that begin with lane `first`.
     pub(crate) fn part(&self, first: usize, n: usize) -> Self {
         let count = self.count.get(first..first + n).unwrap_or_default().to_vec();
         Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }

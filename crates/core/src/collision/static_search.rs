@@ -1,5 +1,5 @@
-//! Broad phase of the static pairs: a moving geom and a geom that is fixed to the world. It uses axis-aligned bounding boxes, and a tree
-//! over the static geoms.
+//! Broad phase of the static pairs, which consist of a moving geom and a geom that is fixed to the world. The search uses axis-aligned
+//! bounding boxes, and a tree over the static geoms.
 //!
 //! A node of the tree bounds its static geoms in all lanes, because their poses may differ between environments. For each lane and
 //! kinematic tree, the search descends the tree with the box around all geoms of the kinematic tree. At a leaf, it tests the boxes of these
@@ -27,9 +27,11 @@ pub(crate) struct StaticSearch<R: Real> {
     groups: Vec<Bounds<R>>,
     /// Bounding boxes of the moving geoms: for every lane and each of the six coordinates, a row with one number per geom.
     boxes: Vec<R::Scalar>,
+    /// Found pairs of the present search, each with a lane, as [`with_lane`] combines them.
     found: Vec<u64>,
-    /// Largest bounding radius of the static geoms, m. `thinnest` is their smallest inscribed radius.
+    /// Largest bounding radius of the static geoms, m.
     largest: R::Scalar,
+    /// Smallest inscribed radius of the static geoms, m.
     thinnest: R::Scalar,
     /// Static pairs that can touch, ascending: index of the pair in the compiled model, and lanes (bits) in which it can touch.
     pub(crate) pairs: Vec<(u32, u32)>,
@@ -55,7 +57,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Length of a row of `boxes`: one number per moving geom, and as many more as a register has lanes, for loads beyond the end.
+    /// Length of a row of `boxes`: one number per moving geom, plus the number of lanes, because loads may go beyond the last geom.
     fn row(pairs: &StaticPairs) -> usize {
         pairs.moving.len() + R::LANES
     }
@@ -108,8 +110,8 @@ impl<R: Real> StaticSearch<R> {
         merge_lanes(&self.found, |number| number as u32, &mut self.pairs);
     }
 
-    /// Updates the boxes of the moving geoms and of each group of them. For each geom, `travel` returns the upper bound of its
-    /// displacement, m, and whether its box must contain its bounding ball.
+    /// Updates the boxes of the moving geoms and of each group of moving geoms. For each geom, `travel` returns the upper bound of its
+    /// displacement, m, and whether to enlarge its box so that it meets each static geom whose bounding ball overlaps its own.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;
@@ -182,6 +184,7 @@ impl<R: Real> StaticSearch<R> {
         &self.pairs[self.count_listed(listed)..]
     }
 
+    /// Number of listed pairs that the search found.
     fn count_listed(&self, listed: usize) -> usize {
         self.pairs.partition_point(|pair| (pair.0 as usize) < listed)
     }
@@ -220,11 +223,13 @@ fn over_lanes<R: Real>(own: Bounds<R>) -> Bounds<R::Scalar> {
     whole
 }
 
+/// Smallest box that contains two boxes.
 fn union<S: Scalar>(a: &Bounds<S>, b: &Bounds<S>) -> Bounds<S> {
     let pick = |k: usize| if (k < 3) == (b[k] < a[k]) { b[k] } else { a[k] };
     std::array::from_fn(pick)
 }
 
+/// Smallest box that contains two boxes, in each lane.
 #[inline(always)]
 fn union_of_lanes<R: Real>(a: &Bounds<R>, b: &Bounds<R>) -> Bounds<R> {
     array_of(
@@ -233,7 +238,7 @@ fn union_of_lanes<R: Real>(a: &Bounds<R>, b: &Bounds<R>) -> Bounds<R> {
     )
 }
 
-/// Merges the pairs `more` into the first `count` entries of `list`. Both lists ascend; `list` has space for all entries.
+/// Merges the pairs `more` into `list`, whose first `count` entries are used. Both lists ascend, and `list` has space for all entries.
 pub(crate) fn merge(more: &[(u32, u32)], list: &mut [(u32, u32)], count: usize) {
     let (mut i, mut j) = (count, more.len());
     while j > 0 {

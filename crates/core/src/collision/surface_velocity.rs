@@ -7,10 +7,11 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Velocity of the second surface relative to the first at contact `k`, without the part from degrees of freedom. It is angular, rad/s, and
-/// linear at the contact point, m/s.
+/// Velocity of the second surface relative to the first at contact `k`, in the lanes `lanes` (bits). The part from degrees of freedom is
+/// not included.
 ///
-/// The velocity of a conveyor acts in the tangent plane and about the normal (MuJoCo's documentation of `surfacevel`). `lanes` are bits.
+/// The result has the angular velocity, rad/s, and the linear velocity at the contact point, m/s. The velocity of a conveyor acts in the
+/// tangent plane and about the normal (MuJoCo's documentation of `surfacevel`).
 #[inline(always)]
 pub fn motion<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V6<R> {
     let (mut sum, point) = (zero(), &contacts.data[k].point);

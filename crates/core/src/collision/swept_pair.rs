@@ -4,8 +4,8 @@
 //! row without touching. This module therefore moves the geoms along their paths and runs the narrow phase there.
 //!
 //! The signed distance of two convex shapes is a convex function of their relative translation (Boyd & Vandenberghe 2004, section 3.2.5).
-//! Its tangent at a pose is a lower bound, and the sign of its slope tells on which side the minimum is. Rotation within a step adds terms
-//! of second order.
+//! The tangent of this function at a pose is a lower bound, and the sign of the slope tells on which side the minimum is. Rotation within a
+//! step adds terms of second order.
 
 use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Mask, Real};
@@ -19,7 +19,7 @@ use crate::math::spatial::*;
 /// Largest number of contact points of a pair. Pairs with a surface reach it.
 const MAX_PAIR_POINTS: usize = 16;
 
-/// Largest number of poses on a path at which [`find_touch`] evaluates the distance. Its Newton and bisection steps need two to six.
+/// Largest number of poses on a path at which [`find_touch`] evaluates the distance. Newton and bisection steps usually need two to six.
 const MAX_POSES: usize = 16;
 
 /// Rotation of a body on its path above which the search is invalid, rad. [`find_touch`] then reports a touch.
@@ -64,7 +64,7 @@ impl<R: Real> SweptPair<R> {
         Self { poses: GeomPoses::new(compiled), search: Search::new(compiled, R::LANES), contacts: Contacts::new(MAX_PAIR_POINTS) }
     }
 
-    /// Sets the velocities of all links from the generalized velocity `v`. They determine the paths.
+    /// Sets the velocities of all links from the generalized velocity `v`. These velocities determine the paths.
     #[inline(always)]
     pub(crate) fn set_velocity(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
         kinematics.velocities(compiled, v, &mut self.poses.velocity);

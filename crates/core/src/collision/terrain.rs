@@ -3,7 +3,7 @@
 //!
 //! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Suppose the shape is at least a gap g above every
 //! point of the surface below it. Then d cos(a) >= g for a normal at an angle a from upright. Stage 3 creates the contact only if
-//! d < 2 h c + slack, where c is the speed at which y approaches along n. With u the upward speed of y and w its speed,
+//! d < 2 h c + slack, where c is the speed at which y approaches along n. With the upward speed u and the speed w of y,
 //! 2 c cos(a) <= w - u for every a, and so
 //!
 //! ```text
@@ -39,7 +39,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lanes of `near` in which a shape may touch a surface within the step, by the height of the surface below the shape.
     ///
-    /// `geoms` are the surface and the shape; `margin` is in m.
+    /// `geoms` are the surface and the shape; `margin` is that of the pair, m.
     #[inline(always)]
     pub(crate) fn may_meet_surface(&self, surface: &Surface, geoms: [usize; 2], margin: R, near: R::Mask) -> R::Mask {
         let [ground, shape] = geoms;
@@ -89,7 +89,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lanes of `lanes` in which a body hits a surface within a step at the free velocity, at one of its contacts.
     ///
-    /// Contacts found in the middle of the step are unreliable there. The body may still be in front of the surface,
+    /// In these lanes, contacts that stage 3 finds in the middle of the step are unreliable. The body may still be in front of the surface,
     /// and the contacts would brake it too early.
     #[inline(always)]
     pub(crate) fn hits_surface(&self, index: usize, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, contacts: &Contacts<R>) -> R::Mask {

@@ -162,7 +162,7 @@ impl<R: Real> Path<'_, R> {
         let own = &compiled.geoms[geom];
         let (pos, mut mat) = (of_lane(&poses.pos[geom], lane), of_lane(&poses.mat[geom], lane));
         if !own.full_orientation {
-            // A round geom has a current axis only.
+            // The matrix of a round geom has only a current z axis.
             let [z, x, y] = contact_frame(column(&mat, 2));
             mat = [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
         }
@@ -214,7 +214,7 @@ impl<R: Real> GeomPoses<R> {
 
     /// Updates `displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.
     ///
-    /// In the first set, some geom moves by more than half its inscribed radius; without this, no pair can pass. In the second set, some
+    /// In the first set, some geom moves by more than half its inscribed radius; in other lanes no pair can pass. In the second set, some
     /// geom moves farther than stage 3 assumed.
     #[inline(always)]
     fn find_large_displacements(

@@ -134,9 +134,12 @@ pub struct CompiledForceRange<S> {
 pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,
+    /// Addresses of each joint in q and v.
     pub(super) addresses: &'a [(usize, usize)],
+    /// Degrees of freedom (bits) that move each frame.
     pub(super) moved_dofs: &'a [Vec<u64>],
     pub(super) dofs: &'a [Dof],
+    /// Chains of all degrees of freedom, one after the other. A chain has the degree of freedom itself and its ancestors.
     pub(super) chain: &'a [u32],
     pub(super) frictions: &'a [CompiledFriction],
 }
@@ -146,8 +149,9 @@ pub(super) struct CompiledActuators<S> {
     pub(super) actuators: Vec<CompiledActuator<S>>,
     pub(super) servos: Vec<CompiledServo<S>>,
     pub(super) force_ranges: Vec<CompiledForceRange<S>>,
-    /// Number of moment arms of all actuators on sites. `wrenches` is the number of these actuators.
+    /// Number of moment arms of all actuators on sites.
     pub(super) arms: usize,
+    /// Number of actuators on sites.
     pub(super) wrenches: usize,
     /// Number of actuators whose dynamics act within a step.
     pub(super) num_actuator_dynamics: usize,
@@ -173,6 +177,7 @@ impl<S: Scalar> CompiledActuators<S> {
         all
     }
 
+    /// Compiles the actuator `a`, and adds it. `na` is the number of activations so far, which increases if the actuator has one.
     fn push(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {
         let addresses = scene.addresses;
         let arms: Vec<(usize, f64)> = match a.transmission {
@@ -208,6 +213,7 @@ impl<S: Scalar> CompiledActuators<S> {
         });
     }
 
+    /// Compiles the wrench of an actuator on a site; `None` for other actuators.
     fn wrench(&mut self, scene: Scene<'_>, a: &Actuator) -> Option<CompiledWrench<S>> {
         let Transmission::Site { site, reference, wrench } = a.transmission else { return None };
         let at = |s: usize| spot::<S>(scene, s);
@@ -243,6 +249,7 @@ impl<S: Scalar> CompiledActuators<S> {
         acts.then(|| CompiledActuatorDynamics { index: self.num_actuator_dynamics - 1, servo, motor, limited, losses })
     }
 
+    /// Compiles the bounds `range` of the sum of all actuator forces on the degree of freedom `dof`.
     fn force_range(&self, dof: usize, range: [f64; 2]) -> CompiledForceRange<S> {
         let acting = |(i, a): (usize, &CompiledActuator<S>)| {
             a.moment.iter().filter(|&&(_, d, _)| d == dof).map(|&(_, _, arm)| (i, arm)).collect::<Vec<_>>()
@@ -252,6 +259,7 @@ impl<S: Scalar> CompiledActuators<S> {
         CompiledForceRange { dof, bounds: scalars(range), actuators, has_servos }
     }
 
+    /// Whether any servo's force may have bounds.
     pub(super) fn servos_are_bounded(&self) -> bool {
         let bounded = |a: &CompiledActuator<S>| a.force_range.is_some() || a.dynamics.is_some();
         self.servos.iter().any(|s| bounded(&self.actuators[s.actuator])) || self.force_ranges.iter().any(|r| r.has_servos)
@@ -263,6 +271,7 @@ fn motor_control(spec: &ActuatorSpec) -> Option<MotorControl> {
     spec.curve().map(|is_voltage| if is_voltage { MotorControl::Voltage } else { MotorControl::Force })
 }
 
+/// Compiles the pose of a site.
 fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
     let (site, merged) = (&scene.model.sites[site], scene.merged);
     let quat = merged.quat[site.body];
@@ -292,7 +301,7 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
             None => arms.push((dof, arm)),
         }
     }
-    // Deepest degree of freedom first. Its chain contains all the others, unless the moment goes across branches.
+    // Deepest degree of freedom first. Its chain contains all other ones of the moment, unless the moment goes across branches.
     arms.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
     let pairs: Vec<_> = arms.iter().enumerate().flat_map(|(k, &below)| arms[k..].iter().map(move |&above| (below, above))).collect();
     let product = |&((i, a), (j, b)): &((usize, f64), (usize, f64))| entry(scene, i, j).map(|entry| (entry, a * b));
@@ -305,6 +314,7 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
     [within, bound]
 }
 
+/// Result of [`products`]: the lists [`CompiledServo::products`] and [`CompiledServo::spread`].
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
 /// Lists the entries of the mass matrix to which a servo on a site adds inertia, with the indices of two moment arms. The added inertia is

@@ -132,7 +132,7 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
     }
 
-    /// Collision parameters of the dynamic pair with index `number`. Its geoms are indices in the model. `None` if the two geoms do not
+    /// Collision parameters of the dynamic pair with index `number`, with the geoms as indices in the model. `None` if the two geoms do not
     /// collide.
     pub(crate) fn geom_pair(&self, number: usize) -> Option<GeomPair> {
         let [a, b] = self.members_of(number)?;
@@ -178,7 +178,7 @@ const NEIGHBOUR_POINTS: usize = 48;
 /// Number of pairs among the geoms of ordinary size above which these pairs become dynamic pairs. The broad phase then finds the dynamic
 /// pairs that can touch in every step.
 ///
-/// If at most this number of pairs has two moving geoms, those pairs are listed. Then only pairs with a static geom are dynamic.
+/// If at most this number of pairs consist of two moving geoms, these pairs are listed, and only pairs with a static geom are dynamic.
 const LISTED_PAIRS: usize = 3000;
 /// Ratio of a geom's size to the median size of geoms above which the geom counts as large. Pairs of large geoms are in the compiled
 /// model's list of pairs, and not among the dynamic pairs. In the broad phase, a cell as large as this geom would contain all geoms.
@@ -187,6 +187,7 @@ const LARGE: f64 = 8.0;
 /// Compiled collision geometry: geoms, listed pairs and dynamic pairs.
 pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Option<DynamicPairs<S>>);
 
+/// Compiles the collision geometry of a model.
 pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S> {
     let filter = Filter::new(model);
     let among = dynamic(model);
@@ -240,7 +241,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     (geoms, pairs, dynamic_pairs)
 }
 
-/// Number in [`ModelStructure::contact_groups`] of a pair that belongs to no contact group.
+/// Number in [`contact_groups`](crate::compile::ModelStructure::contact_groups) of a pair that belongs to no contact group.
 pub const NO_CONTACT_GROUP: u32 = u32::MAX;
 
 /// For each pair in `pairs`, number of its contact group. A contact group consists of all pairs that join the same two frames. The number
@@ -301,11 +302,13 @@ pub(super) struct Bulk {
     pub(super) inscribed_radius: f64,
 }
 
+/// Bounding radius and inscribed radius of the geom with index `geom` in the model.
 pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
     let shape = &model.geoms[geom].shape;
     Bulk { bounding_radius: bounding_radius(model, shape), inscribed_radius: inscribed_radius(model, shape) }
 }
 
+/// Compiled form of a pair, with the indices `geoms` of its geoms in the compiled model.
 fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
     let ContactSpring { stiffness, damping } = pair.spring;
     let [stiffness, damping, inertia] = [stiffness, damping, 0.0].map(S::from_f64);
@@ -313,6 +316,7 @@ fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> C
     CompiledPair { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin), spring }
 }
 
+/// Compiled form of the geom with index `index` in the model, without a solid.
 fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom<S> {
     let g = &model.geoms[index];
     let quat = merged.quat[g.body] * quaternion(g.quat);
@@ -355,6 +359,7 @@ fn inscribed_radius(model: &Model, shape: &Shape) -> f64 {
     }
 }
 
+/// Solid (collision shape) of a shape.
 fn solid(model: &Model, shape: &Shape) -> Solid {
     Solid::Convex(match *shape {
         Shape::Plane => return Solid::HalfSpace,
@@ -377,7 +382,7 @@ fn solid(model: &Model, shape: &Shape) -> Solid {
     })
 }
 
-/// Message for a missing mesh or height field. It would be an error of this program.
+/// Panic message for a missing mesh or height field, which would be an error of this program.
 const CHECKED: &str = "a finished model has the form of every geom that can touch others";
 
 /// Bounding radius of a shape, m: radius of the ball about the geom's origin that contains the geom. Infinite for a plane.

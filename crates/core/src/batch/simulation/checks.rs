@@ -80,7 +80,7 @@ impl Simulation {
 
     /// Checks the lengths of the input arrays of a call for all environments.
     pub(super) fn check_inputs(&self, inputs: &StepInputs<'_>, controls: usize) -> Result<(), Error> {
-        // A single environment runs this check at every step.
+        // Fast check of the usual case, because a single environment needs it at every step.
         let fits = inputs.ctrl.is_empty() || inputs.ctrl.len() == controls.saturating_mul(self.ctrl.len());
         if fits && inputs.mask.is_empty() && inputs.applied().iter().all(|given| given.is_empty()) {
             return Ok(());

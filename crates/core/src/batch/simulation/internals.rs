@@ -35,7 +35,7 @@ impl Simulation {
         self.engine_mut().set_workers(makers);
     }
 
-    /// Fills the work buffers of each step with NaN. If a step reads a number before it has computed it, the environment then diverges.
+    /// Fills the work buffers of each step with NaN. An environment then diverges if a step reads a number before it is computed.
     #[doc(hidden)]
     pub fn poison(&mut self) {
         self.engine_mut().settings_mut().poison = true;

@@ -17,7 +17,7 @@ impl Simulation {
     /// begins inside a geom hits the point where it leaves the geom.
     ///
     /// # Errors
-    /// [`Error::Element`] and [`Error::NoForm`] for a geom that does not exist or has no form here. [`Error::Length`] and
+    /// [`Error::Element`] for a geom that does not exist, and [`Error::NoForm`] for a shape that rays cannot hit. [`Error::Length`] and
     /// [`Error::ArrayPrecision`] for the arrays, [`Error::NotFinite`] and [`Error::TooLarge`] for a point. [`Error::Direction`] for an
     /// invalid direction, [`Error::Threads`] when threads cannot be started.
     pub fn cast_rays(&mut self, rays: &RayCast<'_>, distances: Numbers<'_>, geoms: &mut [i32]) -> Result<(), Error> {

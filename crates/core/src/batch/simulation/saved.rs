@@ -21,6 +21,7 @@ impl Simulation {
         self.sealed(self.engine.save(Some(env), &self.ctrl[env * nu..(env + 1) * nu]))
     }
 
+    /// Saved state of this model and precision with the payload `payload`.
     fn sealed(&self, payload: Vec<u8>) -> SavedState {
         SavedState::new(self.digest(), self.precision, payload)
     }

@@ -10,8 +10,10 @@ use crate::group_step::{GroupStep, GroupVisitor, StepSettings};
 use crate::math::precision::Precision;
 
 impl Simulation {
-    /// Calls `visitor` with the step of every group of environments, from the present state with the controls `ctrl`, (num_envs, nu). The
-    /// solver converges to a residual of `tolerance`, m/s. The state of the environments does not change.
+    /// Calls `visitor` for every group of environments, with the group's step from the present state.
+    ///
+    /// The step uses the controls `ctrl`, (num_envs, nu), and its solver converges to a residual of `tolerance`, m/s. The state of the
+    /// environments does not change.
     ///
     /// The worker threads call the visitor. The step leaves out error models of sensors.
     ///

@@ -12,8 +12,7 @@ struct CheckedRows {
 }
 
 impl Simulation {
-    /// Resets one environment to the model's reset state, with zero controls and no applied inputs. It clears everything that belongs to
-    /// the old episode.
+    /// Resets one environment to the model's reset state, with zero controls and no applied inputs. Nothing of the old episode remains.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -195,8 +194,10 @@ impl Simulation {
         self.engine_mut().set_random_stream(env, stream);
     }
 
-    /// Begins a new episode of random numbers in one environment: the next episode of the present seed, or the first episode of the seed
-    /// `seed`.
+    /// Begins a new episode in one environment: the next one of the present seed, or the first one of the seed `seed`.
+    ///
+    /// The episode has other random numbers. The function clears the memory of sensors and actuator pipelines, but keeps configuration and
+    /// velocity.
     ///
     /// # Panics
     /// When there is no such environment.

@@ -1,6 +1,8 @@
 //! Actuator pipelines: before every step they convert the user's controls to those of the step. A pipeline has up to three parts in this
 //! order: delay, servo, and first-order lag. Motor, force limits and friction act within the step instead (`actuation/force_limits.rs`,
 //! `actuation/losses.rs`).
+//!
+//! The output of a servo is called its effort. It is a force, or the fraction of the voltage of a motor with voltage control.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -10,7 +12,7 @@ use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::ActuatorSpec;
 
-/// Parameter of an actuator pipeline, which may differ between environments. The variants have the order of the parameter table.
+/// Parameter of an actuator model, which may differ between environments. The variants have the order of the rows in the parameter table.
 #[derive(Clone, Copy)]
 enum Parameter {
     /// Delay of the control, in steps.
@@ -27,8 +29,8 @@ enum Parameter {
     Kd,
     IntegralLimit,
     Period,
-    /// Lower bound of a servo's effort (a force, or the fraction of a motor's voltage), below which its integral does not decrease.
-    /// `MaxEffort` is the upper bound.
+    /// Lower bound of a servo's effort. While the effort is below it, the servo's integral does not decrease. `MaxEffort` is the upper
+    /// bound.
     MinEffort,
     MaxEffort,
     Stall,
@@ -47,7 +49,7 @@ enum Servo {
     Sampled,
 }
 
-/// Pipeline of one actuator: its stages, and the addresses of its stored values and parameters.
+/// Pipeline of one actuator: its parts, and the addresses of its stored values and parameters.
 #[derive(Clone, Debug)]
 struct ActuatorPipeline {
     actuator: usize,
@@ -59,7 +61,7 @@ struct ActuatorPipeline {
     delay: Option<(usize, f64)>,
     /// Address of the pipeline's stored values in the memory: delay line, output and input of the lag, integral, phase, held sample.
     memory: usize,
-    /// Index of the pipeline's delay line.
+    /// Index of the pipeline's delay line among all delay lines.
     line_index: usize,
     /// Address of the pipeline's parameters in the table.
     table: usize,
@@ -69,7 +71,7 @@ struct ActuatorPipeline {
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
     pipelines: Vec<ActuatorPipeline>,
-    /// Parameters of every pipeline. Each group of lanes has one lane-interleaved table.
+    /// Parameters of every pipeline. Each group of lanes has one table, in which a parameter has one value per lane.
     tables: Vec<Vec<S>>,
     lanes: usize,
     num_envs: usize,
@@ -190,7 +192,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     }
 
     /// Advances the pipelines at the beginning of a step, whose state is (q, v). Converts the user's controls `given` to the step's
-    /// controls and to the numbers of actuator dynamics that depend on them.
+    /// controls. Also sets the gains of lagged continuous servos to their means over the step.
     ///
     /// If any control of a lane is not finite, the pipelines of the lane store nothing. The lane's outputs become NaN, so that its step is
     /// rejected.
@@ -213,6 +215,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 for &u in given {
                     valid = valid.and(u.is_finite());
                 }
+                // Lanes that get their first control since a reset. It fills their delay lines and lags.
                 let start = valid.and(R::Mask::from_bits(memory.waiting));
                 memory.waiting &= !valid.bits();
                 ctrl.copy_from_slice(given);
@@ -255,6 +258,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     let table = &self.tables[group][pipeline.table * R::LANES..];
                     let effort: R = get(&memory.numbers, pipeline.lag_at());
                     ctrl[pipeline.actuator] = effort;
+                    // With a continuous servo, the stored output of the lag is that at the beginning of the step.
                     if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
                         let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
                         ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
@@ -467,6 +471,7 @@ impl ActuatorPipeline {
         let effort = get::<R>(numbers, at);
         if self.servo == Servo::Continuous {
             let [length, velocity] = motion(actuator, state);
+            // Part of the effort that depends on the motion. `u`, and the stored input of the last step, exclude it.
             let pull = get::<R>(table, Parameter::Kp as usize) * length + get::<R>(table, Parameter::Kd as usize) * velocity;
             let bounds = [get::<R>(table, Parameter::MinEffort as usize), get(table, Parameter::MaxEffort as usize)];
             let goal = bounded(R::select(start, u, get(numbers, at + 1)) - pull, bounds);

@@ -236,7 +236,7 @@ impl<S: LaneScalar> Batch<S> {
         Ok(steps)
     }
 
-    /// Number of groups in a chunk, the unit that a worker takes at a time. Small chunks balance groups of different cost.
+    /// Number of groups in a chunk, the unit of work of a thread. Small chunks balance groups of different cost.
     pub(super) fn chunk_size(&self) -> usize {
         match self.workers.threads() {
             1 => self.groups.len(),
@@ -275,12 +275,15 @@ impl<S: LaneScalar> Batch<S> {
             }
             part.from = part.to;
             if !watch() {
+                // A last part without steps stores the poses that the mocap bodies have reached.
                 if !self.compiled.mocap.is_empty() {
                     part.ends = true;
                     self.run_part(inputs, schedule, part, &mut []);
                 }
                 return part.to;
             }
+            // The next part should take `PART` seconds. A single measured time is uncertain, so that the number of steps changes by at most
+            // a factor of 8.
             let rate = PART / began.elapsed().as_secs_f64().max(1e-9);
             let next = (steps as f64 * rate.clamp(0.125, 8.0)).max(1.0) as usize;
             part.to = part.from.saturating_add(next).min(total);
@@ -309,6 +312,7 @@ impl<S: LaneScalar> Batch<S> {
         self.workers.idle_workers().push(worker);
     }
 
+    /// Makes the steps of one part of a call on several threads, each of which takes chunks of groups until none are left.
     #[inline(never)]
     fn run_part_on_threads(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, recordings: &mut [RecordingChunk<'_, S>]) {
         let size = self.chunk_size();
@@ -344,7 +348,7 @@ fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, g
     worker.run(call, group, at);
     let mut moved = others;
     if 2 * others.count_ones() > group.alive.count_ones() {
-        // Copying the smaller set of lanes is cheaper.
+        // If most lanes must be restored, it is cheaper to copy the lanes that stepped to the group from before.
         std::mem::swap(group, &mut before);
         moved = group.alive & !others;
     }

@@ -23,7 +23,7 @@ use crate::options::StepSettings;
 use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
 
-/// Worker: workspace of a thread, with the step compiled for its lanes and CPU level.
+/// Workspace of a thread, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group at position `at`.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
@@ -118,6 +118,7 @@ const MAX_CACHED_ENTRIES: usize = 512;
 /// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
 /// would take 2.2 to 2.5 times as long.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+    // Largest number of groups of a thread. 2 n lanes pay if a thread has at most 5/9 of the groups: 1 / 1.8.
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
     if level == Level::Avx512 && pays && !level.takes_two_cycles() { 2 * n } else { n }
@@ -252,6 +253,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
+            // Earlier steps with this control belong to the previous part of the call, so that their flags and residual are restored.
             if let (Some(recording), true) = (&recording, steps.start > 0) {
                 residual = recording.resume(control, first - chunk_first, self.step.workspace.alive, &mut self.flags);
             }
@@ -360,6 +362,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Loads the state of a group and the inputs of the call into the workspace.
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
         let s = &mut self.step.workspace;
+        // A worker with a single group still has the state of the last call in its workspace.
         if !s.current {
             load_state(group, s);
         }
@@ -382,7 +385,6 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if call.part.ends && call.part.to > 0 {
             store_mocap_trajectories(call, group, s);
         }
-        // A worker with a single group keeps the state loaded for the next call.
         s.current = call.num_envs <= R::LANES;
     }
 
@@ -436,7 +438,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     }
 }
 
-/// Adds one to the count of every actuator whose effort the last step clamped to its bounds.
+/// Adds one to the count of every actuator whose force the last step clamped, to bounds of this force or of a sum that contains it.
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     R::vectorize(
         #[inline(always)]

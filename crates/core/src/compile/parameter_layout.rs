@@ -76,6 +76,7 @@ impl<S: Scalar> Source<'_, S> {
         self.structure.sensing.subtrees.iter().map(|tree| bodies.iter().zip(&tree.bodies).filter(|b| *b.1).map(|b| b.0.mass).sum())
     }
 
+    /// Position and sizes of a geom of the model.
     fn geom(&self, geom: usize) -> GeomParams<f64> {
         let Bulk { bounding_radius, inscribed_radius } = bulk(self.model, geom);
         let rotation_reach = if bounding_radius.is_finite() { bounding_radius - inscribed_radius } else { 0.0 };
@@ -83,6 +84,7 @@ impl<S: Scalar> Source<'_, S> {
         GeomParams { pos, size, bounding_radius, inscribed_radius, rotation_reach }
     }
 
+    /// Contact parameters of every listed pair. Coefficients that a contact of its dimension (condim) does not have are 0.
     fn pairs(&self) -> impl Iterator<Item = ContactParams<f64>> {
         let filter = Filter::new(self.model);
         let index = |g: usize| self.structure.geoms[g].index;

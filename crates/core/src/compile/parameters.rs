@@ -129,7 +129,7 @@ parameter_tables! {
     /// Mass, centre of mass and inertia of link `i`. If `i` is at least the number of links, it selects a subtree part: the bodies of a
     /// sensor's subtree that are fixed to one frame.
     inertials: inertial(i) -> Inertial<T>;
-    /// Mass of the subtree with index `subtree` that sensors read, kg.
+    /// Mass of the subtree with index `subtree` among those that sensors read, kg.
     totals: total(subtree) -> T;
     /// Mass matrix parameters of degree of freedom `i`.
     dofs: dof(i) -> DofParams<T>;

@@ -27,8 +27,8 @@ pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Lanes of `lanes` in which the rows of the contact in slot `k` are deferred (left out of the solve). Its surfaces approach each other
-    /// there, and may pass without touching.
+    /// Lanes of `lanes` in which the rows of the contact in slot `k` are deferred (left out of the solve). There the surfaces approach each
+    /// other, and may pass without touching.
     ///
     /// `before` is the normal velocity before the step, m/s. `free` is the contact velocity after the step without constraint forces other
     /// than those of hard equalities, m/s.
@@ -42,6 +42,7 @@ impl<R: Real> Assembler<'_, R> {
         before: R,
         free: V3<R>,
     ) -> R::Mask {
+        // Lanes in which the contact normal can change: neither a plane nor one flat face.
         let curved = lanes.and_not(R::Mask::from_bits(self.builder.flat | contacts.data[k].over_face));
         if curved.none() {
             return curved;
@@ -67,7 +68,7 @@ impl<R: Real> Assembler<'_, R> {
                 let (compiled, gap) = (input.compiled, contacts.data[k].point.distance);
                 let mut out = lanes;
                 for (pair, same) in contacts.pairs(k, lanes.bits()) {
-                    let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+                    let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                     if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
                         let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
                         let displacement = scale(free, self.problem.closing_time);
@@ -151,7 +152,7 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Defers the contacts again that a doubtful collision of the predicted motion activated. The solved motion decides whether they act.
     ///
-    /// The predicted impulses of these contacts become their initial impulses.
+    /// The predicted impulses of these contacts become their initial impulses if the solve activates them.
     #[inline(never)]
     pub(crate) fn defer_doubtful(&mut self, velocity: &mut VelocitySolution<R>) {
         R::vectorize(
@@ -169,8 +170,8 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Activates the deferred contacts whose gap does not close in the solution, with zero impulse. Stage 8 then
-    /// includes their rows, and the state keeps these contacts for the next step.
+    /// Activates the deferred contacts whose gap does not close in the solution, with zero impulse. Stage 8 then includes their rows, and
+    /// the state keeps these contacts for the next step.
     ///
     /// Deferred contacts whose gap closes without a collision remain deferred: their surfaces pass each other.
     #[inline(always)]

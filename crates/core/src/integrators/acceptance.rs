@@ -41,7 +41,7 @@ pub(crate) fn ambiguous<R: Real>(
     )
 }
 
-/// Solves the lanes whose kinetic energy is [`ambiguous`] again, if their residual meets the tolerance.
+/// Solves the lanes whose kinetic energy is [`ambiguous`] again, with a smaller tolerance, if their residual meets the present one.
 ///
 /// Where contacts press a body from several sides (a jam), impulses can be a million times the load and nearly cancel. The residual must
 /// then be smaller by that factor.
@@ -158,8 +158,8 @@ pub(crate) fn accept<R: Real>(
     if !finite.and(alive).all() {
         keep_state(state, evaluation, velocity, position, alive, finite);
     }
-    let refused = alive.and_not(finite).bits();
-    for (_, time) in state.time.iter_mut().enumerate().filter(|(l, _)| refused >> l & 1 == 0) {
+    let rejected = alive.and_not(finite).bits();
+    for (_, time) in state.time.iter_mut().enumerate().filter(|(l, _)| rejected >> l & 1 == 0) {
         *time += h;
     }
     state.elapsed += h;
@@ -190,15 +190,15 @@ fn keep_state<R: Real>(
                     *next = R::select(moves, *next, old);
                 }
             }
-            let refused = alive.and_not(finite);
-            if refused.none() {
+            let rejected = alive.and_not(finite);
+            if rejected.none() {
                 return;
             }
             for lambda in velocity.scalar_impulse.iter_mut().chain(&mut state.impulse) {
                 *lambda = R::select(finite, *lambda, R::zero());
             }
             let Contacts { count, data, torque, .. } = &mut evaluation.contacts;
-            for l in each_of(refused.bits()) {
+            for l in each_of(rejected.bits()) {
                 count[l] = 0;
             }
             for slot in data {

@@ -78,11 +78,13 @@ pub(crate) fn correct_free_velocity<R: Real>(
     }
     probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity));
     advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
+    // Spinners are links alone on a free or ball joint. Their gyroscopic torque follows the discrete midpoint rule instead.
     if !compiled.spinners.is_empty() && scheme.in_the_middle {
         let times = [scheme.time_before, scheme.time_after];
         gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, force_velocity], v_free_corrected);
     }
     advance(v_free_corrected, v, -R::one(), free_change);
+    // This function is the corrector of the free velocity. If it changes the velocity too much, the time step is too long for the motion.
     let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);
     [free.unresolved, free.may_gain] = lanes.map(|lanes| lanes.and(alive));
     if free.unresolved.any() {

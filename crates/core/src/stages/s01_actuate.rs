@@ -1,4 +1,5 @@
-//! Stage 1: computes generalized forces from controls and state.
+//! Stage 1: computes generalized forces from controls and state. [`crate::actuation::forces`] explains explicit parts, added inertia and
+//! active bounds.
 
 use stepper_real::{Mask, Real};
 
@@ -53,6 +54,8 @@ pub fn actuate<R: Real>(
                 let parameters = compiled.params.actuator(i);
                 let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
                 actuator_forces.found_saturated[i] = R::Mask::splat(false);
+                // Servos of actuator dynamics are implicit in every scheme. Other servos are implicit only if the scheme makes `all` servos
+                // implicit.
                 match (implicit, &actuator.dynamics) {
                     (Some(implicit), Some(dynamics)) => {
                         actuator_forces.set_actuator_dynamics(
@@ -90,6 +93,7 @@ pub fn actuate<R: Real>(
                 actuator_forces.guess_active_bounds(compiled, at.actuator_dynamics, implicit);
             }
             actuator_forces.sum_forces(compiled, implicit);
+            // Derivatives and sensors of explicit forces read the part of the actuators alone, before springs are added to `tau`.
             if implicit.is_none() {
                 actuator_forces.joint.copy_from_slice(&actuator_forces.tau);
             }

@@ -99,8 +99,10 @@ fn find_contacts<R: Real>(
 ) -> R::Mask {
     let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, search, .. } = collision;
     let (near, slack) = (&near[..*near_count], *slack);
+    // A plane is infinite, so that nothing passes through it.
     let can_be_passed = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
     let checks_passing = checks_passing && (compiled.dynamic_pairs.is_some() || near.iter().any(can_be_passed));
+    // With static pairs, `find_pairs` has already computed these displacements.
     if checks_passing && compiled.static_pairs.is_empty() {
         R::vectorize(
             #[inline(always)]
@@ -111,10 +113,13 @@ fn find_contacts<R: Real>(
         #[inline(always)]
         || {
             let scene = Scene { compiled, kinematics, poses, h, slack, displacement_time: time_before, checks_passing };
+            // Pairs of a ball or capsule with a box that are near in few lanes are packed: several share a SIMD register, in which
+            // `test_packed` computes their contact points. `collide` then adds these points in the order of all pairs.
             packed.clear();
             for &(index, lanes) in near {
                 packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);
             }
+            // The broad phase of dynamic pairs has tested bounding balls in f64, enlarged for rounding. `can_touch` has the exact limit.
             dynamic.clear();
             if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
                 for &(number, lanes) in &broad.pairs {

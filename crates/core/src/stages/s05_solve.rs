@@ -45,6 +45,7 @@ pub fn solve_to<R: Real>(
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
     let rows = &problem.rows;
     let VelocitySolution { impulses, newton, capture, .. } = velocity;
+    // If the user requested the problem of a lane as bytes, it is stored before the solver changes it.
     if let Some(lane) = capture.lane.take() {
         capture.bytes = System::from(rows).to_bytes(impulses, &settings, lane);
     }
@@ -71,16 +72,16 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
             for (&(k, lanes), &lambda) in slots.iter().zip(&impulses.contacts) {
                 contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
             }
-            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
+            for (&(k, lanes, scale), &[n, a, b, spin, roll_a, roll_b]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
                 contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
-                contacts.torque[k] = select(lanes, [spin * scale[0], roll * scale[1], other * scale[2]], contacts.torque[k]);
+                contacts.torque[k] = select(lanes, [spin * scale[0], roll_a * scale[1], roll_b * scale[2]], contacts.torque[k]);
             }
         },
     );
 }
 
-/// Distributes the load evenly over the contacts of redundant supports that slip, in the lanes `solved` (see
-/// [`crate::constraints::redundant_supports`]).
+/// Distributes the load evenly over the contacts of redundant supports that slip (see [`crate::constraints::redundant_supports`]). The
+/// function changes only the lanes `solved`.
 ///
 /// If a group of contacts rotates while it slips, the new loads change its velocity. Its lanes are solved again, starting from the new
 /// loads.
@@ -130,8 +131,8 @@ impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
     /// A rough prediction changes the free velocity by an error of up to [`ESTIMATE_ERROR`]. If the options require a smaller error, the
-    /// predictor iterates to a tolerance in all moving lanes. So it does with Newton's method, and in lanes with contact groups, whose
-    /// loads are shared.
+    /// predictor iterates to a tolerance in all moving lanes. It also does so with the option [`Solver::Newton`], and in lanes with contact
+    /// groups, whose loads are shared.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
@@ -155,6 +156,7 @@ impl<R: Real> ImpulsePredictor<R> {
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = &mut *velocity;
+        // `choose_start` may restore these impulses after the prediction.
         saved_impulses.save(impulses, lanes.and(self.rough.or(contact_groups.lanes())));
         self.repeat(options, lanes, problem, velocity);
     }
@@ -216,8 +218,8 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// Residual at which the solver stops in each lane, m/s. It is a fraction of the lane's speed, but above the rounding of velocities, and at
 /// most the tolerance.
 ///
-/// In 32 bits, velocities of 1 m/s round at 1e-3 m/s, above the default tolerance. Heavy boxes would creep into light ones at that
-/// residual, so that lanes with redundant supports (`has_groups`) stop at a smaller one.
+/// The allowance for rounding is 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, above the default tolerance.
+/// Heavy boxes would creep into light ones at that residual, so that lanes with redundant supports (`has_groups`) stop at a smaller one.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]

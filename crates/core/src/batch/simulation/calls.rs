@@ -95,6 +95,7 @@ impl Simulation {
         self.make_steps(inputs, nstep, Some(watch))
     }
 
+    /// Makes up to `nstep` steps with one set of controls; see [`Simulation::step_watched`].
     fn make_steps(&mut self, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, Error> {
         self.check_inputs(inputs, 1)?;
         if !inputs.ctrl.is_empty() {
@@ -135,6 +136,7 @@ impl Simulation {
         self.roll_out(inputs, Schedule { controls, nstep }, recording, Some(watch))
     }
 
+    /// Makes the steps of a schedule with a recording, and keeps the last controls that were used in force.
     fn roll_out(
         &mut self,
         inputs: &StepInputs<'_>,

@@ -72,7 +72,7 @@ pub struct Implicit<'a, R: Real> {
 }
 
 impl<R: Real> Implicit<'_, R> {
-    /// Implicit terms for the mass matrix without a step: none.
+    /// No implicit terms, for a mass matrix that is no part of a step.
     pub fn none() -> Self {
         let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
         Self { weights, servos: &[], arms: &[], drag_at: None }
@@ -93,7 +93,7 @@ pub struct ImplicitServos<R> {
 }
 
 impl<R: Real> ImplicitServos<R> {
-    /// Whether the servo of the actuator is implicit.
+    /// Whether the force of the servo `actuator` is implicit.
     #[inline(always)]
     fn includes(&self, actuator: &CompiledActuator<R::Scalar>) -> bool {
         self.all || actuator.dynamics.is_some()
@@ -113,7 +113,7 @@ pub struct ForceState<'a, R: Real> {
     pub act: &'a [R],
     /// Controls after the actuator pipelines (delay, lag ...), nu.
     pub ctrl: &'a [R],
-    /// Actuator dynamics that act within a step.
+    /// Parameters of the actuator dynamics.
     pub actuator_dynamics: &'a [ActuatorDynamics<R>],
 }
 
@@ -129,7 +129,8 @@ impl<'a, R: Real> ForceState<'a, R> {
 pub struct ActuatorForces<R: Real> {
     /// Generalized forces of actuators and springs, N or N m. They exclude implicit parts, and joint damping, which stage 2 adds.
     pub tau: Vec<R>,
-    /// Generalized forces of actuators without springs, within the force ranges of joints, N or N m. Computed only with explicit servos.
+    /// Generalized forces of the actuators alone (no springs), clamped to the force ranges of joints, N or N m. Computed only with explicit
+    /// servos.
     pub joint: Vec<R>,
     /// Force of every actuator, N or N m: only the explicit part of an implicit force, otherwise the whole force.
     pub force: Vec<R>,

@@ -107,7 +107,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         all
     }
 
-    /// Position of each delay line in the stored values, with its number of samples of one value each.
+    /// Position of each delay line in the stored values, and number of its samples, each of which has one value.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.pipelines.iter().filter(|c| c.delay_samples > 0).map(|c| DelayLine { at: c.memory, samples: c.delay_samples, width: 1 })
     }
@@ -144,7 +144,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the parameters of the actuator dynamics that act within a step. The gains of a lagged continuous servo, which change during a
+    /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`. The gains of a lagged continuous servo, which change during a
     /// step, are those at its end; [`Self::advance`] replaces them by their means.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(

@@ -2,8 +2,8 @@
 //!
 //! Two types store them. [`Randomization`] has the fields of the model that the user set, for example `geom_friction`.
 //! [`ParameterOverrides`] has the parameters of the compiled model that differ as a result, for example the friction of a pair. To get from
-//! the first to the second, `differences` makes a variant of the model for each environment and compiles its parameters. A step reads only
-//! the second.
+//! the fields to the overrides, [`Randomization::differences`] makes a variant of the model for each environment, and computes its
+//! parameters. A step reads only the overrides.
 
 use std::collections::BTreeMap;
 
@@ -48,8 +48,7 @@ impl Randomization {
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// Parameters that differ from the compiled model's, for each of the environments `envs`. The result is that after the assignments
-    /// `assigned`, which this function does not make.
+    /// Parameters that will differ from the compiled model's after the assignments `assigned`, for each of the environments `envs`.
     ///
     /// `with_actuator_models` applies the actuator models to a variant of the model; `None` if there are none.
     ///
@@ -137,7 +136,8 @@ impl<S: Scalar> ParameterOverrides<S> {
         }
     }
 
-    /// Adds the parameters of `differences` that are not overridden yet to the overrides, with the shared value in all environments.
+    /// Begins to override the parameters of `differences` that are not overridden yet. At first they have the shared value in all
+    /// environments.
     fn add_indices(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut indices: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.indices.iter().copied()).collect();
         indices.sort_unstable();

@@ -74,7 +74,7 @@ pub trait BatchCalls {
     fn threads(&self) -> usize;
     /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more than it gains.
     fn is_brief(&self, nstep: usize) -> bool;
-    /// Calls `callback` during the allocation of the workspace of one additional worker, to measure its memory.
+    /// Calls `callback` while one additional worker exists, so that the caller can measure the memory of a worker.
     fn with_worker(&self, callback: &mut dyn FnMut());
     /// Sets the functions that create workers.
     #[cfg(feature = "internals")]
@@ -270,7 +270,7 @@ impl<S: LaneScalar> Batch<S> {
                 return total;
             }
             if !self.compiled.mocap.is_empty() {
-                // The workers add in the same order, so that the sums are equal.
+                // The workers also add the time steps one by one, so that both sums have the same bits.
                 (0..steps).for_each(|_| part.elapsed += self.settings.timestep);
             }
             part.from = part.to;

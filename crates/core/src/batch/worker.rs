@@ -73,7 +73,7 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Number of lanes of a group in saved states. It is the number of lanes of the narrowest CPU level, so that all CPU levels write the
     /// same states.
     const SAVED: usize;
-    /// Number of lanes of the group of a single environment.
+    /// Number of lanes of a group in a batch of one environment.
     fn single(level: Level) -> usize;
     /// Number of lanes of a group, in a batch of `num_envs` environments on `threads` threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
@@ -118,7 +118,8 @@ const MAX_CACHED_ENTRIES: usize = 512;
 /// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
 /// would take 2.2 to 2.5 times as long.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
-    // Largest number of groups of a thread. 2 n lanes pay if a thread has at most 5/9 of the groups: 1 / 1.8.
+    // Largest number of groups of a thread. A step of 2 n lanes takes 1.8 = 9/5 times as long as one of n lanes, and pays if it decreases
+    // this number by at least this factor.
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
     if level == Level::Avx512 && pays && !level.takes_two_cycles() { 2 * n } else { n }

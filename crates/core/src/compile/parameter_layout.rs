@@ -52,7 +52,7 @@ fn dofs(joint: &Joint) -> impl Iterator<Item = DofParams<f64>> {
     std::iter::repeat_n(DofParams { damping, stiffness: stiffness.max(0.0), armature }, joint.kind.nv())
 }
 
-/// Model from which parameters are read, and structure that defines their layout.
+/// Model from which parameters are read, and structure of the compiled model, which defines their layout.
 struct Source<'a, S: Scalar> {
     structure: &'a ModelStructure<S>,
     model: &'a Model,

@@ -44,7 +44,7 @@ pub(crate) fn ambiguous<R: Real>(
 /// Solves the lanes whose kinetic energy is [`ambiguous`] again, with a smaller tolerance, if their residual meets the present one.
 ///
 /// Where contacts press a body from several sides (a jam), impulses can be a million times the load and nearly cancel. The residual must
-/// then be smaller by that factor.
+/// then be a million times smaller than without a jam.
 #[inline(always)]
 pub(crate) fn resolve_ambiguous<R: Real>(
     context: StepContext<'_, R>,
@@ -125,7 +125,7 @@ pub(crate) fn store_joint_impulse<R: Real>(
     )
 }
 
-/// Accepts the step in the lanes where the next state is finite: the state becomes the next state, and the time advances by `h`, s. Returns
+/// Accepts the step in the lanes where the next state is finite: `state` becomes the next state, and its time advances by `h`, s. Returns
 /// these lanes.
 ///
 /// The other lanes keep their state and discard their warm start. After the call, `velocity.v`, `position.q` and `position.act` have the

@@ -82,6 +82,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
     let rebounding = corrected.all.and(corrected.rebounding);
+    // Velocity of the tested motion, in each lane.
     let v = if rebounding.none() {
         &velocity.v
     } else {

@@ -162,7 +162,7 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 /// Setpoint `input` of an angle, shifted by full rotations to the equivalent angle nearest to `angle`, as in MuJoCo. A servo then takes the
 /// shorter way to its setpoint.
 ///
-/// Only inputs that are setpoints are shifted: those whose gain equals minus the bias coefficient of the length.
+/// Only a setpoint is shifted. The input of an actuator is a setpoint if its gain equals minus the bias coefficient of the length.
 #[inline(always)]
 fn nearest_equivalent_angle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
@@ -190,10 +190,10 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     }
 }
 
-/// Affine force of an actuator: gain . (1, length, velocity) input + bias . (1, length, velocity).
+/// Affine force of an actuator: gain . (1, length, velocity) * input + bias . (1, length, velocity).
 ///
-/// With actuator dynamics, slope and rate are those of their continuous servo. A motor with voltage control multiplies the force by its
-/// stall torque and subtracts its back-EMF.
+/// With actuator dynamics that contain a continuous servo, slope and rate are those of the servo. A motor with voltage control multiplies
+/// the force by its stall torque and subtracts its back-EMF.
 #[inline(always)]
 fn affine_force<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,

@@ -8,9 +8,9 @@
 //!
 //! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] returns the lanes
 //! in which a fast pair overlaps, may have passed through each other, or hits a surface of triangles. The step then evaluates these lanes
-//! at its beginning, where the wall is still ahead and its contact stops the body. Bodies can still pass through a geom in two cases. An
-//! impulse makes them faster than the search assumed, or they rotate so far that the contact normal is no longer valid.
-//! [`may_have_passed`](crate::collision::tunnelling::may_have_passed) reports these lanes.
+//! at its beginning, where the wall is still ahead and its contact stops the body. Bodies can still pass through a geom in two cases: an
+//! impulse makes them faster than the search assumed, or they rotate so far that the contact normal is no longer valid. After the step,
+//! [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds these lanes.
 
 use stepper_real::{Mask, Real};
 
@@ -52,8 +52,8 @@ pub fn detect<R: Real>(
     })
 }
 
-/// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps. `v` and `v_free` are the velocities
-/// before the step, and after it without constraints.
+/// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps. `v` is the velocity before the step,
+/// and `v_free` the velocity after it without constraints.
 ///
 /// With `checks_passing`, it also finds the static pairs (moving geom and world geom) whose geoms may have passed through each other since
 /// the beginning of the step.
@@ -79,6 +79,7 @@ fn find_pairs<R: Real>(
             collision.find_near(compiled, alive);
         },
     );
+    // A static pair is a listed or a dynamic pair. Each kind is merged with the other pairs of its kind.
     collision.find_static(compiled, alive, checks_static, |poses| &poses.travel);
     collision.add_static(compiled);
     collision.find_dynamic(compiled, alive, |poses| &poses.travel);

@@ -8,7 +8,8 @@ use crate::batch::stepping::Watch;
 use crate::error::check_length;
 
 impl Simulation {
-    /// Controls in force, (num_envs, nu): those of the last step, those of the initial keyframe, or zeros after a reset.
+    /// Controls in force, (num_envs, nu): those of the last step. After a reset they are those of the initial keyframe if there is one,
+    /// otherwise zeros.
     pub fn ctrl(&self) -> &[f64] {
         &self.ctrl
     }
@@ -48,7 +49,7 @@ impl Simulation {
 
     /// Sets an applied input (forces, poses of mocap bodies, or active equalities) for all later calls, (num_envs, ...).
     ///
-    /// The reset of an environment resets its row. Positions of mocap bodies may be given without orientations, and the reverse. An empty
+    /// The reset of an environment resets its row of the input. Positions of mocap bodies may be given without orientations, and the reverse. An empty
     /// array clears the input.
     ///
     /// # Errors
@@ -167,8 +168,8 @@ impl Simulation {
 
     /// Reads all sensors of all environments, (num_envs, nsensordata).
     ///
-    /// If `truth` is true, the result is the ideal readings. Otherwise it is the readings of the last step after the transfer functions,
-    /// the same at every call. The function ignores controls in `inputs`, and uses those in force.
+    /// If `truth` is true, `out` gets the ideal readings of the present state. Otherwise it gets the readings of the last step after the
+    /// transfer functions, the same at every call. The function ignores controls in `inputs`, and uses those in force.
     ///
     /// # Errors
     /// The errors of [`Simulation::step`], and [`Error::Length`] for `out`.

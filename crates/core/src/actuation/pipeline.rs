@@ -144,8 +144,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`. The gains of a lagged continuous servo, which change during a
-    /// step, are those at its end; [`Self::advance`] replaces them by their means.
+    /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`. The gains of a lagged continuous servo change
+    /// during a step. Those at its end are loaded, and [`Self::advance`] replaces them by their means.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]

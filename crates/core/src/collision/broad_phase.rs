@@ -2,8 +2,8 @@
 //! the number of free bodies. The search finds the pairs whose bounding balls overlap.
 //!
 //! The search has no memory of earlier steps, and runs lane by lane in scalar code. The centres of the balls are sorted into cells: cubes
-//! whose width is twice the largest radius of a ball. Geoms that can touch are therefore in neighbouring cells (Ericson, 2005, section
-//! 7.1). The keys of the cells are sorted, so that a row of cells along z is a range of the sorted list. While the search visits the cells
+//! that are at least as wide as each of these balls. Geoms that can touch are therefore in neighbouring cells (Ericson, 2005, section 7.1).
+//! The keys of the cells are sorted, so that a row of cells along z is a range of the sorted list. While the search visits the cells
 //! in this order, it keeps the start of the range of each neighbouring row, which moves forward only. Geoms that are much larger or faster
 //! than the others have no cell, and are compared with all geoms.
 
@@ -17,7 +17,7 @@ use crate::math::spatial::*;
 /// Number of bits of one integer coordinate of a cell in the cell's [`key`].
 const BITS: u32 = 21;
 /// Offsets (dx, dy), in cells, from a row of cells along z to the four neighbouring rows that come after it in the sorted list of cells.
-/// The other four neighbours have visited the row before.
+/// The other four neighbouring rows come before it, and their balls have already been tested against those of this row.
 const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
 /// Bounding ball of a geom during the whole step, in world axes and m.

@@ -23,8 +23,8 @@ pub struct CollisionWorkspace<R: Real> {
     pub(crate) poses: GeomPoses<R>,
     /// Distance by which every search distance is increased, m ([`slack`]).
     pub(crate) slack: R,
-    /// Ranges of consecutive listed pairs with the same first geom and margin, as indices of the compiled model. Pairs with static geoms
-    /// are not included.
+    /// Ranges of consecutive listed pairs with the same first geom and margin, as indices in the compiled model's list of pairs. Static
+    /// pairs are not included.
     pub(crate) runs: Vec<Range<usize>>,
     /// Listed pairs whose bounding volumes overlap, ascending: index of the pair, and lanes (bits). Only the first `near_count` entries are
     /// in use.
@@ -37,7 +37,7 @@ pub struct CollisionWorkspace<R: Real> {
     pub(crate) statics: StaticSearch<R>,
     /// For each geom, whether it may have passed through the thinnest static geom since the beginning of the step, in any lane.
     may_tunnel: Vec<bool>,
-    /// Dynamic pairs whose bounding volumes overlap: index of the pair in the compiled model, lanes, and the pair.
+    /// Dynamic pairs whose bounding balls overlap: index of the pair in the compiled model, lanes, and the pair.
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
     /// Packed pairs: near pairs of a ball or capsule with a box, of which several share a SIMD register.
     pub(crate) packed: PackedPairs<R::Scalar>,
@@ -376,7 +376,7 @@ impl<R: Real> Scene<'_, R> {
         if self.checks_passing { self.may_have_tunnelled(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
     }
 
-    /// Lanes in which the two geoms of a dynamic pair can touch within the step, by their bounding balls.
+    /// Lanes in which the two geoms of a dynamic pair can touch within two steps, by their bounding balls.
     #[inline(always)]
     pub(crate) fn can_touch(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;

@@ -252,7 +252,7 @@ impl<R: Real> Scene<'_, R> {
     /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within the step. The
     /// function stores these planes for the next step.
     ///
-    /// `size` is the size of both hulls, m.
+    /// `size` is the sum of the bounding radii of the two hulls, m.
     #[inline(always)]
     fn are_separated(
         &self,

@@ -1,9 +1,9 @@
 //! Approaching contacts. Their rows are deferred: the solver leaves them out until the solved motion closes their gap.
 //!
 //! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide, and wrong for surfaces that pass each
-//! other. The nearest points of two bodies that fly past approach without touching. Stage 4 therefore assembles the rows of an approaching
-//! contact and marks them as deferred, so that the solver leaves them out. The solution without them gives the motion of the step. Stage 5
-//! activates the rows of the pairs that collide in this motion, and solves their lanes again ([`crate::integrators::contact_activation`]).
+//! other: their nearest points approach, but never touch. Stage 4 therefore assembles the rows of an approaching contact and marks them as
+//! deferred, so that the solver leaves them out. The solution without these rows gives the motion of the step. Stage 5 activates the rows
+//! of the pairs that collide in this motion, and solves their lanes again ([`crate::integrators::contact_activation`]).
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts whose normal cannot change. These are contacts with a half space,
 //! and contacts of a ball that stays over one flat face of the other geom during the step. On a surface of triangles, a face is a triangle

@@ -13,7 +13,8 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
 
-/// Smallest inverse inertia along a contact's normal with which the contact counts as movable, times the total mass of all moving bodies.
+/// Smallest inverse inertia along a contact's normal with which the contact counts as movable. The number is a fraction of 1 / (total mass
+/// of all moving bodies).
 ///
 /// The inverse inertia is proportional to the square of a lever arm, the displacement of the contact point along the normal per rotation of
 /// a hinge. Below this fraction the lever arm is rounding error: less than 1e-7 (3e-5 in 32 bits) of the distance between hinge and
@@ -34,8 +35,8 @@ fn least_lever<R: Real>() -> f64 {
 /// Approach speed that is negligible for an immovable contact, m/s. No degree of freedom moves such a contact along its normal. `velocity`
 /// and `position` are the offsets g of its normal row in the velocity and position solves, m/s.
 ///
-/// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Example: a face that is normal to a
-/// hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
+/// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Example: a face that is
+/// normal to a hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
 ///
 /// The result is normally the resting speed, at which a touching contact takes about a second to exceed the slop. It is 0 if no other part
 /// of the step reports that the contact's overlap cannot be corrected. The speed of the correction is the difference of the two offsets.
@@ -145,6 +146,7 @@ impl<R: Real> Assembler<'_, R> {
                     let d = self.builder.support[i] as usize;
                     let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
+                    // The scale of a lever arm is the square of the size of its terms.
                     let (motion, squared_rotation) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
                     let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
                     // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact

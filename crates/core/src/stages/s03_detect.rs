@@ -8,7 +8,7 @@
 //!
 //! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] returns the lanes
 //! in which a fast pair overlaps, may have passed through each other, or hits a surface of triangles. The step then evaluates these lanes
-//! at its beginning, where the wall is still ahead and its contact stops the body. Bodies can still pass through a geom in two cases: an
+//! at its beginning, where the wall is still ahead and its contact stops the body. Bodies can still pass through a geom in two cases. An
 //! impulse makes them faster than the search assumed, or they rotate so far that the contact normal is no longer valid. After the step,
 //! [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds these lanes.
 

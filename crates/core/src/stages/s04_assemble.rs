@@ -1,7 +1,8 @@
 //! Stage 4: assembles the constraint problem, with rows of contacts, equalities, limits, tendon springs and dry friction.
 //!
-//! With the mass matrix M = L^T D L, each row of the Jacobian J is scaled to y = D^-1/2 L^-T J^T. It has entries only for the degrees of
-//! freedom that move its bodies. The Delassus matrix is Y^T Y. The bias of a row sets its target velocity v_n+ at the end of the step:
+//! With the mass matrix M = L^T D L, each row of the Jacobian J is scaled to y = D^-1/2 L^-T J^T. A scaled row has entries only for the
+//! degrees of freedom that move its bodies. The Delassus matrix is Y^T Y. The bias of a row sets its target velocity v_n+ at the end of the
+//! step:
 //!
 //! ```text
 //! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `AssemblyInput::closing_fraction`)
@@ -111,7 +112,7 @@ impl<R: Real> Assembler<'_, R> {
 /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`. Overwrites `change` and
 /// `before_impacts`.
 ///
-/// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step.
+/// `before_impacts` is the change of the velocity just before the impacts, if a contact bounces within the step.
 pub(crate) fn shift_offsets<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,

@@ -13,8 +13,8 @@ use crate::tuning::{
     RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS,
 };
 
-/// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or less. Afterwards, [`store_impulses`] can store
-/// the impulses for the next step.
+/// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or a smaller one. Afterwards, [`store_impulses`] can
+/// store the impulses for the next step.
 ///
 /// The tolerance of slow lanes is a fraction of the speed before the step, `v`. Otherwise a robot at rest would creep at the speed of the
 /// tolerance.
@@ -83,8 +83,8 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
 /// Distributes the load evenly over the contacts of redundant supports that slip (see [`crate::constraints::redundant_supports`]). The
 /// function changes only the lanes `solved`.
 ///
-/// If a group of contacts rotates while it slips, the new loads change its velocity. Its lanes are solved again, starting from the new
-/// loads.
+/// If a support rotates while it slips, the new loads change its velocity. The lanes of such supports are solved again, starting from the
+/// new loads.
 #[inline(always)]
 fn share_loads<R: Real>(
     problem: &ConstraintProblem<R>,
@@ -117,8 +117,8 @@ fn share_loads<R: Real>(
 /// Predictor of this step's constraint impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpulsePredictor<R: Real> {
-    /// Lanes that move. Their prediction starts from the previous impulses, and hardly depends on them. Lanes at rest keep the previous
-    /// impulses as their prediction.
+    /// Lanes that move. Their prediction hardly depends on the previous impulses, from which it starts in lanes outside `rough`. Lanes at
+    /// rest keep the previous impulses as their prediction.
     moving: R::Mask,
     /// Moving lanes in which [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero impulses predict accurately enough. The other moving
     /// lanes iterate to `tolerance`.
@@ -192,7 +192,8 @@ impl<R: Real> ImpulsePredictor<R> {
     }
 }
 
-/// Lanes that move at the velocity `v`, whose impulses are predicted. The others take the impulses of the last step as their prediction.
+/// Lanes whose impulses are predicted, because they move noticeably at the velocity `v`. The other lanes take the impulses of the last step
+/// as their prediction.
 pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
@@ -206,6 +207,7 @@ fn is_moving<R: Real>(displacement: R) -> R::Mask {
     displacement.gt(R::of(REST_MOTION))
 }
 
+/// Largest absolute velocity of a degree of freedom, rad/s or m/s.
 #[inline(always)]
 pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     let mut fastest = R::zero();

@@ -49,8 +49,8 @@ impl Simulation {
 
     /// Sets an applied input (forces, poses of mocap bodies, or active equalities) for all later calls, (num_envs, ...).
     ///
-    /// The reset of an environment resets its row of the input. Positions of mocap bodies may be given without orientations, and the reverse. An empty
-    /// array clears the input.
+    /// The reset of an environment resets its row of the input. Positions of mocap bodies may be given without orientations, and the
+    /// reverse. An empty array clears the input.
     ///
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers; [`Error::Model`] for an equality that closes a loop with a force sensor in

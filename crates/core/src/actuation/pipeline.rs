@@ -421,6 +421,7 @@ impl ActuatorPipeline {
     ) -> R {
         let number = |n: Parameter| get::<R>(table, n as usize);
         let at = self.integral_at();
+        // Lanes in which the servo computes a new effort.
         let mut due = valid;
         if servo == Servo::Sampled {
             let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Parameter::Period));
@@ -437,9 +438,9 @@ impl ActuatorPipeline {
         let (error, kp, most) = (u - length, number(Parameter::Kp), number(Parameter::IntegralLimit));
         let before = R::select(start, R::zero(), get(numbers, at));
         let after = (before + number(Parameter::Ki) * error).clamp(-most, most);
-        let rest = kp * error - number(Parameter::Kd) * velocity;
+        let without_integral = kp * error - number(Parameter::Kd) * velocity;
         // Conditional integration (Astrom & Hagglund 2006, section 3.5): the integral does not grow while the effort is beyond its bounds.
-        let effort = rest + after;
+        let effort = without_integral + after;
         let winds_up =
             effort.gt(number(Parameter::MaxEffort)).and(after.gt(before)).or(effort.lt(number(Parameter::MinEffort)).and(after.lt(before)));
         let integral = R::select(winds_up, before, after);
@@ -447,7 +448,7 @@ impl ActuatorPipeline {
         if servo == Servo::Continuous {
             return kp * u + integral;
         }
-        put(numbers, at + 2, due, bounded(rest + integral, [number(Parameter::MinEffort), number(Parameter::MaxEffort)]));
+        put(numbers, at + 2, due, bounded(without_integral + integral, [number(Parameter::MinEffort), number(Parameter::MaxEffort)]));
         get(numbers, at + 2)
     }
 

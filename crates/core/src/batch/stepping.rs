@@ -337,6 +337,7 @@ impl<S: LaneScalar> Batch<S> {
 /// Makes the steps of a call in one group. Environments outside the call's mask keep their state: their lanes are restored afterwards.
 fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
     let mask = call.inputs.mask.get(at.first..).unwrap_or_default();
+    // Lanes (bits) of environments that are not selected.
     let others = (0..group.lanes).filter(|&lane| mask.get(lane) == Some(&false)).fold(0, |set, lane| set | 1 << lane) & group.alive;
     if others == 0 {
         return worker.run(call, group, at);

@@ -263,6 +263,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             let Self { step: GroupStep { workspace: s, compiled, .. }, flags, .. } = self;
             if let Some(recording) = &mut recording {
                 if observed {
+                    // The last step with this control reads the sensors. Without a step they have not been read.
                     let unread = steps.is_empty();
                     probe.span(Span::Sense, || Reader { call, compiled, first, probe }.complete_readings(group, s, unread));
                 }
@@ -324,6 +325,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
+        // `group` is a copy. The workspace must load this copy now, and must not use its new state in the next call.
         self.step.workspace.current = false;
         self.step.workspace.velocity.capture.lane = Some(lane);
         self.run(call, group, GroupPosition { first, chunk_first: first, recording: None });

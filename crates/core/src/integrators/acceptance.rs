@@ -162,6 +162,7 @@ pub(crate) fn accept<R: Real>(
     for (_, time) in state.time.iter_mut().enumerate().filter(|(l, _)| rejected >> l & 1 == 0) {
         *time += h;
     }
+    // Mocap bodies move on in rejected lanes too, so that one number is enough for all lanes.
     state.elapsed += h;
     std::mem::swap(&mut state.q, &mut position.q);
     std::mem::swap(&mut state.v, &mut velocity.v);

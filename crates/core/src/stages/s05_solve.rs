@@ -52,6 +52,7 @@ pub fn solve_to<R: Real>(
     let mut outcome = stepper_solve::solve(rows, impulses, settings, lanes, newton);
     let enough = R::of(options.tolerance);
     share_loads(problem, settings, velocity, lanes.and(outcome.residual.le(enough)), &mut outcome);
+    // Users can read the row with the largest residual of an unsolved lane.
     let unsolved = lanes.and_not(outcome.residual.le(enough));
     velocity.worst.update(problem, rows.into(), &velocity.impulses, contacts, [lanes, unsolved]);
     outcome

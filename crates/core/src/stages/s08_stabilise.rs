@@ -2,8 +2,8 @@
 //!
 //! A second solve of the same rows, without restitution, finds the velocity that just closes every gap and removes a part of every overlap.
 //! Only the positions use this velocity, so it adds no kinetic energy. [`stabilise`] implements this split form. Baumgarte's method instead
-//! corrects positions through a bias of the velocity solve. [`limit_baumgarte`] runs after stage 6, and replaces velocities that this bias
-//! made absurd by the solution without it plus a bounded correction.
+//! corrects positions through a bias of the velocity solve. [`limit_baumgarte`] runs after stage 6. In lanes with absurd velocities because
+//! of this bias, it computes the solution without the bias and adds a bounded correction.
 //!
 //! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal passes a hinge. The targets
 //! are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is marked infeasible

@@ -161,8 +161,8 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2
     }
 }
 
-/// Distance of `q` inside the nearer end of its range, which is negative outside the range, and its time derivative at the velocity `v`.
-/// Both are zero within the range.
+/// Minus the distance of `q` beyond the nearer end of its range, and the time derivative of this number at the velocity `v`. Both are zero
+/// within the range.
 fn overlap<R: Real>(q: R, v: R, [low, high]: [R; 2]) -> [R; 2] {
     R::vectorize(
         #[inline(always)]

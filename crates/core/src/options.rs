@@ -14,7 +14,7 @@ use crate::model::Description;
 pub enum ContactLaw {
     /// Rigid contact: Signorini's condition and Coulomb's cone, each step solved to the tolerance.
     Hard,
-    /// MuJoCo's contact law: a convex problem in which each constraint yields, as its solref and solimp say. Forces follow from the
+    /// MuJoCo's contact law: a convex problem in which each constraint yields according to its solref and solimp. Forces follow from the
     /// accelerations.
     Mujoco,
 }

@@ -72,8 +72,8 @@ pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
 /// corresponds to 0.8 degrees.
 pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 
-/// Largest difference between the times at which two pairs of geoms first touch for which both touches count as simultaneous. It is a
-/// fraction of the duration of the motion.
+/// Largest time between the first touches of two pairs of geoms that still count as simultaneous, as a fraction of the duration of the
+/// motion.
 pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
 /// Ratio of a gap to the tunnelling distance of its pair above which a very fast body may close the whole gap within one step. The
@@ -112,8 +112,8 @@ pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 /// can be errors of the integration rule in smooth motion.
 pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 
-/// Largest rotation per step that the velocity change by an impact causes for which the step is solved again, rad. After larger changes,
-/// another solution would not be more accurate.
+/// Largest velocity change by an impact for which the step is solved again, as a rotation per step, rad. After larger changes, another
+/// solution would not be more accurate.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
 /// Largest rotation per step that the velocity change by predicted impulses may cause, rad. If a change causes a larger rotation and

@@ -360,7 +360,8 @@ impl ActuatorPipeline {
         self.lag_at() + 2 * usize::from(self.lagged)
     }
 
-    /// Sets the gains of a continuous servo. Its lag multiplies them by one minus the remaining fraction, which is the parameter `left`.
+    /// Sets the gains of a continuous servo. A lag multiplies them by one minus the parameter `left`, the fraction that remains
+    /// ([`Parameter::Decay`]).
     #[inline(always)]
     fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Parameter, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
@@ -404,8 +405,8 @@ impl ActuatorPipeline {
 
     /// Effort of a servo for the setpoint `u`.
     ///
-    /// The effort of a sampled servo is constant between samples. For a continuous servo the result is only the part that does not depend
-    /// on the motion; stage 1 adds the other part within the step.
+    /// The effort of a sampled servo is constant between samples. For a continuous servo the result excludes the part that depends on the
+    /// motion within this step; stage 1 adds this part.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     fn follow<R: Real>(

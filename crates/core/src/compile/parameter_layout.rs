@@ -1,4 +1,4 @@
-//! Conversion of a model's parameters to the list of numbers that a compiled model stores. The list is made of tables.
+//! Conversion of a model's parameters to the list of numbers that a compiled model stores. The list consists of tables.
 
 use stepper_real::Scalar;
 

@@ -34,7 +34,7 @@ parameter_rows! {
         inertia: [T; 6],
     }
 
-    /// Parameters of a degree of freedom that contribute to the (effective) mass matrix.
+    /// Parameters of a degree of freedom that contribute to the mass matrix or to its implicit terms.
     DofParams {
         /// Viscous damping, N s/m or N m s/rad.
         damping: T,
@@ -145,10 +145,10 @@ parameter_tables! {
     actuators: actuator(i) -> ActuatorParams<T>;
     /// Position and sizes of geom `i` of the compiled model.
     geoms: geom(i) -> GeomParams<T>;
-    /// Contact parameters of the pair with index `pair` in the compiled model's list of pairs.
+    /// Contact parameters of the listed pair with index `pair` in the compiled model.
     pairs: listed_contact(pair) -> ContactParams<T>;
-    /// Contact parameters of the geom with index `geom` in the model. The table has all geoms if the compiled model finds pairs of geoms in
-    /// every step (dynamic pairs), and is empty otherwise. Such a pair combines the parameters of its two geoms.
+    /// Contact parameters of the geom with index `geom` in the model. The table has all geoms if the model has dynamic pairs, which the
+    /// broad phase finds in every step, and is empty otherwise. A dynamic pair combines the parameters of its two geoms.
     members: member(geom) -> ContactParams<T>;
     /// Centre of mass of a body of the model in the frame of its link, m.
     bodies: body_com(body) -> [T; 3];

@@ -22,7 +22,7 @@ pub trait Configuration {
     /// # Errors
     /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
-    /// Sets the actuator models, one entry for every actuator. `None` is an actuator without one. Resets all environments.
+    /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. Resets all environments.
     ///
     /// The caller gets both arguments from [`ActuatorSpec::fold`], which moves delays and force limits of actuators from the model to the
     /// specs.

@@ -8,7 +8,7 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 
-/// Stores the state after the steps of a call from the workspace in the group.
+/// Copies the state after the steps of a call from the workspace to the group.
 pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     R::vectorize(
         #[inline(always)]
@@ -42,7 +42,7 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
     )
 }
 
-/// Loads the state of a group into the workspace.
+/// Copies the state of a group to the workspace.
 pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     load_motion(group, s);
     R::vectorize(

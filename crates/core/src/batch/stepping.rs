@@ -349,7 +349,7 @@ fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, g
     worker.run(call, group, at);
     let mut moved = others;
     if 2 * others.count_ones() > group.alive.count_ones() {
-        // If most lanes must be restored, it is cheaper to copy the lanes that stepped to the group from before.
+        // If most lanes must be restored, the group takes the saved lanes as a whole. Then fewer lanes, those that stepped, are copied.
         std::mem::swap(group, &mut before);
         moved = group.alive & !others;
     }

@@ -42,7 +42,7 @@ impl<R: Real> Assembler<'_, R> {
         before: R,
         free: V3<R>,
     ) -> R::Mask {
-        // Lanes in which the contact normal can change: neither a plane nor one flat face.
+        // Lanes in which the contact normal can change, because the contact is neither with a plane nor with one flat face.
         let curved = lanes.and_not(R::Mask::from_bits(self.builder.flat | contacts.data[k].over_face));
         if curved.none() {
             return curved;

@@ -70,7 +70,7 @@ def identified(scene: Scene, start: tuple[float, float], given: Readings, settin
     data = mujoco.MjData(model)
     nstep = round(scene.period / model.opt.timestep)
     times = (1 + np.arange(len(scene.ctrl) * nstep)) * model.opt.timestep
-    geoms = scene.parameters[1].partition(":")[2].split(",")
+    geoms = scene.parameters[1].partition("[")[2].partition("]")[0].split(",")
 
     def set_mass(spec: Any, parameter: Any) -> None:
         spec.geom("box").mass = float(parameter.value[0])

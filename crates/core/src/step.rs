@@ -51,6 +51,7 @@ fn run_stages<R: Real>(
     if options.poison {
         s.poison();
     }
+    // The narrow phase starts from the separating planes that it found in the last step.
     s.evaluation.collision.begin_step();
     // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
     probe.span(Span::ActuatorPipelines, || {
@@ -83,6 +84,7 @@ fn run_stages<R: Real>(
 #[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
+    // `resolution` has the buffers of the guard against motion that the time step does not resolve (is too long for).
     let (collisions, resolution, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
     // 1 actuate, 2 smooth dynamics, 3 detect, at the evaluation point of the step. A loop in `locate` moves this point in lanes with fast
     // bodies or impacts.
@@ -94,6 +96,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // 4 assemble, 5 solve, 6 integrate velocity. A loop in `solve_velocities` repeats them until the solution satisfies the assumptions of
     // the assembly. After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
     let (solver, inconsistent) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
+    // Velocities are bounded in lanes whose solution cannot be right.
     let mut outcome = bound_velocities(context, free, problem, velocity, position, solver, probe);
     // With the Runge-Kutta method, `replace_step` below replaces the solution of lanes without constraints. Their energy is not checked
     // here.
@@ -126,6 +129,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     }
     probe
         .span(Span::GuardEnergy, || limit_energy(StepContext { input, evaluation }, free, velocity, position, resolution, outcome.limited));
+    // The impulse of this step replaces that of the last step, which the stages above read.
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     outcome
 }

@@ -72,8 +72,8 @@ pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
 /// corresponds to 0.8 degrees.
 pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 
-/// Largest difference between the times at which two pairs of geoms first touch for which both touches count as simultaneous. It is a
-/// fraction of the duration of the motion.
+/// Largest time between the first touches of two pairs of geoms that still count as simultaneous, as a fraction of the duration of the
+/// motion.
 pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
 /// Ratio of a gap to the tunnelling distance of its pair above which a very fast body may close the whole gap within one step. The
@@ -83,8 +83,8 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// beginning. If another contact slows the body down, it does not reach the surface before the middle of the next step.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of the first solves in a step after which only the earliest collision of a body counts. The solve is then repeated with the pairs
-/// of these collisions as active contacts. After further solves, all pairs that collide within the step become active contacts.
+/// Number of solves of a step that take collisions in order. After each of these first solves, only the earliest collision of a body
+/// becomes an active contact. After each later solve, all pairs that collide within the step become active contacts.
 pub(crate) const ORDERED_PASSES: usize = 6;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
@@ -95,8 +95,8 @@ pub(crate) const MAX_PREDICTIONS: usize = 3;
 /// motion. Predicted impulses have an error, which is below a tenth of a fast approach.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
 
-/// Factor in the largest overlap at which a predicted collision counts as doubtful. This overlap is the factor times the residual of the
-/// prediction, m/s, times the duration of the motion, s.
+/// Ratio of two overlaps: the largest at which a predicted collision counts as doubtful, and the residual of the prediction, m/s, times the
+/// duration of the motion, s.
 ///
 /// Evidence: of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a
 /// quadruped takes 2 % longer on boxes and 6 % on a height field, with 10 up to 15 %.
@@ -112,8 +112,8 @@ pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 /// can be errors of the integration rule in smooth motion.
 pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 
-/// Largest rotation per step that the velocity change by an impact causes for which the step is solved again, rad. After larger changes,
-/// another solution would not be more accurate.
+/// Largest velocity change by an impact for which the step is solved again, as a rotation per step, rad. After larger changes, another
+/// solution would not be more accurate.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
 /// Largest rotation per step that the velocity change by predicted impulses may cause, rad. If a change causes a larger rotation and

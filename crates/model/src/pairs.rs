@@ -109,7 +109,7 @@ struct Tag {
     surface: Surface,
 }
 
-/// Contact parameters of a geom.
+/// Contact parameters of a geom, which are combined with those of the other geom of a pair.
 #[derive(Clone, Copy, Debug)]
 struct Surface {
     priority: i32,

@@ -1,7 +1,8 @@
 //! Solver of the constraint problem, which combines sweeps (Gauss-Seidel iterations) with Newton's method.
 //!
-//! First Newton's method finds a least-norm solution in lanes with redundant supports. Then some sweeps improve all lanes except those that
-//! are solved. Then Newton's method and sweeps alternate in each unsolved lane; a lane with redundant supports gets Newton's method once.
+//! First Newton's method finds a least-norm solution in newly loaded lanes: those in which redundant supports take up load for the first
+//! time. Then some sweeps improve all lanes that are not solved. Then Newton's method and sweeps alternate in each unsolved lane. In newly
+//! loaded lanes this alternation ends after Newton's first turn, because more sweeps would undo the even distribution of the load.
 
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
@@ -74,14 +75,14 @@ pub const PASSES: usize = 4;
 /// In 32 bits sweeps continue, because the result of Newton's method is rounded. With this rounded result, a cube that two fingers could
 /// hold (scene 31 of the atlas) sometimes slips.
 ///
-/// Measured on 280 problems of robots, grasps and heaps that sweeps did not solve: 50 sweeps take 1.1 to 1.5 times as long. 15 sweeps take
-/// within 5 % as long but need more Newton steps, which a lane makes alone.
+/// Measured on 280 problems of robots, grasps and heaps that sweeps did not solve. With 50 sweeps a solve takes 1.1 to 1.5 times as long.
+/// With 15 sweeps the time differs by at most 5 %, but Newton's method makes more steps, and only one lane at a time.
 const FIRST_SWEEPS: u32 = 25;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the limits in `settings` are reached.
 ///
-/// Sweeps favour the rows that they visit first; a proximal step from zero favours none. Lanes with redundant supports therefore begin with
-/// Newton's method, and sweeps improve the result.
+/// Sweeps favour the rows that they visit first; a proximal step from zero impulses favours none. Newly loaded lanes, in which redundant
+/// supports take up load for the first time, therefore begin with Newton's method.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
@@ -124,6 +125,7 @@ fn solve_system<R: Real>(
         // There sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
+    // In 32 bits, sweeps continue to their limit (see `FIRST_SWEEPS`).
     let wide = !<R::Scalar as Scalar>::IS_SINGLE;
     let first_sweeps = if newton_steps > 0 && wide { sweeps.min(FIRST_SWEEPS) } else { sweeps };
     sweep_lanes(system, iterate, SweepSettings { sweeps: first_sweeps, tolerance }, rest, &mut outcome);
@@ -134,7 +136,7 @@ fn solve_system<R: Real>(
     let search = |terms| Search { steps: newton_steps, tolerance, terms };
     let sweeps = SweepSettings { sweeps, tolerance };
     newton.solve(system, iterate, search(Terms::ConstantThenExact), left, [&mut outcome.residual, &mut outcome.newton_steps]);
-    // In newly loaded lanes, further sweeps would undo the even distribution of the load.
+    // In newly loaded lanes, more sweeps would undo the even distribution of the load.
     left = left.and_not(newly_loaded);
     let passes = match newton_steps {
         MIN_STEPS_FOR_EXACT.. => PASSES,
@@ -153,6 +155,7 @@ fn solve_system<R: Real>(
         let unsolved = left.and(outcome.residual.gt(newton_threshold));
         let terms = if pass + 1 < PASSES { Terms::Constant } else { Terms::Exact };
         newton.solve(system, iterate, search(terms), unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
+        // A pass that increases the residual is undone.
         let worse = left.and_not(outcome.residual.le(before));
         snapshot.restore(iterate, worse);
         outcome.residual = R::select(worse, before, outcome.residual);

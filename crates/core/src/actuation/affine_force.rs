@@ -1,13 +1,13 @@
-//! Affine forces of actuators, f = level + slope * length + rate * velocity. Each is split into an explicit part and an added inertia of
-//! the mass matrix.
+//! Affine forces of actuators, f = level + slope * length + rate * velocity. Each is split into an explicit part and an added inertia,
+//! which the mass matrix contains.
 
 use stepper_real::{Mask, Real};
 
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
-/// Parameters of the part of an actuator's dynamics that acts within a step, per lane. Forces and lengths are those of the actuator, as
-/// MuJoCo's `actuator_force` and `actuator_length`; the joint force is the actuator's force times `gear`.
+/// Parameters of an actuator's dynamics, the part of the actuator model that acts within a step, per lane. Forces and lengths are those of
+/// the actuator, as MuJoCo's `actuator_force` and `actuator_length`; the joint force is the actuator's force times `gear`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ActuatorDynamics<R> {
     /// Factor of the length in the force of a continuous servo, N or N m per unit of length.
@@ -26,7 +26,7 @@ pub struct ActuatorDynamics<R> {
     pub friction: R,
 }
 
-/// Force of an actuator as an affine function of its length and velocity.
+/// Force of an actuator as an affine function: level + slope * length + rate * velocity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AffineForce<R> {
     pub(crate) level: R,
@@ -69,12 +69,13 @@ impl<R: Real> AffineForce<R> {
     }
 }
 
-/// Inverse of the inertia that an actuator moves, and other properties of the joints that it drives.
+/// Inertia that an actuator moves, stored as its inverse (mobility), with other properties of the joints that the actuator drives. The
+/// mobilities of several degrees of freedom add up.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct EffectiveInertia<R> {
     /// Mobility: inverse of the inertia along the actuator's moment, 1/kg or 1/(kg m^2). Moment arms include the actuator's `gear`.
     pub(super) mobility: R,
-    /// Rate at which joint damping slows the actuator down, 1/s: damping divided by inertia.
+    /// Rate at which joint damping slows the actuator down, 1/s: damping of the joint divided by its inertia.
     pub(super) damping_rate: R,
     /// Estimated change of the actuator's velocity by the constraint impulses of the last step. The estimate neglects the coupling of
     /// joints.
@@ -82,8 +83,9 @@ pub(crate) struct EffectiveInertia<R> {
 }
 
 impl<R: Real> EffectiveInertia<R> {
-    /// Effective inertia with one more degree of freedom, whose moment arm is `arm`. `damping_rate` is a sum here; the caller divides it by
-    /// the mobility to get a weighted mean.
+    /// Effective inertia with one more degree of freedom: its moment arm, inertia, damping, and the constraint impulse on it.
+    ///
+    /// `damping_rate` is a sum here, weighted by mobilities. The caller divides it by the total mobility to get a mean.
     #[inline(always)]
     pub(super) fn with(self, arm: R, [inertia, impulse]: [R; 2], damping: R) -> Self {
         let inverse = inertia.recip();
@@ -121,14 +123,14 @@ pub(crate) fn exceeds_range<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R::
     range.map_or(R::Mask::splat(false), |range| outside(x, range))
 }
 
-/// Lanes in which `x` is outside the range, ends excluded.
+/// Lanes in which `x` is below the lower or above the upper end of the range. A number at an end is not outside.
 #[inline(always)]
 pub(crate) fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
     let [lo, hi] = splat(range);
     x.lt(lo).or(x.gt(hi))
 }
 
-/// Lanes in which `x` is at an end of the range or outside.
+/// Lanes in which `x` is at an end of the range, or outside of it.
 #[inline(always)]
 pub(crate) fn reaches<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
     let [lo, hi] = splat(range);

@@ -10,8 +10,8 @@ use crate::dynamics::implicit_weights::ImplicitWeights;
 /// motor.
 ///
 /// The force is `f = clamp(clamp(affine, limits), +-stall - drag v)`. It is piecewise affine in the motion. The active bound selects the
-/// affine piece, which the step treats implicitly. The step finds the active bound by semismooth Newton iterations: it solves with the
-/// assumed active bound, and then assumes that of the solution (Qi & Sun 1993).
+/// affine piece, which the step treats implicitly. The step finds the active bound by semismooth Newton iterations (Qi & Sun 1993). It
+/// solves with an assumed active bound, and then assumes the active bound of the solution.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoundedForce<R: Real> {
     /// Explicit part and added inertia of the affine force, before clamping.
@@ -46,16 +46,16 @@ impl<R: Real> BoundedForce<R> {
     /// Sets the active bound with which the force enters the step's first guess of the velocity change.
     ///
     /// A force without added inertia gets the active bound at the velocity before the step; any other force gets none. With the resulting
-    /// forces, [`ActuatorForces::guess_active_bounds`] guesses the velocity change in the step. It then replaces this active bound by that
-    /// at the guessed velocity.
+    /// forces, [`ActuatorForces::guess_active_bounds`] guesses the velocity change in the step. It then sets the active bound at the
+    /// guessed velocity.
     ///
     /// [`ActuatorForces::guess_active_bounds`]: crate::actuation::forces::ActuatorForces::guess_active_bounds
     #[inline(always)]
-    pub(super) fn guess_active_bound(&mut self, compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
+    pub(super) fn guess_active_bound(&mut self, dynamics: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
         let never = R::Mask::splat(false);
         (self.at_limit, self.on_curve, self.at_upper) = (never, never, never);
         let is_explicit = self.affine.1.eq(R::zero());
-        let [at_limit, curve, upper] = active_bound(compiled, numbers, self.affine.0, self.before);
+        let [at_limit, curve, upper] = active_bound(dynamics, numbers, self.affine.0, self.before);
         (self.at_limit, self.on_curve, self.at_upper) = (at_limit.and(is_explicit), curve.and(is_explicit), upper.and(is_explicit));
     }
 
@@ -64,13 +64,14 @@ impl<R: Real> BoundedForce<R> {
     #[inline(always)]
     pub(super) fn update_active_bound(
         &mut self,
-        compiled: &CompiledActuatorDynamics<R::Scalar>,
+        dynamics: &CompiledActuatorDynamics<R::Scalar>,
         numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
         acceleration: R,
     ) -> R::Mask {
         let [at_limit, curve, upper] =
-            active_bound(compiled, numbers, self.affine.0 - self.affine.1 * acceleration, self.before + weights.damping * acceleration);
+            active_bound(dynamics, numbers, self.affine.0 - self.affine.1 * acceleration, self.before + weights.damping * acceleration);
+        // Lanes in which two masks have the same bit.
         let same = |a: R::Mask, b: R::Mask| a.and(b).or(a.or(b).not());
         let changed = same(at_limit, self.at_limit).and(same(curve, self.on_curve)).and(same(upper, self.at_upper)).not();
         (self.at_limit, self.on_curve, self.at_upper) = (at_limit, curve, upper);
@@ -118,7 +119,7 @@ impl<R: Real> BoundedForce<R> {
 /// bound.
 #[inline(always)]
 fn active_bound<R: Real>(
-    compiled: &CompiledActuatorDynamics<R::Scalar>,
+    dynamics: &CompiledActuatorDynamics<R::Scalar>,
     numbers: &ActuatorDynamics<R>,
     force: R,
     velocity: R,
@@ -126,13 +127,13 @@ fn active_bound<R: Real>(
     let never = R::Mask::splat(false);
     let ([low, high], mut requested) = (numbers.limits, force);
     let (mut at_limit, mut upper) = (never, never);
-    if compiled.limited {
+    if dynamics.limited {
         upper = force.gt(high);
         at_limit = force.lt(low).or(upper);
         requested = R::select(at_limit, force.clamp(low, high), force);
     }
     let mut curve = never;
-    if compiled.motor.is_some() {
+    if dynamics.motor.is_some() {
         let loss = numbers.drag * velocity;
         let (above, below) = (requested.gt(numbers.stall - loss), requested.lt(-numbers.stall - loss));
         curve = above.or(below);
@@ -145,24 +146,24 @@ fn active_bound<R: Real>(
 /// Lanes in which a force limit or the torque-speed curve reduces the force at a velocity.
 #[inline(always)]
 pub(crate) fn exceeds_limits<R: Real>(
-    compiled: &CompiledActuatorDynamics<R::Scalar>,
+    dynamics: &CompiledActuatorDynamics<R::Scalar>,
     numbers: &ActuatorDynamics<R>,
     force: R,
     velocity: R,
 ) -> R::Mask {
-    let [at_limit, curve, _] = active_bound(compiled, numbers, force, velocity);
+    let [at_limit, curve, _] = active_bound(dynamics, numbers, force, velocity);
     at_limit.or(curve)
 }
 
 /// Force of an actuator, clamped to its limits and to the torque-speed curve of its motor.
 #[inline(always)]
 pub(crate) fn clamp_to_limits<R: Real>(
-    compiled: &CompiledActuatorDynamics<R::Scalar>,
+    dynamics: &CompiledActuatorDynamics<R::Scalar>,
     numbers: &ActuatorDynamics<R>,
     force: R,
     velocity: R,
 ) -> R {
-    let [at_limit, curve, upper] = active_bound(compiled, numbers, force, velocity);
+    let [at_limit, curve, upper] = active_bound(dynamics, numbers, force, velocity);
     let limit = R::select(upper, numbers.limits[1], numbers.limits[0]);
     let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.drag * velocity;
     R::select(curve, edge, R::select(at_limit, limit, force))

@@ -33,9 +33,12 @@
 //! or the torque-speed curve of its motor. With none, the servo contributes e and w. At a bound of its force it contributes that bound,
 //! without added inertia. On its curve a motor contributes its stall torque, and its back-EMF as a damper.
 //!
-//! The mass matrix depends on the active bounds, so that a step must assume them before it factors the matrix. It takes them from a guess
-//! of dv, for which it takes the mass matrix as diagonal. Later the step has a better dv: first the predicted one, then that of the
-//! solution. A trial computes the forces and active bounds at such a dv. They may differ from the assumed ones:
+//! A bounded sum is the sum of all actuator forces on a degree of freedom with MuJoCo's `actuatorfrcrange`. While it is at a bound, its
+//! servos contribute constant forces without added inertia.
+//!
+//! The mass matrix depends on the active bounds, so that a step must assume them before it factors the matrix. It derives them from a guess
+//! of dv, in which the mass matrix counts as diagonal. Later the step has a better dv: first the predicted one, then that of the solution.
+//! A trial computes the forces and active bounds at such a dv. They may differ from the assumed ones:
 //!
 //! * A servo is stiff if its added inertia is at least the inertia that it moves. If the solution gives a stiff servo another active bound,
 //!   the step assumes the new bound and solves again (`solve_velocities`).
@@ -62,14 +65,14 @@ pub struct Implicit<'a, R: Real> {
     pub weights: ImplicitWeights<R>,
     /// Added inertia of each servo along its moment, kg m^2 or kg. Empty if servos are explicit.
     pub servos: &'a [R],
-    /// Moment arms of the actuators on sites.
+    /// Moment arms of the actuators on sites, which depend on the configuration.
     pub arms: &'a [R],
     /// Velocity before the step, at which the fluid drag is linearised. `None` if drag is explicit.
     pub drag_at: Option<&'a [R]>,
 }
 
 impl<R: Real> Implicit<'_, R> {
-    /// Implicit terms for the mass matrix without a step: none.
+    /// No implicit terms, for a mass matrix that is no part of a step.
     pub fn none() -> Self {
         let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
         Self { weights, servos: &[], arms: &[], drag_at: None }
@@ -90,7 +93,7 @@ pub struct ImplicitServos<R> {
 }
 
 impl<R: Real> ImplicitServos<R> {
-    /// Whether the servo of the actuator is implicit.
+    /// Whether the force of the servo `actuator` is implicit.
     #[inline(always)]
     fn includes(&self, actuator: &CompiledActuator<R::Scalar>) -> bool {
         self.all || actuator.dynamics.is_some()
@@ -110,7 +113,7 @@ pub struct ForceState<'a, R: Real> {
     pub act: &'a [R],
     /// Controls after the actuator pipelines (delay, lag ...), nu.
     pub ctrl: &'a [R],
-    /// Actuator dynamics that act within a step.
+    /// Parameters of the actuator dynamics.
     pub actuator_dynamics: &'a [ActuatorDynamics<R>],
 }
 
@@ -126,14 +129,15 @@ impl<'a, R: Real> ForceState<'a, R> {
 pub struct ActuatorForces<R: Real> {
     /// Generalized forces of actuators and springs, N or N m. They exclude implicit parts, and joint damping, which stage 2 adds.
     pub tau: Vec<R>,
-    /// Generalized forces of actuators without springs, within the force ranges of joints, N or N m. Computed only with explicit servos.
+    /// Generalized forces of the actuators alone (no springs), clamped to the force ranges of joints, N or N m. Computed only with explicit
+    /// servos.
     pub joint: Vec<R>,
     /// Force of every actuator, N or N m: only the explicit part of an implicit force, otherwise the whole force.
     pub force: Vec<R>,
     /// Added inertia of each servo, kg m^2 or kg; zero for an explicit force or a force at a bound.
     pub added_inertia: Vec<R>,
-    /// Inertia that each servo moves. It is computed only for the midpoint rule and for models with bounded servos; otherwise its mobility
-    /// is zero.
+    /// Inertia that each servo moves. It is computed only for the midpoint rule and for models with bounded servos. Otherwise its inverse,
+    /// the field `mobility`, is zero.
     pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,
     /// Lanes in which the step assumes that a servo is at a bound of its `force_range`.
     assumed_saturated: Vec<R::Mask>,
@@ -144,8 +148,7 @@ pub struct ActuatorForces<R: Real> {
     fixed_force: Vec<R>,
     /// Lanes in which each servo is stiff: its added inertia is at least [`STIFF_SERVO`] times the inertia that the servo moves.
     stiff: Vec<R::Mask>,
-    /// Lanes in which the step assumes that a bounded sum is at its bound: the sum of all actuator forces on a degree of freedom with
-    /// `actuatorfrcrange`. There is one mask per bounded sum.
+    /// Lanes in which the step assumes that a bounded sum is at a bound. There is one mask per bounded sum.
     assumed_sum_saturated: Vec<R::Mask>,
     /// Explicit part and added inertia of every servo before clamping to its `force_range`. Empty in models without bounded servos.
     pub(crate) unclamped: Vec<[R; 2]>,
@@ -154,20 +157,20 @@ pub struct ActuatorForces<R: Real> {
     /// Lanes in which the force of an actuator is outside its bounds. Stage 1 sets them for explicit forces, and a trial for implicit
     /// forces.
     pub(crate) found_saturated: Vec<R::Mask>,
-    /// Lanes in which each bounded sum is outside its bounds. For sums with an implicit servo, a trial
-    /// sets these lanes. Before the first trial they are the lanes that stage 1 assumed.
+    /// Lanes in which each bounded sum is outside its bounds. For sums with an implicit servo, a trial sets these lanes. Before the first
+    /// trial they are the lanes that stage 1 assumed.
     found_sum_saturated: Vec<R::Mask>,
     /// Moment arms of all actuators on sites.
     pub arms: Vec<R>,
     /// Lengths of all actuators on sites.
     pub(crate) lengths: Vec<R>,
-    /// Force of each actuator dynamics, with the active bound that the step assumes.
+    /// Force of each actuator with dynamics, with the active bound that the step assumes.
     pub(super) bounded_forces: Vec<BoundedForce<R>>,
-    /// Force of each actuator dynamics, with the active bound in the last trial.
+    /// Force of each actuator with dynamics, with the active bound in the last trial.
     trial_bounded_forces: Vec<BoundedForce<R>>,
     /// Whether the active bounds of this step have not been guessed yet.
     pub(crate) active_bounds_unknown: bool,
-    /// Friction losses of actuator dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
+    /// Friction losses of actuators with dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
 }
 
@@ -276,22 +279,23 @@ impl<R: Real> ActuatorForces<R> {
         servo: usize,
         affine: &AffineForce<R>,
         motion: &Motion<R>,
-        compiled: &CompiledActuatorDynamics<R::Scalar>,
+        dynamics: &CompiledActuatorDynamics<R::Scalar>,
         numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
     ) {
-        let (effective_inertia, bounded_force) = (self.effective_inertias[servo], &mut self.bounded_forces[compiled.index]);
+        let (effective_inertia, bounded_force) = (self.effective_inertias[servo], &mut self.bounded_forces[dynamics.index]);
         bounded_force.set_affine_force(
             affine.explicit_part_and_added_inertia(motion, effective_inertia, weights),
             motion.before,
             effective_inertia,
         );
         if self.active_bounds_unknown {
-            bounded_force.guess_active_bound(compiled, numbers);
+            bounded_force.guess_active_bound(dynamics, numbers);
         }
         let (force, added_inertia) = bounded_force.force(numbers, weights);
         let max_added_inertia = bounded_force.max_added_inertia(numbers, weights);
         self.set_servo(actuator, servo, force, added_inertia);
+        // `set_servo` compares the added inertia of the assumed bound only. The servo is stiff if that of any bound is large.
         self.stiff[servo] = (max_added_inertia * effective_inertia.mobility).ge(R::of(STIFF_SERVO));
     }
 
@@ -342,6 +346,7 @@ impl<R: Real> ActuatorForces<R> {
     /// Sums the forces of all actuators on every degree of freedom into `tau`, and clamps the sums to the force ranges of joints.
     #[inline(always)]
     pub(crate) fn sum_forces(&mut self, compiled: &LaneModel<R>, implicit: Option<ImplicitServos<R>>) {
+        // `actuate` has guessed the active bounds before it calls this function.
         self.active_bounds_unknown = false;
         self.tau.fill(R::zero());
         for (actuator, &force) in compiled.actuators.iter().zip(&self.force) {
@@ -371,10 +376,10 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Explicit part of a bounded sum of actuator forces, N or N m. `sum` is the sum of their explicit parts.
+    /// Explicit part of a bounded sum of actuator forces, N or N m. `sum` is the sum of the explicit parts of the forces.
     ///
-    /// In lanes without a stiff servo, the whole sum is clamped at the predicted velocity. In lanes with one the result is `assumed`, the
-    /// sum with the assumed active bound.
+    /// In lanes without a stiff servo, the whole sum is clamped at the predicted velocity. In lanes with a stiff servo the result is
+    /// `assumed`, the sum with the assumed active bound.
     #[inline(always)]
     fn clamp_sum_at_predicted_velocity(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, assumed]: [R; 2]) -> R {
         let (mut stiff, mut expected) = (R::Mask::splat(false), R::zero());
@@ -398,7 +403,7 @@ impl<R: Real> ActuatorForces<R> {
         saturated.or(lanes_of_sums(compiled, &self.found_sum_saturated, actuator))
     }
 
-    /// Lanes in which the force of an actuator, or the sum of forces on its joint, is at a bound or outside.
+    /// Lanes in which the force of an actuator, or the bounded sum that contains it, is at a bound or outside of its bounds.
     ///
     /// As in MuJoCo, the derivative of such a force is zero. The caller must have computed the explicit forces.
     #[inline(always)]
@@ -488,9 +493,11 @@ impl<R: Real> ActuatorForces<R> {
     ) -> R::Mask {
         let mut changed = R::Mask::splat(self.active_bounds_unknown);
         let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
+        // The loop replaces the forces of servos by their trial forces. Other actuators keep the force of stage 1.
         self.trial_force.copy_from_slice(&self.force);
         for (k, servo) in compiled.servos.iter().enumerate() {
             let (actuator, dv) = (&compiled.actuators[servo.actuator], dv_of(self, k));
+            // Lanes in which a change of this servo's active bound requires a new solve.
             let counts = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
             let trial = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv));
             let mut force = trial.force;
@@ -525,6 +532,7 @@ impl<R: Real> ActuatorForces<R> {
         if !may_change {
             return changed;
         }
+        // In lanes without a change, all assumptions stay, so that the lane gets the same bits as if it were alone.
         let update = |assumed: R::Mask, found: R::Mask| found.and(changed).or(assumed.and_not(changed));
         for (assumed, &found) in self.assumed_sum_saturated.iter_mut().zip(&self.found_sum_saturated) {
             *assumed = update(*assumed, found);
@@ -538,7 +546,6 @@ impl<R: Real> ActuatorForces<R> {
                 self.assumed_saturated[k] = update(self.assumed_saturated[k], self.found_saturated[a]);
             }
             let fixed = self.assumed_saturated[k].or(lanes_of_sums(compiled, &self.assumed_sum_saturated, a));
-            // This assigns all lanes; without a change of active bounds the value is the old one.
             self.fixed[k] = fixed;
             self.fixed_force[k] = R::select(changed, self.trial_force[a], self.fixed_force[k]);
             self.force[a] = R::select(changed, R::select(fixed, self.fixed_force[k], force), self.force[a]);
@@ -570,7 +577,7 @@ impl<R: Real> ActuatorForces<R> {
 /// Result of a servo's trial: its whole force at a candidate velocity change, with the active bound there.
 #[derive(Clone, Copy, Debug)]
 struct ServoForce<R: Real> {
-    /// Index of the servo's actuator dynamics, and their force with the updated active bound; `None` without dynamics.
+    /// Index of the actuator dynamics of the servo, and the force with the updated active bound; `None` without dynamics.
     bounded_force: Option<(usize, BoundedForce<R>)>,
     /// Lanes in which the active bound of the actuator dynamics changed.
     changed: R::Mask,

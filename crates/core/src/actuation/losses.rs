@@ -13,8 +13,8 @@ impl<R: Real> ActuatorForces<R> {
     /// `expected` has the implicit servos and the free acceleration. With it, a model with bounded servos uses the forces that servos are
     /// expected to have at the end of the step instead of `self.force`.
     ///
-    /// A gear with efficiency e delivers e f to the load, and needs f / e if the load drives it. Against motion along f it loses (1 - e)
-    /// |f|, against the opposite motion (1/e - 1) |f|. At rest its friction is anything in between.
+    /// A gear with efficiency e delivers e f to the load, and needs f / e if the load drives it. The friction is (1 - e) |f| in motion
+    /// along f, and (1/e - 1) |f| in motion against f. At rest it is anything in between.
     pub(crate) fn dissipate(
         &mut self,
         compiled: &LaneModel<R>,

@@ -1,4 +1,4 @@
-//! Actuator dynamics: from a control to a force.
+//! Actuator models: from a control to a force.
 //!
 //! ```text
 //! control -> range -> delay -> servo (sampled and held, or continuous) -> lag -> affine force -> limits -> torque-speed curve

@@ -1,6 +1,8 @@
 //! Actuator pipelines: before every step they convert the user's controls to those of the step. A pipeline has up to three parts in this
 //! order: delay, servo, and first-order lag. Motor, force limits and friction act within the step instead (`actuation/force_limits.rs`,
 //! `actuation/losses.rs`).
+//!
+//! The output of a servo is called its effort. It is a force, or the fraction of the voltage of a motor with voltage control.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -10,7 +12,7 @@ use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::ActuatorSpec;
 
-/// Parameter of an actuator pipeline, which may differ between environments. The variants have the order of the parameter table.
+/// Parameter of an actuator model, which may differ between environments. The variants have the order of the rows in the parameter table.
 #[derive(Clone, Copy)]
 enum Parameter {
     /// Delay of the control, in steps.
@@ -27,8 +29,8 @@ enum Parameter {
     Kd,
     IntegralLimit,
     Period,
-    /// Lower bound of a servo's effort (a force, or the fraction of a motor's voltage), below which its integral does not decrease.
-    /// `MaxEffort` is the upper bound.
+    /// Lower bound of a servo's effort. While the effort is below it, the servo's integral does not decrease. `MaxEffort` is the upper
+    /// bound.
     MinEffort,
     MaxEffort,
     Stall,
@@ -47,7 +49,7 @@ enum Servo {
     Sampled,
 }
 
-/// Pipeline of one actuator: its stages, and the addresses of its stored values and parameters.
+/// Pipeline of one actuator: its parts, and the addresses of its stored values and parameters.
 #[derive(Clone, Debug)]
 struct ActuatorPipeline {
     actuator: usize,
@@ -59,7 +61,7 @@ struct ActuatorPipeline {
     delay: Option<(usize, f64)>,
     /// Address of the pipeline's stored values in the memory: delay line, output and input of the lag, integral, phase, held sample.
     memory: usize,
-    /// Index of the pipeline's delay line.
+    /// Index of the pipeline's delay line among all delay lines.
     line_index: usize,
     /// Address of the pipeline's parameters in the table.
     table: usize,
@@ -69,7 +71,7 @@ struct ActuatorPipeline {
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
     pipelines: Vec<ActuatorPipeline>,
-    /// Parameters of every pipeline. Each group of lanes has one lane-interleaved table.
+    /// Parameters of every pipeline. Each group of lanes has one table, in which a parameter has one value per lane.
     tables: Vec<Vec<S>>,
     lanes: usize,
     num_envs: usize,
@@ -105,7 +107,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         all
     }
 
-    /// Position of each delay line in the stored values, with its number of samples of one value each.
+    /// Position of each delay line in the stored values, and number of its samples, each of which has one value.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.pipelines.iter().filter(|c| c.delay_samples > 0).map(|c| DelayLine { at: c.memory, samples: c.delay_samples, width: 1 })
     }
@@ -142,8 +144,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the parameters of the actuator dynamics that act within a step. The gains of a lagged continuous servo, which change during a
-    /// step, are those at its end; [`Self::advance`] replaces them by their means.
+    /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`. The gains of a lagged continuous servo change
+    /// during a step. Those at its end are loaded, and [`Self::advance`] replaces them by their means.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
@@ -190,7 +192,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     }
 
     /// Advances the pipelines at the beginning of a step, whose state is (q, v). Converts the user's controls `given` to the step's
-    /// controls and to the numbers of actuator dynamics that depend on them.
+    /// controls. Also sets the gains of lagged continuous servos to their means over the step.
     ///
     /// If any control of a lane is not finite, the pipelines of the lane store nothing. The lane's outputs become NaN, so that its step is
     /// rejected.
@@ -213,6 +215,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 for &u in given {
                     valid = valid.and(u.is_finite());
                 }
+                // Lanes that get their first control since a reset. It fills their delay lines and lags.
                 let start = valid.and(R::Mask::from_bits(memory.waiting));
                 memory.waiting &= !valid.bits();
                 ctrl.copy_from_slice(given);
@@ -255,6 +258,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     let table = &self.tables[group][pipeline.table * R::LANES..];
                     let effort: R = get(&memory.numbers, pipeline.lag_at());
                     ctrl[pipeline.actuator] = effort;
+                    // With a continuous servo, the stored output of the lag is that at the beginning of the step.
                     if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
                         let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
                         ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
@@ -356,7 +360,8 @@ impl ActuatorPipeline {
         self.lag_at() + 2 * usize::from(self.lagged)
     }
 
-    /// Sets the gains of a continuous servo. Its lag multiplies them by one minus the remaining fraction, which is the parameter `left`.
+    /// Sets the gains of a continuous servo. A lag multiplies them by one minus the parameter `left`, the fraction that remains
+    /// ([`Parameter::Decay`]).
     #[inline(always)]
     fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Parameter, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
@@ -400,8 +405,8 @@ impl ActuatorPipeline {
 
     /// Effort of a servo for the setpoint `u`.
     ///
-    /// The effort of a sampled servo is constant between samples. For a continuous servo the result is only the part that does not depend
-    /// on the motion; stage 1 adds the other part within the step.
+    /// The effort of a sampled servo is constant between samples. For a continuous servo the result excludes the part that depends on the
+    /// motion within this step; stage 1 adds this part.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     fn follow<R: Real>(
@@ -417,6 +422,7 @@ impl ActuatorPipeline {
     ) -> R {
         let number = |n: Parameter| get::<R>(table, n as usize);
         let at = self.integral_at();
+        // Lanes in which the servo computes a new effort.
         let mut due = valid;
         if servo == Servo::Sampled {
             let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Parameter::Period));
@@ -433,9 +439,9 @@ impl ActuatorPipeline {
         let (error, kp, most) = (u - length, number(Parameter::Kp), number(Parameter::IntegralLimit));
         let before = R::select(start, R::zero(), get(numbers, at));
         let after = (before + number(Parameter::Ki) * error).clamp(-most, most);
-        let rest = kp * error - number(Parameter::Kd) * velocity;
+        let without_integral = kp * error - number(Parameter::Kd) * velocity;
         // Conditional integration (Astrom & Hagglund 2006, section 3.5): the integral does not grow while the effort is beyond its bounds.
-        let effort = rest + after;
+        let effort = without_integral + after;
         let winds_up =
             effort.gt(number(Parameter::MaxEffort)).and(after.gt(before)).or(effort.lt(number(Parameter::MinEffort)).and(after.lt(before)));
         let integral = R::select(winds_up, before, after);
@@ -443,7 +449,7 @@ impl ActuatorPipeline {
         if servo == Servo::Continuous {
             return kp * u + integral;
         }
-        put(numbers, at + 2, due, bounded(rest + integral, [number(Parameter::MinEffort), number(Parameter::MaxEffort)]));
+        put(numbers, at + 2, due, bounded(without_integral + integral, [number(Parameter::MinEffort), number(Parameter::MaxEffort)]));
         get(numbers, at + 2)
     }
 
@@ -467,6 +473,7 @@ impl ActuatorPipeline {
         let effort = get::<R>(numbers, at);
         if self.servo == Servo::Continuous {
             let [length, velocity] = motion(actuator, state);
+            // Part of the effort that depends on the motion. `u`, and the stored input of the last step, exclude it.
             let pull = get::<R>(table, Parameter::Kp as usize) * length + get::<R>(table, Parameter::Kd as usize) * velocity;
             let bounds = [get::<R>(table, Parameter::MinEffort as usize), get(table, Parameter::MaxEffort as usize)];
             let goal = bounded(R::select(start, u, get(numbers, at + 1)) - pull, bounds);

@@ -51,7 +51,8 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let mut found: Vec<Overlap> = Vec::new();
     for k in 0..contacts.count[0] {
         let depth = -contacts.data[k].point.distance;
-        let geoms = compiled.pair_geoms(contacts.ids[k][0].pair()).expect("made from this compiled").map(|g| compiled.geoms[g].index);
+        let geoms =
+            compiled.pair_geoms(contacts.ids[k][0].pair()).expect("a pair index of this compiled model").map(|g| compiled.geoms[g].index);
         match found.iter_mut().find(|o| o.geoms == geoms) {
             Some(known) => known.depth = known.depth.max(depth),
             None => found.push(Overlap { geoms, depth }),

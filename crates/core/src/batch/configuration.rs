@@ -22,14 +22,15 @@ pub trait Configuration {
     /// # Errors
     /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
-    /// Sets the actuator dynamics, one entry for every actuator. `None` gives an actuator no dynamics. Resets all environments.
+    /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. Resets all environments.
     ///
-    /// [`ActuatorSpec::fold`] makes both: it moves delays and force limits of actuators from the model into the dynamics.
+    /// The caller gets both arguments from [`ActuatorSpec::fold`], which moves delays and force limits of actuators from the model to the
+    /// specs.
     ///
     /// # Errors
     /// [`Error::Memory`].
     fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error>;
-    /// Sets the parameters of the actuator dynamics in the environments `envs`. `None` does not change an actuator.
+    /// Sets new parameters of actuator models in the environments `envs`. `None` does not change an actuator.
     ///
     /// Each list of a spec has one number for all of `envs`, or one number for each of them.
     fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]);
@@ -37,7 +38,7 @@ pub trait Configuration {
     fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]);
     /// Restores the model's parameters in all environments.
     fn clear_overrides(&mut self);
-    /// Memory of per-environment parameters, including those of actuator dynamics, bytes.
+    /// Memory of per-environment parameters, including those of actuator models, bytes.
     fn parameter_bytes(&self) -> usize;
 }
 
@@ -55,6 +56,7 @@ impl<S: LaneScalar> Configuration for Batch<S> {
         let errors = Errors::new(model, transfers, self.num_envs, self.lanes, self.settings.timestep)?;
         let readings = if errors.is_empty() { 0 } else { self.compiled.sensing.width };
         check_memory(self.num_envs, (errors.memory + readings) * size_of::<S>() + 3 * errors.lines * size_of::<usize>())?;
+        // The workspace of an idle worker fits the previous sensor models only.
         self.workers.idle_workers().clear();
         for group in &mut self.groups {
             group.sensing.with_errors(errors.memory, errors.lines, readings);
@@ -66,9 +68,10 @@ impl<S: LaneScalar> Configuration for Batch<S> {
 
     fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
         let (compiled, h) = (compile(model, specs, &self.settings), self.settings.timestep);
-        let some = ActuatorPipelines::<S>::new(specs, self.lanes.min(self.num_envs), self.lanes, h);
-        let numbers = (some.memory + model.nu()) * size_of::<S>() + some.lines * size_of::<usize>();
-        check_memory(self.num_envs, bytes_per_env(&compiled, self.max_contacts) + numbers + some.bytes().div_ceil(self.lanes))?;
+        // The pipelines of a single group give the memory per environment, before anything is allocated for all of them.
+        let of_group = ActuatorPipelines::<S>::new(specs, self.lanes.min(self.num_envs), self.lanes, h);
+        let stored = (of_group.memory + model.nu()) * size_of::<S>() + of_group.lines * size_of::<usize>();
+        check_memory(self.num_envs, bytes_per_env(&compiled, self.max_contacts) + stored + of_group.bytes().div_ceil(self.lanes))?;
         self.compiled = compiled;
         self.workers.idle_workers().clear();
         self.groups = make_groups(model, &self.compiled, self.num_envs, self.lanes, self.max_contacts);

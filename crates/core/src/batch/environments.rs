@@ -234,7 +234,7 @@ impl<S: LaneScalar> Environments for Batch<S> {
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {
         let (group, lane) = self.lane(env);
         let geoms = |c: StoredContact| {
-            self.compiled.pair_geoms(c.id.pair()).expect("made from this compiled model").map(|g| self.compiled.geoms[g].index)
+            self.compiled.pair_geoms(c.id.pair()).expect("a pair index of this compiled model").map(|g| self.compiled.geoms[g].index)
         };
         group.contacts(lane).map(|c| (geoms(c), c)).collect()
     }

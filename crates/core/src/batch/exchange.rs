@@ -8,11 +8,12 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 
+/// Copies the state after the steps of a call from the workspace to the group.
 pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            // Single calls. A loop over an array of (source, target) pairs would copy the references through memory.
+            // There is one call per field. A loop over an array of (source, target) pairs would copy the references through memory.
             R::store_all(&s.state.q, &mut group.q);
             R::store_all(&s.state.v, &mut group.v);
             R::store_all(&s.state.act, &mut group.act);
@@ -41,6 +42,7 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
     )
 }
 
+/// Copies the state of a group to the workspace.
 pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     load_motion(group, s);
     R::vectorize(
@@ -119,6 +121,7 @@ fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R:
 pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
     let row = call.inputs.ctrl.len() / call.schedule.controls;
     let used = (call.num_envs - first).min(R::LANES);
+    // With actuator pipelines, stage 1 computes `inputs.ctrl` from the user's controls in every step.
     let out = if call.pipelines.is_some() { &mut s.user_controls } else { &mut s.inputs.ctrl };
     gather(&call.inputs.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }

@@ -2,8 +2,8 @@
 //!
 //! Two types store them. [`Randomization`] has the fields of the model that the user set, for example `geom_friction`.
 //! [`ParameterOverrides`] has the parameters of the compiled model that differ as a result, for example the friction of a pair. To get from
-//! the first to the second, `differences` makes a variant of the model for each environment and compiles its parameters. A step reads only
-//! the second.
+//! the fields to the overrides, [`Randomization::differences`] makes a variant of the model for each environment, and computes its
+//! parameters. A step reads only the overrides.
 
 use std::collections::BTreeMap;
 
@@ -21,8 +21,8 @@ pub struct Randomization {
     fields: BTreeMap<&'static str, Vec<f64>>,
 }
 
-/// Assignment of one field: name and rows of values, one row per environment of the batch. Only the rows of the chosen environments are
-/// read. `None` restores the model's values.
+/// Assignment of one field in some environments: name, and rows of values. There is one row per environment of the batch; the rows of other
+/// environments are not read. `None` restores the model's values.
 pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
 
 impl Randomization {
@@ -41,17 +41,16 @@ impl Randomization {
         self.fields.values().map(|values| size_of_val(&values[..])).sum()
     }
 
-    /// Whether no field has per-environment values after the assignments `assigned`. `all` is true if the assignments are for all
+    /// Whether no field will have per-environment values after the assignments `assigned`. `all` is true if the assignments are for all
     /// environments.
     pub fn leaves_no_fields(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
         let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// Differences of parameters from the compiled model, for each of the environments `envs`, after an assignment of the fields `assigned`
-    /// to them.
+    /// Parameters that will differ from the compiled model's after the assignments `assigned`, for each of the environments `envs`.
     ///
-    /// `with_dynamics` returns a variant to which the actuator models were applied; `None` if there are none.
+    /// `with_actuator_models` applies the actuator models to a variant of the model; `None` if there are none.
     ///
     /// # Errors
     /// [`ModelError`] of the first environment whose model is invalid or has another structure.
@@ -59,7 +58,7 @@ impl Randomization {
         &self,
         model: &Model,
         compiled: &LaneModel<f64>,
-        with_dynamics: Option<&dyn Fn(&Model) -> Model>,
+        with_actuator_models: Option<&dyn Fn(&Model) -> Model>,
         assigned: &[Assignment<'_>],
         envs: &[usize],
     ) -> Result<Vec<Differences>, ModelError> {
@@ -67,15 +66,14 @@ impl Randomization {
         rows.extend(assigned.iter().copied());
         let mut variants = Variants::new(model, rows.keys().copied())?;
         let shared: Vec<Vec<f64>> = rows.keys().map(|name| numbers(model, name)).collect();
-        let differences = |&env: &usize| {
+        let of_env = |&env: &usize| {
             let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map(|all| row(all, env, shared.len())));
             let values: Vec<Option<&[f64]>> = values.collect();
             let variant = variants.with(&values, &shared).map_err(|e| e.of(&format!("environment {env}")))?;
-            let numbers =
-                with_dynamics.map_or_else(|| compiled.params_of(variant), |with_dynamics| compiled.params_of(&with_dynamics(variant)));
+            let numbers = with_actuator_models.map_or_else(|| compiled.params_of(variant), |apply| compiled.params_of(&apply(variant)));
             Ok(differ(&numbers, &compiled.params))
         };
-        envs.iter().map(differences).collect()
+        envs.iter().map(of_env).collect()
     }
 
     /// Stores the fields `assigned` for the environments `envs`.
@@ -96,6 +94,7 @@ impl Randomization {
     }
 }
 
+/// All values of a field of the model.
 fn numbers(model: &Model, name: &str) -> Vec<f64> {
     model.field(name).expect("a field of the model").1
 }
@@ -104,6 +103,7 @@ fn row(all: &[f64], env: usize, width: usize) -> &[f64] {
     &all[env * width..(env + 1) * width]
 }
 
+/// Values of `changed` whose bits differ from those of `shared`, with their indices.
 fn differ(changed: &Params<f64>, shared: &Params<f64>) -> Differences {
     let both = (0..).zip(changed.numbers().iter().zip(shared.numbers()));
     both.filter(|(_, (changed, shared))| changed.to_bits() != shared.to_bits()).map(|(index, (&changed, _))| (index, changed)).collect()
@@ -136,8 +136,8 @@ impl<S: Scalar> ParameterOverrides<S> {
         }
     }
 
-    /// Adds to the overrides the parameters of `differences` that are not overridden yet. Environments without a difference get the shared
-    /// value.
+    /// Begins to override the parameters of `differences` that are not overridden yet. At first they have the shared value in all
+    /// environments.
     fn add_indices(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut indices: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.indices.iter().copied()).collect();
         indices.sort_unstable();

@@ -74,7 +74,7 @@ pub trait BatchCalls {
     fn threads(&self) -> usize;
     /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more than it gains.
     fn is_brief(&self, nstep: usize) -> bool;
-    /// Calls `callback` during the allocation of the workspace of one additional worker, to measure its memory.
+    /// Calls `callback` while one additional worker exists, so that the caller can measure the memory of a worker.
     fn with_worker(&self, callback: &mut dyn FnMut());
     /// Sets the functions that create workers.
     #[cfg(feature = "internals")]
@@ -236,7 +236,7 @@ impl<S: LaneScalar> Batch<S> {
         Ok(steps)
     }
 
-    /// Number of groups in a chunk, the unit that a worker takes at a time. Small chunks balance groups of different cost.
+    /// Number of groups in a chunk, the unit of work of a thread. Small chunks balance groups of different cost.
     pub(super) fn chunk_size(&self) -> usize {
         match self.workers.threads() {
             1 => self.groups.len(),
@@ -270,17 +270,20 @@ impl<S: LaneScalar> Batch<S> {
                 return total;
             }
             if !self.compiled.mocap.is_empty() {
-                // The workers add in the same order, so that the sums are equal.
+                // The workers also add the time steps one by one, so that both sums have the same bits.
                 (0..steps).for_each(|_| part.elapsed += self.settings.timestep);
             }
             part.from = part.to;
             if !watch() {
+                // A last part without steps stores the poses that the mocap bodies have reached.
                 if !self.compiled.mocap.is_empty() {
                     part.ends = true;
                     self.run_part(inputs, schedule, part, &mut []);
                 }
                 return part.to;
             }
+            // The next part should take `PART` seconds. A single measured time is uncertain, so that the number of steps changes by at most
+            // a factor of 8.
             let rate = PART / began.elapsed().as_secs_f64().max(1e-9);
             let next = (steps as f64 * rate.clamp(0.125, 8.0)).max(1.0) as usize;
             part.to = part.from.saturating_add(next).min(total);
@@ -309,6 +312,7 @@ impl<S: LaneScalar> Batch<S> {
         self.workers.idle_workers().push(worker);
     }
 
+    /// Makes the steps of one part of a call on several threads, each of which takes chunks of groups until none are left.
     #[inline(never)]
     fn run_part_on_threads(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, recordings: &mut [RecordingChunk<'_, S>]) {
         let size = self.chunk_size();
@@ -333,6 +337,7 @@ impl<S: LaneScalar> Batch<S> {
 /// Makes the steps of a call in one group. Environments outside the call's mask keep their state: their lanes are restored afterwards.
 fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
     let mask = call.inputs.mask.get(at.first..).unwrap_or_default();
+    // Lanes (bits) of environments that are not selected.
     let others = (0..group.lanes).filter(|&lane| mask.get(lane) == Some(&false)).fold(0, |set, lane| set | 1 << lane) & group.alive;
     if others == 0 {
         return worker.run(call, group, at);
@@ -344,7 +349,7 @@ fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, g
     worker.run(call, group, at);
     let mut moved = others;
     if 2 * others.count_ones() > group.alive.count_ones() {
-        // Copying the smaller set of lanes is cheaper.
+        // If most lanes must be restored, the group takes the saved lanes as a whole. Then fewer lanes, those that stepped, are copied.
         std::mem::swap(group, &mut before);
         moved = group.alive & !others;
     }

@@ -23,7 +23,7 @@ use crate::options::StepSettings;
 use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
 
-/// Worker: workspace of a thread, with the step compiled for its lanes and CPU level.
+/// Workspace of a thread, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group at position `at`.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
@@ -73,7 +73,7 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Number of lanes of a group in saved states. It is the number of lanes of the narrowest CPU level, so that all CPU levels write the
     /// same states.
     const SAVED: usize;
-    /// Number of lanes of the group of a single environment.
+    /// Number of lanes of a group in a batch of one environment.
     fn single(level: Level) -> usize;
     /// Number of lanes of a group, in a batch of `num_envs` environments on `threads` threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
@@ -118,6 +118,8 @@ const MAX_CACHED_ENTRIES: usize = 512;
 /// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
 /// would take 2.2 to 2.5 times as long.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+    // Largest number of groups of a thread. A step of 2 n lanes takes 1.8 = 9/5 times as long as one of n lanes, and pays if it decreases
+    // this number by at least this factor.
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
     if level == Level::Avx512 && pays && !level.takes_two_cycles() { 2 * n } else { n }
@@ -252,6 +254,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
+            // Earlier steps with this control belong to the previous part of the call, so that their flags and residual are restored.
             if let (Some(recording), true) = (&recording, steps.start > 0) {
                 residual = recording.resume(control, first - chunk_first, self.step.workspace.alive, &mut self.flags);
             }
@@ -260,6 +263,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             let Self { step: GroupStep { workspace: s, compiled, .. }, flags, .. } = self;
             if let Some(recording) = &mut recording {
                 if observed {
+                    // The last step with this control reads the sensors. Without a step they have not been read.
                     let unread = steps.is_empty();
                     probe.span(Span::Sense, || Reader { call, compiled, first, probe }.complete_readings(group, s, unread));
                 }
@@ -321,6 +325,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
+        // `group` is a copy. The workspace must load this copy now, and must not use its new state in the next call.
         self.step.workspace.current = false;
         self.step.workspace.velocity.capture.lane = Some(lane);
         self.run(call, group, GroupPosition { first, chunk_first: first, recording: None });
@@ -360,6 +365,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Loads the state of a group and the inputs of the call into the workspace.
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
         let s = &mut self.step.workspace;
+        // A worker with a single group still has the state of the last call in its workspace.
         if !s.current {
             load_state(group, s);
         }
@@ -382,7 +388,6 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if call.part.ends && call.part.to > 0 {
             store_mocap_trajectories(call, group, s);
         }
-        // A worker with a single group keeps the state loaded for the next call.
         s.current = call.num_envs <= R::LANES;
     }
 
@@ -436,7 +441,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     }
 }
 
-/// Adds one to the count of every actuator whose effort the last step clamped to its bounds.
+/// Adds one to the count of every actuator whose force the last step clamped, to bounds of this force or of a sum that contains it.
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     R::vectorize(
         #[inline(always)]

@@ -1,11 +1,11 @@
 //! Broad phase of the dynamic pairs. Dynamic pairs are pairs of geoms that are too numerous to list: their number grows with the square of
 //! the number of free bodies. The search finds the pairs whose bounding balls overlap.
 //!
-//! The search has no memory of earlier steps, and runs lane by lane in scalar code. The centres are sorted into cubes whose width is twice
-//! the largest radius of a geom's ball. Geoms that can touch are therefore in neighbouring cubes (Ericson, 2005, section 7.1). The keys of
-//! the cubes are sorted, so that a row of cubes along z is a range of the sorted list. While the search visits the cubes in this order, it
-//! keeps the start of the range of each neighbouring row, which moves forward only. Geoms that are much larger or faster than the others
-//! have no cube, and are compared with all geoms.
+//! The search has no memory of earlier steps, and runs lane by lane in scalar code. The centres of the balls are sorted into cells: cubes
+//! that are at least as wide as each of these balls. Geoms that can touch are therefore in neighbouring cells (Ericson, 2005, section 7.1).
+//! The keys of the cells are sorted, so that a row of cells along z is a range of the sorted list. While the search visits the cells in
+//! this order, it keeps the start of the range of each neighbouring row, which moves forward only. Geoms that are much larger or faster
+//! than the others have no cell, and are compared with all geoms.
 
 use stepper_real::{Real, Scalar};
 
@@ -14,9 +14,10 @@ use crate::compile::{DynamicPairs, LaneModel};
 use crate::math::lanes::{merge_lanes, with_lane};
 use crate::math::spatial::*;
 
-/// Number of bits of one integer coordinate of a cube in the cube's [`key`].
+/// Number of bits of one integer coordinate of a cell in the cell's [`key`].
 const BITS: u32 = 21;
-/// Offsets (dx, dy), in cubes, from a row of cubes along z to the four neighbouring rows that come after it in the sorted list of cubes.
+/// Offsets (dx, dy), in cells, from a row of cells along z to the four neighbouring rows that come after it in the sorted list of cells.
+/// The other four neighbouring rows come before it, and their balls have already been tested against those of this row.
 const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
 /// Bounding ball of a geom during the whole step, in world axes and m.
@@ -31,9 +32,13 @@ struct Ball {
 /// Broad phase of the dynamic pairs: the pairs that can touch, and the workspace of the search.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Broad {
+    /// Bounding balls of the moving geoms in the present lane.
     balls: Vec<Ball>,
+    /// Key of the cell, and index of a ball in it. Sorted by key.
     cells: Vec<(u64, u32)>,
+    /// Indices of the balls that are too large for the cells.
     without_cell: Vec<u32>,
+    /// Pairs of members whose balls overlap, each with its lane, as one integer.
     found: Vec<u64>,
     /// Dynamic pairs that can touch, ascending: index of the pair in the compiled model, and lanes (bits) in which it can touch.
     pub(crate) pairs: Vec<(u32, u32)>,
@@ -75,8 +80,10 @@ impl Broad {
         merge_lanes(&self.found, number, &mut self.pairs);
     }
 
+    /// Sorts the balls into cells.
     fn sort_into_cells(&mut self, dynamic_pairs: &DynamicPairs<impl Scalar>) {
         let widest = self.balls.iter().map(|b| b.radius).fold(0.0, f64::max);
+        // Without this limit, one fast geom would make all cells large.
         let limit = widest.min(2.0 * dynamic_pairs.widest);
         let per_metre = 0.5 / limit;
         self.cells.clear();
@@ -91,13 +98,15 @@ impl Broad {
         self.cells.sort_unstable();
     }
 
+    /// Tests each ball that has a cell against the balls that follow it in the same cell and in the neighbouring cells.
     fn visit_neighbours(&mut self, lane: u64) {
         let mut starts = [0; ROWS.len()];
         for e in 0..self.cells.len() {
             let (key, a) = self.cells[e];
-            // The rest of the same cube, and the next cube along z.
+            // The rest of the same cell, and the next cell along z.
             self.visit_run(a, e + 1, key + 1, lane);
             for (start, (dx, dy)) in starts.iter_mut().zip(ROWS) {
+                // In each neighbouring row, three cells can hold a ball that touches this one.
                 let first = key.wrapping_add_signed((dx << (2 * BITS)) + (dy << BITS) - 1);
                 while self.cells.get(*start).is_some_and(|c| c.0 < first) {
                     *start += 1;
@@ -112,6 +121,7 @@ impl Broad {
         visit(&self.balls, &self.cells, &mut self.found, a, from, last, lane);
     }
 
+    /// Tests each ball that has no cell against all others.
     fn visit_without_cell(&mut self, lane: u64) {
         for (k, &a) in self.without_cell.iter().enumerate() {
             let rest = self.cells.iter().map(|c| c.1).chain(self.without_cell[k + 1..].iter().copied());
@@ -129,13 +139,15 @@ impl Broad {
     }
 }
 
-/// Tests the ball `a` for overlap with each ball of the sorted list `cells`, from index `from` to the last cube key `last`.
+/// Tests the ball `a` for overlap with each ball of the sorted list `cells`, from index `from` to the last ball whose cell has a key of at
+/// most `last`.
 fn visit(balls: &[Ball], cells: &[(u64, u32)], found: &mut Vec<u64>, a: u32, from: usize, last: u64, lane: u64) {
     for &(_, b) in cells[from..].iter().take_while(|c| c.0 <= last) {
         offer(balls, found, a, b, lane);
     }
 }
 
+/// Appends the pair of the balls `a` and `b` to `found` if they overlap.
 #[inline]
 fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     let (p, q) = (&balls[a as usize], &balls[b as usize]);
@@ -147,9 +159,9 @@ fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     }
 }
 
-/// Key of the cube that contains `x`, a position in units of the cube width. Keys ascend by x, then y, then z.
+/// Key of the cell that contains `x`, a position in units of the cell width. Keys ascend by x, then y, then z.
 ///
-/// Beyond a million cubes from the origin, all cubes along an axis have the same coordinate. This costs time and misses no pair.
+/// Beyond a million cells from the origin, all cells along an axis have the same coordinate. This costs time and misses no pair.
 fn key(x: [f64; 3]) -> u64 {
     let half = 1_i64 << (BITS - 1);
     let place = |x: f64| ((x.floor() as i64).clamp(2 - half, half - 3) + half) as u64;

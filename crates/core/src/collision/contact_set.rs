@@ -1,5 +1,5 @@
-//! Contacts of one step, packed by lane: slot k of lane l is the k-th contact of that lane's environment. One slot may have different geoms
-//! in different lanes.
+//! Contacts of one step: slot k of lane l is the k-th contact of that lane's environment. One slot may have different geoms in different
+//! lanes.
 
 use stepper_geometry::pairs::{ContactPoint, DISTANCE_ROUNDINGS};
 use stepper_real::{Mask, Real, Scalar};
@@ -221,10 +221,10 @@ impl<R: Real> Contacts<R> {
 
     /// Sets gaps to zero that are smaller than their rounding error, in single precision.
     ///
-    /// The rounding of positions can open a gap under a body at rest. The body would then fall in the next step. The rounding
-    /// error of a joint angle also moves a link: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. The
-    /// function allows for this part only if a gap of one rounding error changes the normal force by more than [`FORCE_ERROR`]. `drop` is
-    /// the distance that gravity covers in the step, g h^2, m.
+    /// The rounding of positions can open a gap under a body at rest. The body would then fall in the next step. The rounding error of a
+    /// joint angle also moves a link: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. The function allows
+    /// for this part only if a gap of one rounding error changes the normal force by more than [`FORCE_ERROR`]. `drop` is the distance that
+    /// gravity covers in the step, g h^2, m.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;
@@ -269,6 +269,7 @@ impl<R: Real> Contacts<R> {
         R::vectorize(
             #[inline(always)]
             || {
+                // The old impulses become vectors in world coordinates.
                 for k in 0..last.slots() {
                     let slot = &mut last.data[k];
                     let [n, t1, t2] = contact_frame(slot.point.normal);
@@ -286,6 +287,7 @@ impl<R: Real> Contacts<R> {
                 for l in 0..R::LANES {
                     self.match_lane(last, l);
                 }
+                // The copied impulses become components along the new normal and tangents.
                 for k in 0..self.slots() {
                     let slot = &mut self.data[k];
                     let axes = contact_frame(slot.point.normal);

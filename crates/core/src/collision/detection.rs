@@ -21,27 +21,31 @@ use crate::math::spatial::*;
 #[derive(Clone, Debug)]
 pub struct CollisionWorkspace<R: Real> {
     pub(crate) poses: GeomPoses<R>,
-    /// Distance that gravity covers in a step, m.
+    /// Distance by which every search distance is increased, m ([`slack`]).
     pub(crate) slack: R,
-    /// Ranges of consecutive listed pairs with the same first geom and margin, as indices of the compiled model. Pairs with static geoms
-    /// are not included.
+    /// Ranges of consecutive listed pairs with the same first geom and margin, as indices in the compiled model's list of pairs. Static
+    /// pairs are not included.
     pub(crate) runs: Vec<Range<usize>>,
     /// Listed pairs whose bounding volumes overlap, ascending: index of the pair, and lanes (bits). Only the first `near_count` entries are
     /// in use.
     pub(crate) near: Vec<(u32, u32)>,
     /// Number of used entries of `near`.
     pub(crate) near_count: usize,
+    /// Broad phase of the dynamic pairs.
     pub(crate) broad: Broad,
+    /// Broad phase of the static pairs.
     pub(crate) statics: StaticSearch<R>,
     /// For each geom, whether it may have passed through the thinnest static geom since the beginning of the step, in any lane.
     may_tunnel: Vec<bool>,
-    /// Dynamic pairs whose bounding volumes overlap: index of the pair in the compiled model, lanes, and the pair.
+    /// Dynamic pairs whose bounding balls overlap: index of the pair in the compiled model, lanes, and the pair.
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
+    /// Packed pairs: near pairs of a ball or capsule with a box, of which several share a SIMD register.
     pub(crate) packed: PackedPairs<R::Scalar>,
     pub(crate) search: Search,
     pub(crate) reduction: ContactReduction,
 }
 
+/// Ranges of [`CollisionWorkspace::runs`].
 fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
     let key = |i: usize| (compiled.pairs[i].geoms[0], compiled.pairs[i].margin);
     let mut runs: Vec<Range<usize>> = vec![];
@@ -64,8 +68,8 @@ pub(crate) struct GeomPoses<R: Real> {
     pub(crate) travel: Vec<R>,
     /// Upper bound of the displacement of any point of each geom during [`Scene::displacement_time`], m.
     pub(crate) displacement: Vec<R>,
-    /// For each geom, whether it moves by more than half its inscribed radius (half its least width) within the step, in any lane. The
-    /// tunnelling check sets it.
+    /// For each geom, whether it moves within the step by more than half of its inscribed radius, in any lane. The inscribed radius is half
+    /// of the geom's least width. The tunnelling check sets it.
     pub(crate) moved_far: Vec<bool>,
     /// Spatial velocity of each link from which `displacement` is computed.
     pub(crate) displacing_velocity: Vec<V6<R>>,
@@ -147,8 +151,8 @@ impl<R: Real> CollisionWorkspace<R> {
 
     /// Finds the static pairs (a moving geom and one fixed to the world) whose bounding boxes overlap in any of the lanes `alive`.
     ///
-    /// `travel` returns the upper bound of the displacement of every geom, m. If `checks_passing` is set, the
-    /// result includes all pairs with overlapping bounding balls of geoms that may have passed through a static geom.
+    /// `travel` returns the upper bound of the displacement of every geom, m. If `checks_passing` is set, geoms that may have passed
+    /// through a static geom get more pairs: all those with overlapping bounding balls.
     pub(crate) fn find_static(
         &mut self,
         compiled: &LaneModel<R>,
@@ -170,6 +174,7 @@ impl<R: Real> CollisionWorkspace<R> {
                 );
             }
             statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (travel(poses)[g] + *slack, may_tunnel[g]));
+            // For those geoms the search returned a superset of the pairs, so that each listed pair is tested here.
             if checks_passing {
                 statics.pairs.retain_mut(|(number, lanes)| {
                     let pair = compiled.pairs.get(*number as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));
@@ -216,6 +221,7 @@ impl<R: Real> CollisionWorkspace<R> {
                 let (apart, reach) = (sub([x, y, z], centre), reach + radius);
                 let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
                 let lanes = alive.and(touch).bits();
+                // If no lane is near, the next pair overwrites the entry.
                 near[count] = (index, lanes);
                 count += usize::from(lanes != 0);
             }
@@ -327,7 +333,7 @@ fn displacement_bounds<R: Real>(
     }
 }
 
-/// Distance by which every search distance is increased: the distance that gravity covers in a step plus a micrometre, m.
+/// Distance by which every search distance is increased, m: the distance that gravity covers in a step, plus a micrometre for rounding.
 #[inline(always)]
 pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
     norm(compiled.params.gravity()) * h * h + R::of(1e-6)
@@ -340,7 +346,7 @@ pub(crate) struct Scene<'a, R: Real> {
     pub(crate) poses: &'a GeomPoses<R>,
     /// Time step, s.
     pub(crate) h: R,
-    /// Distance that gravity covers in a step, plus a micrometre, m.
+    /// Distance by which every search distance is increased, m ([`slack`]).
     pub(crate) slack: R,
     /// Duration of the motion that `poses.displacement` bounds, s: in stage 3 the time since the beginning of the step, in the tunnelling
     /// check the whole step.
@@ -350,8 +356,8 @@ pub(crate) struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Finds the contacts of a pair in the lanes `near`, and adds them to `contacts`. The contact points of pairs in `packed` were computed
-    /// before; here they are only added.
+    /// Finds the contacts of a pair in the lanes `near`, and adds them to `contacts`. The contact points of packed pairs were computed
+    /// before ([`Scene::test_packed`]); here they are only added.
     ///
     /// Returns the lanes in which the contacts are unreliable, because the geoms have moved too far since the beginning of the step.
     #[inline(always)]
@@ -370,7 +376,7 @@ impl<R: Real> Scene<'_, R> {
         if self.checks_passing { self.may_have_tunnelled(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
     }
 
-    /// Lanes in which the two geoms of a dynamic pair can touch within the step, by their bounding balls.
+    /// Lanes in which the two geoms of a dynamic pair can touch within two steps, by their bounding balls.
     #[inline(always)]
     pub(crate) fn can_touch(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;

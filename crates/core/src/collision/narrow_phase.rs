@@ -1,4 +1,5 @@
-//! Narrow phase in SIMD lanes: computes the contact points of pairs of geoms, and adds them to the contacts.
+//! Narrow phase in SIMD lanes: computes the contact points of pairs of geoms, and adds them to the contacts. `packed_phase.rs` does so for
+//! packed pairs.
 
 use std::borrow::Cow;
 
@@ -84,6 +85,7 @@ impl<R: Real> Scene<'_, R> {
         let normal = column(&self.poses.mat[a], 2);
         let frame = self.compiled.geoms[b].frame;
         let links = 1..=self.compiled.links.len();
+        // Change of the normal within the step, as seen from the rotating cylinder. It selects the points of the rim that come down.
         let normal_change =
             if links.contains(&frame) { scale(cross(normal, angular(&self.poses.velocity[frame - 1])), self.h) } else { zero() };
         for (k, &rim) in cylinder_rims(normal, normal_change, &self.cylinder(b)).iter().enumerate() {
@@ -174,6 +176,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, mut near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
+        // Lanes are excluded by cheap tests first: height above a surface of triangles, bounding boxes, separating planes of the last step.
         let (ground, margin) = (self.surface_and_shape(pair), R::splat(pair.margin));
         if let Some((surface, geoms)) = ground {
             near = self.may_meet_surface(surface, geoms, margin, near);
@@ -215,10 +218,10 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Solid (collision shape) of a geom, with the size in the shared model. The size may differ between lanes.
+    /// Solid (collision shape) of a geom, with the size of the model. [`Scene::solid_in`] has the size of a lane.
     #[inline(always)]
     fn solid(&self, geom: usize) -> &Solid {
-        self.compiled.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
+        self.compiled.geoms[geom].solid.as_ref().expect("a solid for every geom of this kernel")
     }
 
     /// Solid (collision shape) of a geom, with its size in lane `lane`.
@@ -246,10 +249,10 @@ impl<R: Real> Scene<'_, R> {
         first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
     }
 
-    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within the step.
-    /// These planes are stored for the next step.
+    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within the step. The
+    /// function stores these planes for the next step.
     ///
-    /// `size` is the size of both hulls, m.
+    /// `size` is the sum of the bounding radii of the two hulls, m.
     #[inline(always)]
     fn are_separated(
         &self,
@@ -278,8 +281,8 @@ impl<R: Real> Scene<'_, R> {
         separated
     }
 
-    /// Relative motion of the second geom of a pair in the first geom's frame during a step: displacement and rotation. It applies to all
-    /// contacts with a gap of at most `reach`, m.
+    /// Relative motion of the second geom of a pair in the first geom's frame during a step: displacement and rotation. The result is valid
+    /// for all contacts with a gap of at most `reach`, m.
     #[inline(always)]
     fn approach(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
@@ -296,10 +299,8 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at(pair.geoms, centre, radius, R::splat(pair.margin))
     }
 
-    /// Relative motion of the second geom in the first geom's frame during a step. It is valid for contacts in the ball with this centre
-    /// and radius.
-    ///
-    /// `centre` is in world axes; `radius` and `margin` are in m.
+    /// Relative motion of the second geom in the first geom's frame during a step. The result is valid for contacts in the ball with the
+    /// centre `centre` (world axes) and the radius `radius`, m. `margin` is in m.
     #[inline(always)]
     pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
         let mat = &self.poses.mat[geoms[0]];
@@ -309,6 +310,7 @@ impl<R: Real> Scene<'_, R> {
         Approach { displacement, rotation, radius, slack: margin.max(R::zero()) + self.slack }
     }
 
+    /// Segment and radius of a geom that is a ball or a capsule.
     #[inline(always)]
     pub(crate) fn segment(&self, geom: usize) -> Segment<R> {
         let [radius, half_length, _] = self.compiled.params.geom_size(geom);

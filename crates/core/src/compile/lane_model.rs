@@ -34,7 +34,8 @@ impl<R: Real> LaneModel<R> {
         Self { structure: compiled.structure.clone(), params: compiled.params.in_lanes() }
     }
 
-    /// Contact parameters of the pair with index `pair`: friction and restitution.
+    /// Contact parameters of the pair with index `pair`: friction and restitution. Listed pairs have a row in the table of parameters.
+    /// Dynamic pairs, whose indices follow, combine the parameters of their two geoms (`compile/collision.rs`).
     #[inline(always)]
     pub fn contact(&self, pair: usize) -> ContactParams<R> {
         match self.structure.dynamic_pairs.as_ref() {
@@ -60,7 +61,7 @@ impl<R: Real> LaneModel<R> {
         softness.unlisted(&pair)
     }
 
-    /// Inverse mass of a frame's body without constraints, 1/kg; 0 for the world and mocap bodies.
+    /// Inverse mass of the body of a frame, as if it were free, 1/kg; 0 for the world and mocap bodies.
     #[inline(always)]
     pub fn mobility(&self, frame: usize) -> R {
         if frame == 0 || frame > self.links.len() {

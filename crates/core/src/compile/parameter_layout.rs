@@ -1,4 +1,4 @@
-//! Conversion of a model's parameters to the list of numbers that a compiled model stores. The list is made of tables.
+//! Conversion of a model's parameters to the list of numbers that a compiled model stores. The list consists of tables.
 
 use stepper_real::Scalar;
 
@@ -52,7 +52,7 @@ fn dofs(joint: &Joint) -> impl Iterator<Item = DofParams<f64>> {
     std::iter::repeat_n(DofParams { damping, stiffness: stiffness.max(0.0), armature }, joint.kind.nv())
 }
 
-/// Model from which parameters are read, and structure that defines their layout.
+/// Model from which parameters are read, and structure of the compiled model, which defines their layout.
 struct Source<'a, S: Scalar> {
     structure: &'a ModelStructure<S>,
     model: &'a Model,
@@ -76,6 +76,7 @@ impl<S: Scalar> Source<'_, S> {
         self.structure.sensing.subtrees.iter().map(|tree| bodies.iter().zip(&tree.bodies).filter(|b| *b.1).map(|b| b.0.mass).sum())
     }
 
+    /// Position and sizes of a geom that takes part in collision.
     fn geom(&self, geom: &CompiledGeom<S>) -> GeomParams<f64> {
         let Bulk { bounding_radius, inscribed_radius } = geom.fixed_radii.unwrap_or_else(|| bulk(self.model, geom.index));
         let rotation_reach = if bounding_radius.is_finite() { bounding_radius - inscribed_radius } else { 0.0 };
@@ -83,6 +84,7 @@ impl<S: Scalar> Source<'_, S> {
         GeomParams { pos, size, bounding_radius, inscribed_radius, rotation_reach }
     }
 
+    /// Contact parameters of every listed pair. Coefficients that a contact of its dimension (condim) does not have are 0.
     fn pairs(&self) -> impl Iterator<Item = ContactParams<f64>> {
         let filter = Filter::new(self.model);
         let index = |g: usize| self.structure.geoms[g].index;

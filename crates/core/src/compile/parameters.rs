@@ -34,7 +34,7 @@ parameter_rows! {
         inertia: [T; 6],
     }
 
-    /// Parameters of a degree of freedom that contribute to the (effective) mass matrix.
+    /// Parameters of a degree of freedom that contribute to the mass matrix or to its implicit terms.
     DofParams {
         /// Viscous damping, N s/m or N m s/rad.
         damping: T,
@@ -129,7 +129,7 @@ parameter_tables! {
     /// Mass, centre of mass and inertia of link `i`. If `i` is at least the number of links, it selects a subtree part: the bodies of a
     /// sensor's subtree that are fixed to one frame.
     inertials: inertial(i) -> Inertial<T>;
-    /// Mass of the subtree with index `subtree` that sensors read, kg.
+    /// Mass of the subtree with index `subtree` among those that sensors read, kg.
     totals: total(subtree) -> T;
     /// Mass matrix parameters of degree of freedom `i`.
     dofs: dof(i) -> DofParams<T>;
@@ -145,10 +145,10 @@ parameter_tables! {
     actuators: actuator(i) -> ActuatorParams<T>;
     /// Position and sizes of geom `i` of the compiled model.
     geoms: geom(i) -> GeomParams<T>;
-    /// Contact parameters of the pair with index `pair` in the compiled model's list of pairs.
+    /// Contact parameters of the listed pair with index `pair` in the compiled model.
     pairs: listed_contact(pair) -> ContactParams<T>;
-    /// Contact parameters of the geom with index `geom` in the model. The table has all geoms if the compiled model finds pairs of geoms in
-    /// every step (dynamic pairs), and is empty otherwise. Such a pair combines the parameters of its two geoms.
+    /// Contact parameters of the geom with index `geom` in the model. The table has all geoms if the model has dynamic pairs, which the
+    /// broad phase finds in every step, and is empty otherwise. A dynamic pair combines the parameters of its two geoms.
     members: member(geom) -> ContactParams<T>;
     /// Centre of mass of a body of the model in the frame of its link, m.
     bodies: body_com(body) -> [T; 3];

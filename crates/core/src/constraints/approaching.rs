@@ -1,9 +1,9 @@
 //! Approaching contacts. Their rows are deferred: the solver leaves them out until the solved motion closes their gap.
 //!
 //! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide, and wrong for surfaces that pass each
-//! other. The nearest points of two bodies that fly past approach without touching. Stage 4 therefore assembles the rows of an approaching
-//! contact and marks them as deferred, so that the solver leaves them out. The solution without them gives the motion of the step. Stage 5
-//! activates the rows of the pairs that collide in this motion, and solves their lanes again ([`crate::integrators::contact_activation`]).
+//! other: their nearest points approach, but never touch. Stage 4 therefore assembles the rows of an approaching contact and marks them as
+//! deferred, so that the solver leaves them out. The solution without these rows gives the motion of the step. Stage 5 activates the rows
+//! of the pairs that collide in this motion, and solves their lanes again ([`crate::integrators::contact_activation`]).
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts whose normal cannot change. These are contacts with a half space,
 //! and contacts of a ball that stays over one flat face of the other geom during the step. On a surface of triangles, a face is a triangle
@@ -27,8 +27,8 @@ pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Lanes of `lanes` in which the rows of the contact in slot `k` are deferred (left out of the solve). Its surfaces approach each other
-    /// there, and may pass without touching.
+    /// Lanes of `lanes` in which the rows of the contact in slot `k` are deferred (left out of the solve). There the surfaces approach each
+    /// other, and may pass without touching.
     ///
     /// `before` is the normal velocity before the step, m/s. `free` is the contact velocity after the step without constraint forces other
     /// than those of hard equalities, m/s.
@@ -42,6 +42,7 @@ impl<R: Real> Assembler<'_, R> {
         before: R,
         free: V3<R>,
     ) -> R::Mask {
+        // Lanes in which the contact normal can change, because the contact is neither with a plane nor with one flat face.
         let curved = lanes.and_not(R::Mask::from_bits(self.builder.flat | contacts.data[k].over_face));
         if curved.none() {
             return curved;
@@ -67,7 +68,7 @@ impl<R: Real> Assembler<'_, R> {
                 let (compiled, gap) = (input.compiled, contacts.data[k].point.distance);
                 let mut out = lanes;
                 for (pair, same) in contacts.pairs(k, lanes.bits()) {
-                    let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+                    let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                     if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
                         let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
                         let displacement = scale(free, self.problem.closing_time);
@@ -151,7 +152,7 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Defers the contacts again that a doubtful collision of the predicted motion activated. The solved motion decides whether they act.
     ///
-    /// The predicted impulses of these contacts become their initial impulses.
+    /// The predicted impulses of these contacts become their initial impulses if the solve activates them.
     #[inline(never)]
     pub(crate) fn defer_doubtful(&mut self, velocity: &mut VelocitySolution<R>) {
         R::vectorize(
@@ -169,8 +170,8 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Activates the deferred contacts whose gap does not close in the solution, with zero impulse. Stage 8 then
-    /// includes their rows, and the state keeps these contacts for the next step.
+    /// Activates the deferred contacts whose gap does not close in the solution, with zero impulse. Stage 8 then includes their rows, and
+    /// the state keeps these contacts for the next step.
     ///
     /// Deferred contacts whose gap closes without a collision remain deferred: their surfaces pass each other.
     #[inline(always)]

@@ -86,7 +86,7 @@ impl<R: Real> AssemblyInput<'_, R> {
 pub(crate) fn tunnelling_distance<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
     let mut distance = R::of(f64::INFINITY);
     for (pair, same) in contacts.pairs(k, lanes) {
-        let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+        let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
         distance = R::select(R::Mask::from_bits(same), compiled.tunnelling_distance(geoms), distance);
     }
     distance

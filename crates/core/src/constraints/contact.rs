@@ -13,7 +13,7 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
 
-/// Smallest inverse inertia along a contact's normal with which the contact counts as movable. It is given as a fraction of 1 / (total mass
+/// Smallest inverse inertia along a contact's normal with which the contact counts as movable. The number is a fraction of 1 / (total mass
 /// of all moving bodies).
 ///
 /// The inverse inertia is proportional to the square of a lever arm, the displacement of the contact point along the normal per rotation of
@@ -32,15 +32,15 @@ fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
-/// Approach speed that is negligible for an immovable contact, m/s: no degree of freedom moves it along its normal. `velocity` and
-/// `position` are the offsets g of its normal row in the velocity and position solves, m/s.
+/// Approach speed that is negligible for an immovable contact, m/s. No degree of freedom moves such a contact along its normal. `velocity`
+/// and `position` are the offsets g of its normal row in the velocity and position solves, m/s.
 ///
-/// An immovable contact has no rows. Its approach speed counts as residual unless it is negligible. Example: a face that is normal to a
-/// hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
+/// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Example: a face that is
+/// normal to a hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
 ///
-/// The result is the resting speed, at which a touching contact takes about a second to exceed the slop. It is 0 if the correction speed of
-/// the overlap is between the resting speed and [`MIN_UNMET_TARGET`]. Stage 8 reports only faster corrections as unmet. The residual
-/// must report those in between.
+/// The result is normally the resting speed, at which a touching contact takes about a second to exceed the slop. It is 0 if no other part
+/// of the step reports that the contact's overlap cannot be corrected. The speed of the correction is the difference of the two offsets.
+/// Stage 8 reports a speed above [`MIN_UNMET_TARGET`], and a speed up to the resting speed needs no report.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -60,7 +60,7 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) exists: R::Mask,
     /// Lanes in which the solver leaves out the rows (a deferred contact). The caller sets the fields `contact`, `slot` and `impulse`.
     pub(crate) deferred: DeferredContact<R>,
-    /// Compliance of the normal row, 1/kg; `None` if no surface of the model is soft.
+    /// Compliance of the normal row, 1/kg; `None` if no surface of the model is soft (has a contact spring).
     pub(crate) compliance: Option<R>,
 }
 
@@ -99,8 +99,8 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
         }
-        // The normal row has separate offsets g for the velocity and the position solve. The position solve adds a number to g of the
-        // tangents, so that a later change of their g applies in both solves.
+        // The position solve replaces g of the normal row, and adds to g of the tangents. A later change of a tangent's g thus applies in
+        // both solves.
         self.problem.rows.contacts.set_position_offset([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.contacts.last_is_immovable();
@@ -146,6 +146,7 @@ impl<R: Real> Assembler<'_, R> {
                     let d = self.builder.support[i] as usize;
                     let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
+                    // The scale of a lever arm is the square of the size of its terms.
                     let (motion, squared_rotation) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
                     let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
                     // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
@@ -153,6 +154,7 @@ impl<R: Real> Assembler<'_, R> {
                     self.builder.scales[d] = [square + squared_rotation * (arm_rounding * sign).square(); 3];
                     speed += square * assembly.v_free[d].square();
                 }
+                // As in `sliding_rows`: from the Jacobian to the rows, without their factor D^-1/2.
                 self.builder.half_solve::<3>(compiled, mass);
                 self.builder.pass_on_scales(compiled, mass);
                 if self.builder.eliminate(&self.problem.rows, mass, &mut [[R::zero(); 2]; 3]).is_some() {
@@ -179,7 +181,9 @@ impl<R: Real> Assembler<'_, R> {
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
         let has_curvature = assembly.in_the_middle && self.builder.moving != 0;
         let change = if self.problem.resolves_impacts || has_curvature { self.builder.free_change(assembly) } else { zero() };
+        // Half of a solve with the mass matrix L^T D L: `column` becomes L^-T J^T. `add_contact` multiplies by D^-1/2.
         self.builder.half_solve::<3>(compiled, mass);
+        // Normal rows of contacts with soft surfaces, which have a spring and a damper.
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(exists, |row| exists.and_not(row.lanes));
         let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
@@ -204,6 +208,7 @@ impl<R: Real> Assembler<'_, R> {
         let impulse = [R::zero(); 6];
         let doubtful = R::Mask::splat(false);
         let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: offsets[0][0] - free_eliminated[0], impulse };
+        // Curvature comes last, because the offsets before it decide above whether the contact is deferred.
         let curvature = has_curvature.then(|| self.add_curvature(input, contacts, k, exists, [free, change], &mut offsets));
         SlidingRows { offsets, curvature, lengths, exists, deferred, compliance: springs.map(|row| row.compliance) }
     }

@@ -93,7 +93,7 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
     let half = point.distance * R::of(0.5);
     let mut out = zero();
     for (pair, same) in contacts.pairs(k, lanes) {
-        let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+        let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
         let [first, second] = geoms;
         let (a, b) = (field(input, compiled.geoms[first].frame, point.pos), field(input, compiled.geoms[second].frame, point.pos));
         let (from_a, from_b) = (compiled.params.geom_size(first)[0] + half, compiled.params.geom_size(second)[0] + half);

@@ -90,7 +90,7 @@ impl<R: Real> RowBuilder<R> {
         self.moving = 0;
         self.flat = 0;
         for (pair, same) in contacts.pairs(k, lanes) {
-            let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+            let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
             self.flat |= if compiled.geoms[a].is_plane { same } else { 0 };
             self.moving |= if compiled.geoms[a].frame != 0 && compiled.geoms[b].frame != 0 { same } else { 0 };
             let (first, second) = (&compiled.moved_dofs[compiled.geoms[a].frame], &compiled.moved_dofs[compiled.geoms[b].frame]);

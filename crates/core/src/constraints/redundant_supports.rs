@@ -128,7 +128,7 @@ impl<R: Real> ContactGroups<R> {
                     self.of_contact.push(usize::MAX);
                     continue;
                 }
-                let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+                let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                 let frames = geoms.map(|g| compiled.geoms[g].frame);
                 let known = self.pairs.iter().rposition(|(pair, _)| *pair == frames);
                 let group = known.unwrap_or_else(|| {

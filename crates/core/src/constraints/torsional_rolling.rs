@@ -55,6 +55,7 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
+    /// Builds the six rows, adds them to the problem, and sets their initial impulses. The caller must have gathered the `support`.
     #[inline(always)]
     fn push_rolling_contact_row(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let RowInput { compiled, mass, assembly, .. } = input;
@@ -63,6 +64,7 @@ impl<R: Real> Assembler<'_, R> {
         friction.scale_to(slot.mu);
         let SlidingRows { offsets: mut sliding_offsets, curvature, lengths: sliding, exists, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
+        // The rotation rows use `column` too. The entries of the sliding rows are therefore copied to `linear`.
         for &d in &self.builder.support {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
         }
@@ -115,14 +117,14 @@ impl<R: Real> Assembler<'_, R> {
         }
         // As in `add_contact`: the position solve replaces g of the normal row, and adds to g of the other rows.
         let change = |[velocity, position]: [R; 2]| position - velocity;
-        let [spin, roll, other] = rotation_offsets.map(change);
+        let [spin, roll_a, roll_b] = rotation_offsets.map(change);
         self.problem.rows.rolling_contacts.set_position_offset([
             sliding_offsets[0][1],
             change(sliding_offsets[1]),
             change(sliding_offsets[2]),
             spin,
-            roll,
-            other,
+            roll_a,
+            roll_b,
         ]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let initial_impulse = [push[0], push[1] * sliding_factor, push[2] * sliding_factor, torque[0], torque[1], torque[2]];
@@ -165,6 +167,7 @@ impl<R: Real> Friction<R> {
         Self { spin_and_roll, mu: R::one(), sliding_factor: R::zero(), scale: zero() }
     }
 
+    /// Sets the scale of the rotation rows for contacts with the sliding friction coefficient `mu`.
     #[inline(always)]
     fn scale_to(&mut self, mu: R) {
         let slides = mu.gt(R::zero());
@@ -174,7 +177,7 @@ impl<R: Real> Friction<R> {
         self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
     }
 
-    /// Converts angular impulses (N m s) to the scaled impulses of the rotation rows.
+    /// Converts angular impulses (N m s) to the impulses of the scaled rotation rows (N s).
     #[inline(always)]
     fn unscale(&self, torque: V3<R>) -> V3<R> {
         let mut out = torque;

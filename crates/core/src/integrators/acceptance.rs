@@ -41,10 +41,10 @@ pub(crate) fn ambiguous<R: Real>(
     )
 }
 
-/// Solves the lanes whose kinetic energy is [`ambiguous`] again, if their residual meets the tolerance.
+/// Solves the lanes whose kinetic energy is [`ambiguous`] again, with a smaller tolerance, if their residual meets the present one.
 ///
 /// Where contacts press a body from several sides (a jam), impulses can be a million times the load and nearly cancel. The residual must
-/// then be smaller by that factor.
+/// then be a million times smaller than without a jam.
 #[inline(always)]
 pub(crate) fn resolve_ambiguous<R: Real>(
     context: StepContext<'_, R>,
@@ -125,7 +125,7 @@ pub(crate) fn store_joint_impulse<R: Real>(
     )
 }
 
-/// Accepts the step in the lanes where the next state is finite: the state becomes the next state, and the time advances by `h`, s. Returns
+/// Accepts the step in the lanes where the next state is finite: `state` becomes the next state, and its time advances by `h`, s. Returns
 /// these lanes.
 ///
 /// The other lanes keep their state and discard their warm start. After the call, `velocity.v`, `position.q` and `position.act` have the
@@ -158,10 +158,11 @@ pub(crate) fn accept<R: Real>(
     if !finite.and(alive).all() {
         keep_state(state, evaluation, velocity, position, alive, finite);
     }
-    let refused = alive.and_not(finite).bits();
-    for (_, time) in state.time.iter_mut().enumerate().filter(|(l, _)| refused >> l & 1 == 0) {
+    let rejected = alive.and_not(finite).bits();
+    for (_, time) in state.time.iter_mut().enumerate().filter(|(l, _)| rejected >> l & 1 == 0) {
         *time += h;
     }
+    // Mocap bodies move on in rejected lanes too, so that one number is enough for all lanes.
     state.elapsed += h;
     std::mem::swap(&mut state.q, &mut position.q);
     std::mem::swap(&mut state.v, &mut velocity.v);
@@ -190,15 +191,15 @@ fn keep_state<R: Real>(
                     *next = R::select(moves, *next, old);
                 }
             }
-            let refused = alive.and_not(finite);
-            if refused.none() {
+            let rejected = alive.and_not(finite);
+            if rejected.none() {
                 return;
             }
             for lambda in velocity.scalar_impulse.iter_mut().chain(&mut state.impulse) {
                 *lambda = R::select(finite, *lambda, R::zero());
             }
             let Contacts { count, data, torque, .. } = &mut evaluation.contacts;
-            for l in each_of(refused.bits()) {
+            for l in each_of(rejected.bits()) {
                 count[l] = 0;
             }
             for slot in data {

@@ -491,7 +491,7 @@ fn farthest_closing_gap<R: Real>(
 #[inline(always)]
 fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
-    let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("made from this compiled").map(|g| compiled.geoms[g].frame);
+    let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("a pair index of this compiled model").map(|g| compiled.geoms[g].frame);
     let mut overlap = R::zero();
     for lane in each_of(candidate.lanes.bits()) {
         let deepest = problem.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
@@ -514,6 +514,6 @@ fn share_trees<R: Real>(compiled: &LaneModel<R>, first: usize, second: usize) ->
 
 /// Kinematic trees of the two bodies of a pair; `None` for the world and mocap bodies.
 fn trees_of_pair<R: Real>(compiled: &LaneModel<R>, pair: usize) -> [Option<usize>; 2] {
-    let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+    let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
     geoms.map(|g| compiled.geoms[g].frame.checked_sub(1).and_then(|link| compiled.links.get(link)).map(|link| link.tree))
 }

@@ -1,7 +1,7 @@
 //! Activation of deferred contacts, which the solver leaves out until the motion closes their gap.
 //!
-//! [`crate::constraints::approaching`] defines which contacts are deferred. The pairs that touch first are activated first, because an
-//! impact may prevent later ones. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
+//! [`crate::constraints::approaching`] defines which contacts are deferred. The pairs that touch first are activated first, because their
+//! impact may prevent later collisions. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
 //!
 //! The impulses of the predicted motion are approximate, so that a body sinks a little into its supports. It then seems to collide with the
 //! edge of the next support, although both supports have the same height. A predicted collision is doubtful if the error of the prediction
@@ -72,6 +72,7 @@ pub(crate) fn activate_colliding<R: Real>(
     if !collisions.list_candidates(&query, problem, &velocity.impulses.w) {
         return R::Mask::splat(false);
     }
+    // The solved motion has the velocity `velocity.v`. The predicted motion has the free velocity plus the change by predicted impulses.
     if motion == SweptMotion::Predicted {
         velocity.velocity_by_impulses(compiled, &free.smooth.mass, &mut collisions.v_predicted);
         R::vectorize(

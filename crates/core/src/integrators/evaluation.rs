@@ -13,8 +13,8 @@ use crate::integrators::scheme::Scheme;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 
-/// Evaluation point of a step (the time in the step at which forces, contacts and rows are evaluated), with the poses and contacts at this
-/// time.
+/// Evaluation of a step at its evaluation point (the time in the step at which forces, contacts and rows are evaluated): the time, and the
+/// poses and contacts at this time.
 #[derive(Clone, Debug)]
 pub(crate) struct Evaluation<R: Real> {
     /// Scheme of the step, with the evaluation time of each lane.
@@ -23,8 +23,8 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) at_start: R::Mask,
     /// Configuration at the evaluation point, nq.
     pub(crate) q: Vec<R>,
-    /// Configuration at which springs and servos are evaluated, nq. Only the implicit rule uses it: it evaluates them later in the step
-    /// than other forces.
+    /// Configuration at which springs and servos are evaluated, nq. Only the implicit rule uses it, because it evaluates springs and servos
+    /// later in the step than other forces.
     pub(crate) q_ahead: Vec<R>,
     /// Activations at the evaluation point, na.
     pub(crate) act: Vec<R>,

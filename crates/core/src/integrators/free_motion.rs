@@ -36,12 +36,12 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) scratch: Scratch<R>,
 }
 
-/// Scratch buffers of the free motion, each named after its usual content, nv. A function fills a buffer before it reads it.
+/// Scratch buffers of the free motion, each named after its usual content and of length nv. A function fills a buffer before it reads it.
 #[derive(Clone, Debug)]
 pub(crate) struct Scratch<R: Real> {
     /// Change of the velocity by constraint impulses.
     pub(crate) velocity_by_impulses: Vec<R>,
-    /// Change of the velocity by the whole step, nv.
+    /// Change of the velocity by the whole step.
     pub(crate) velocity_change: Vec<R>,
     /// Generalized impulses.
     pub(crate) impulse: Vec<R>,
@@ -53,7 +53,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) actuator_velocity: Vec<R>,
     /// Velocity after the step without constraints, with the forces at the force velocity.
     pub(crate) v_free_corrected: Vec<R>,
-    /// Change of the free velocity by this recomputation.
+    /// Change of the free velocity from `v` to `v_free_corrected`.
     pub(crate) free_change: Vec<R>,
     /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
@@ -141,6 +141,8 @@ pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &m
     probe.span(Span::Actuate, || {
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
     });
+    // Stage 2 begins before stage 1, because servos need the diagonal of the mass matrix. It ends after stage 1, because servos add
+    // inertia to the mass matrix, and their forces cause acceleration.
     probe.span(Span::MassMatrix, || free.smooth.assemble_mass(compiled, kinematics, scheme.joint_weights(compiled)));
     probe.span(Span::Actuate, || actuate_at_velocity_before(context, free));
     probe.span(Span::MassFactors, || {
@@ -148,6 +150,8 @@ pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &m
         smooth.complete_mass(compiled, kinematics, implicit(compiled, scheme, actuator_forces, &state.v));
     });
     probe.span(Span::Acceleration, || free.accelerate(compiled, kinematics, &state.v, &state.v));
+    // Losses of gears depend on the forces of servos, which depend on the acceleration. They become bounds of dry friction rows, so that
+    // the acceleration does not contain them.
     if compiled.lossy {
         let FreeMotion { smooth, actuator_forces, .. } = free;
         let expected = Some((scheme.implicit_servos(), &smooth.acc[..]));
@@ -187,6 +191,8 @@ pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Sche
 /// Computes the actuator and spring forces (stage 1), with all velocity-dependent forces at the velocity before the step.
 fn actuate_at_velocity_before<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, .. } } = context;
+    // The midpoint rule needs the inertia that a servo moves for the share of its damping at the end of the step. Bounded servos need it
+    // for the guess of their active bounds.
     if (scheme.in_the_middle || compiled.servos_are_bounded) && !compiled.servos.is_empty() {
         free.actuator_forces.compute_effective_inertia(compiled, &free.smooth.inertia, &state.impulse);
     }

@@ -85,7 +85,7 @@ fn normal_velocities<R: Real>(
     let mut out = [carried; 2];
     for (pair, lanes) in contacts.pairs(k, lanes) {
         let pair_lanes = R::Mask::from_bits(lanes);
-        let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+        let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
         for (geom, sign) in [(a, -R::one()), (b, R::one())] {
             let frame = compiled.geoms[geom].frame;
             if frame == 0 || frame > compiled.links.len() {
@@ -207,8 +207,8 @@ pub(crate) fn correct_impact_forces<R: Real>(
 /// Lanes with an impact whose inertial forces must be recomputed, because `v_next` is not the velocity with which they were computed.
 /// `v_next` is the velocity after the step.
 ///
-/// If `first` is true, the inertial forces were evaluated at the mean velocity instead of half at each. Lanes in which constraints made the
-/// velocity jump then count too.
+/// If `first` is true, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the mean
+/// of the forces at these two velocities. Lanes in which constraints made the velocity jump then count too.
 fn lanes_with_impacts<R: Real>(
     context: StepContext<'_, R>,
     free: &FreeMotion<R>,

@@ -24,6 +24,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     evaluation.at_start = R::Mask::splat(false);
     evaluation.impacts.lanes = R::Mask::splat(false);
     let unreliable = evaluate(input, evaluation, free, probe);
+    // A very fast body may be beyond a thin geom in the middle of the step. At the beginning, the geom is still ahead.
     if unreliable.any() {
         evaluation.at_start = unreliable;
         evaluation.scheme.move_to(R::zero(), unreliable);
@@ -32,6 +33,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     if !evaluation.scheme.in_the_middle {
         return;
     }
+    // Newton's method for the time of the first elastic impact: each move of the evaluation point requires new forces and contacts.
     for pass in 0..MAX_PLACEMENTS {
         let elastic = |k: usize| evaluation.contacts.elastic(k).any();
         if !(0..evaluation.contacts.slots()).any(elastic) {

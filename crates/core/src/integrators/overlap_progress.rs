@@ -109,7 +109,7 @@ fn add_overlaps<R: Real>(
         if depth <= 0.0 {
             continue;
         }
-        let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+        let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
         let tree = |geom: usize| {
             let frame = compiled.geoms[geom].frame;
             (frame > 0 && frame <= compiled.links.len()).then(|| compiled.links[frame - 1].tree)

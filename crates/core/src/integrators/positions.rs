@@ -15,7 +15,8 @@ use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{PositionInput, stabilise};
 
-/// Computes stage 7: integrates positions with the velocity after the step, and advances the actuator activations.
+/// Computes stage 7: integrates positions from the evaluation point to the end of the step, with the velocity after the step. Also advances
+/// the actuator activations over the whole step.
 #[inline(always)]
 pub(crate) fn integrate_positions<R: Real>(
     context: StepContext<'_, R>,
@@ -78,8 +79,10 @@ pub(crate) fn find_tunnelling<R: Real>(
 ) -> R::Mask {
     let Evaluation { scheme, kinematics, collision, impacts, .. } = evaluation;
     let PositionSolution { impact_displacement: motion, correction, .. } = position;
+    // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
     let rebounding = corrected.all.and(corrected.rebounding);
+    // Velocity of the tested motion, in each lane.
     let v = if rebounding.none() {
         &velocity.v
     } else {

@@ -21,7 +21,7 @@ use crate::tuning::MAX_IMPACT_ROTATION;
 /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
 ///
 /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. In
-/// moving lanes the previous impulses are only the first guess of an iteration, whose result hardly depends on them.
+/// moving lanes the prediction hardly depends on the previous impulses: it ignores them, or takes them as the first guess of an iteration.
 pub(crate) fn predict<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
@@ -38,12 +38,14 @@ pub(crate) fn predict<R: Real>(
     let predictor = ImpulsePredictor::new(compiled, options, &state.v, scheme.h, velocity);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || {
+            // Impulses of the active contacts first, then of deferred contacts that collide in the predicted motion.
             predictor.make(options, constrained, problem, velocity);
             predict_collisions(context, free, problem, velocity, collisions, (&predictor, constrained));
         });
     }
     correct_free_velocity(context, free, problem, velocity, probe);
     if constrained.any() {
+        // The prediction has served its purpose. From here on, its impulses are only a possible start of the solve.
         probe.span(Span::EstimateImpulses, || predictor.choose_start(constrained, problem, velocity));
         if problem.has_doubtful_contacts() {
             problem.defer_doubtful(velocity);
@@ -51,8 +53,8 @@ pub(crate) fn predict<R: Real>(
     }
 }
 
-/// Recomputes the free velocity, with velocity-dependent forces at the force velocity. This velocity includes the present impulses. With
-/// the midpoint rule it is the mean of the velocities before and after the step, with the implicit rule the velocity after it.
+/// Recomputes the free velocity, with velocity-dependent forces at the force velocity. The force velocity includes the present impulses.
+/// With the midpoint rule it is the mean of the velocities before and after the step, with the implicit rule the velocity after the step.
 ///
 /// One such correction suffices for the second order of the midpoint rule. The offsets g of the rows of `problem` contain the free velocity
 /// and change with it.
@@ -78,11 +80,13 @@ pub(crate) fn correct_free_velocity<R: Real>(
     }
     probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity));
     advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
+    // Spinners are links alone on a free or ball joint. Their gyroscopic torque follows the discrete midpoint rule instead.
     if !compiled.spinners.is_empty() && scheme.in_the_middle {
         let times = [scheme.time_before, scheme.time_after];
         gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, force_velocity], v_free_corrected);
     }
     advance(v_free_corrected, v, -R::one(), free_change);
+    // This function is the corrector of the free velocity. If it changes the velocity too much, the time step is too long for the motion.
     let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);
     [free.unresolved, free.may_gain] = lanes.map(|lanes| lanes.and(alive));
     if free.unresolved.any() {

@@ -27,9 +27,9 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 ///
 /// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact
 /// that collides becomes active. (2) Inertial forces were evaluated at the mean of the velocities before and after the step. If an impact
-/// changed the velocity, they are recomputed, at most three times. (3) Newton's law of impact has a plausible solution. If not, the impact
-/// becomes inelastic. (4) The active bounds of stiff servos are those of the solution. If not, the mass matrix changes, so that the problem
-/// is assembled and solved again, at most four times.
+/// changed the velocity, they are recomputed, at most three times. (3) Newton's law of impact has a solution in which friction adds no
+/// energy. If not, the impact becomes inelastic. (4) The active bounds of stiff servos are those of the solution. If not, the mass matrix
+/// changes, so that the problem is assembled and solved again, at most four times.
 ///
 /// The second result has the lanes in which assumption 4 still fails, and those with an impact that became inelastic. In these lanes the
 /// energy may be wrong; a shorter time step helps.
@@ -48,22 +48,22 @@ pub(crate) fn solve_velocities<R: Real>(
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     // Each assembly resets the variables of this line.
     let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
-    let (mut begins, mut reassemblies) = (true, 0);
+    let (mut must_assemble, mut reassemblies) = (true, 0);
     let disagrees = loop {
-        if begins {
+        if must_assemble {
             assemble_problem(context, free, problem, velocity, builder, probe);
             probe.span(Span::CorrectForces, || predict(context, free, problem, velocity, collisions, probe));
             (lanes, inelastic, passes, impacts) = (problem.constrained, none, 0, 0);
         }
         let solved = probe.span(Span::Solve, || solve_lanes(context, lanes, problem, velocity));
-        // A new assembly resets the numbers of iterations in `outcome`. Another lane may have caused it, and a lane's record must not
-        // depend on other lanes.
-        if begins {
+        // After a new assembly all lanes are solved again, and their numbers of iterations start from zero. A sum over assemblies would
+        // make the record of a lane depend on the other lanes, which may have caused the new assembly.
+        if must_assemble {
             outcome = solved;
         } else {
             outcome.replace(&solved, lanes);
         }
-        begins = false;
+        must_assemble = false;
         probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
         let motion = SweptMotion::Solved { ignores_order: passes >= ORDERED_PASSES };
         lanes = probe.span(Span::Solve, || activate_colliding(context, free, problem, velocity, collisions, motion));
@@ -83,12 +83,14 @@ pub(crate) fn solve_velocities<R: Real>(
             }
             compute_free_motion(context, free, probe);
             // All lanes are assembled and solved again. Lanes without a changed bound get the same bits as before.
-            (begins, reassemblies) = (true, reassemblies + 1);
+            (must_assemble, reassemblies) = (true, reassemblies + 1);
         }
     };
+    // Contacts that are still deferred and whose gap stays open become active with zero impulse: stage 8 needs their rows, and the state
+    // keeps them.
     problem.activate_not_closing(velocity);
     probe.span(Span::Solve, || resolve_ambiguous(context, free, problem, velocity, &mut outcome));
-    count_effort(&outcome, problem, probe);
+    count_iterations(&outcome, problem, probe);
     (outcome, inelastic.or(disagrees))
 }
 
@@ -184,7 +186,7 @@ fn limit_speed<R: Real>(
 
 /// Reports the number of rows and of solver iterations to the probe.
 #[inline(always)]
-fn count_effort<R: Real>(outcome: &Outcome<R>, problem: &ConstraintProblem<R>, probe: impl Probe) {
+fn count_iterations<R: Real>(outcome: &Outcome<R>, problem: &ConstraintProblem<R>, probe: impl Probe) {
     probe.count(Counter::ScalarRows, || problem.impulse_indices.len() as f64);
     probe.count(Counter::ContactSlots, || (problem.slots.len() + problem.rolling_slots.len()) as f64);
     let lanes = |x: R| (0..R::LANES).map(move |l| x.lane(l).to_f64());

@@ -1,4 +1,5 @@
-//! Stage 1: computes generalized forces from controls and state.
+//! Stage 1: computes generalized forces from controls and state. [`crate::actuation::forces`] explains explicit parts, added inertia and
+//! active bounds.
 
 use stepper_real::{Mask, Real};
 
@@ -53,6 +54,8 @@ pub fn actuate<R: Real>(
                 let parameters = compiled.params.actuator(i);
                 let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
                 actuator_forces.found_saturated[i] = R::Mask::splat(false);
+                // Servos of actuator dynamics are implicit in every scheme. Other servos are implicit only if the scheme makes `all` servos
+                // implicit.
                 match (implicit, &actuator.dynamics) {
                     (Some(implicit), Some(dynamics)) => {
                         actuator_forces.set_actuator_dynamics(
@@ -90,6 +93,7 @@ pub fn actuate<R: Real>(
                 actuator_forces.guess_active_bounds(compiled, at.actuator_dynamics, implicit);
             }
             actuator_forces.sum_forces(compiled, implicit);
+            // Derivatives and sensors of explicit forces read the part of the actuators alone, before springs are added to `tau`.
             if implicit.is_none() {
                 actuator_forces.joint.copy_from_slice(&actuator_forces.tau);
             }
@@ -158,7 +162,7 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 /// Setpoint `input` of an angle, shifted by full rotations to the equivalent angle nearest to `angle`, as in MuJoCo. A servo then takes the
 /// shorter way to its setpoint.
 ///
-/// Only inputs that are setpoints are shifted: those whose gain equals minus the bias coefficient of the length.
+/// Only a setpoint is shifted. The input of an actuator is a setpoint if its gain equals minus the bias coefficient of the length.
 #[inline(always)]
 fn nearest_equivalent_angle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
@@ -186,10 +190,10 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     }
 }
 
-/// Affine force of an actuator: gain . (1, length, velocity) input + bias . (1, length, velocity).
+/// Affine force of an actuator: gain . (1, length, velocity) * input + bias . (1, length, velocity).
 ///
-/// With actuator dynamics, slope and rate are those of their continuous servo. A motor with voltage control multiplies the force by its
-/// stall torque and subtracts its back-EMF.
+/// With actuator dynamics that contain a continuous servo, slope and rate are those of the servo. A motor with voltage control multiplies
+/// the force by its stall torque and subtracts its back-EMF.
 #[inline(always)]
 fn affine_force<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,

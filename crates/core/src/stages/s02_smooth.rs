@@ -1,4 +1,4 @@
-//! Stage 2: smooth dynamics, which is the motion without constraints.
+//! Stage 2: smooth dynamics, which determine the motion without constraints.
 
 use stepper_real::Real;
 
@@ -52,7 +52,7 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// Completes and factors the mass matrix after [`Smooth::assemble_mass`]: adds the implicit terms of servos and fluid drag first.
+    /// Completes the mass matrix of [`Smooth::assemble_mass`] with the implicit terms of servos and fluid drag, and factors it.
     pub fn complete_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -74,6 +74,7 @@ impl<R: Real> Smooth<R> {
     #[inline(always)]
     fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
         self.mass.assemble(compiled, kinematics, &mut self.composite);
+        // The diagonal is copied before implicit terms are added to it. Stage 1 reads the copy.
         for (inertia, dof) in self.inertia.iter_mut().zip(&compiled.dofs) {
             *inertia = self.mass.entries[dof.chain];
         }
@@ -127,7 +128,8 @@ impl<R: Real> Smooth<R> {
         self.mass.solve(compiled, &mut self.acc);
     }
 
-    /// Adds the added inertia of servos, for pairs of dofs on one branch, and `h` times the fluid drag to the entries of the mass matrix.
+    /// Adds implicit damping to the mass matrix: the added inertia of servos, and `h` times the fluid drag. The function leaves out entries
+    /// of servos whose two degrees of freedom are on different branches of a tree.
     pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [added_inertias, arms]: [&[R]; 2], v: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
@@ -160,6 +162,7 @@ impl<R: Real> Smooth<R> {
         R::vectorize(
             #[inline(always)]
             || {
+                // `newton_euler.force` and `bias` are only buffers here. The next call of `acceleration` overwrites them.
                 self.newton_euler.force.fill(zero());
                 for (b, body) in compiled.bodies.iter().enumerate() {
                     if body.frame == 0 || body.frame > compiled.links.len() {

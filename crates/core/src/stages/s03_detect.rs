@@ -9,8 +9,8 @@
 //! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] returns the lanes
 //! in which a fast pair overlaps, may have passed through each other, or hits a surface of triangles. The step then evaluates these lanes
 //! at its beginning, where the wall is still ahead and its contact stops the body. Bodies can still pass through a geom in two cases. An
-//! impulse makes them faster than the search assumed, or they rotate so far that the contact normal is no longer valid.
-//! [`may_have_passed`](crate::collision::tunnelling::may_have_passed) reports these lanes.
+//! impulse makes them faster than the search assumed, or they rotate so far that the contact normal is no longer valid. After the step,
+//! [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds these lanes.
 
 use stepper_real::{Mask, Real};
 
@@ -52,8 +52,8 @@ pub fn detect<R: Real>(
     })
 }
 
-/// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps. `v` and `v_free` are the velocities
-/// before the step, and after it without constraints.
+/// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps. `v` is the velocity before the step,
+/// and `v_free` the velocity after it without constraints.
 ///
 /// With `checks_passing`, it also finds the static pairs (moving geom and world geom) whose geoms may have passed through each other since
 /// the beginning of the step.
@@ -79,6 +79,7 @@ fn find_pairs<R: Real>(
             collision.find_near(compiled, alive);
         },
     );
+    // A static pair is a listed or a dynamic pair. Each kind is merged with the other pairs of its kind.
     collision.find_static(compiled, alive, checks_static, |poses| &poses.travel);
     collision.add_static(compiled);
     collision.find_dynamic(compiled, alive, |poses| &poses.travel);
@@ -99,8 +100,10 @@ fn find_contacts<R: Real>(
 ) -> R::Mask {
     let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, search, .. } = collision;
     let (near, slack) = (&near[..*near_count], *slack);
+    // A plane is infinite, so that nothing passes through it.
     let can_be_passed = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
     let checks_passing = checks_passing && (compiled.dynamic_pairs.is_some() || near.iter().any(can_be_passed));
+    // With static pairs, `find_pairs` has already computed these displacements.
     if checks_passing && compiled.static_pairs.is_empty() {
         R::vectorize(
             #[inline(always)]
@@ -111,10 +114,13 @@ fn find_contacts<R: Real>(
         #[inline(always)]
         || {
             let scene = Scene { compiled, kinematics, poses, h, slack, displacement_time: time_before, checks_passing };
+            // Pairs of a ball or capsule with a box that are near in few lanes are packed: several share a SIMD register, in which
+            // `test_packed` computes their contact points. `collide` then adds these points in the order of all pairs.
             packed.clear();
             for &(index, lanes) in near {
                 packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);
             }
+            // The broad phase of dynamic pairs has tested bounding balls in f64, enlarged for rounding. `can_touch` has the exact limit.
             dynamic.clear();
             if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
                 for &(number, lanes) in &broad.pairs {

@@ -1,7 +1,8 @@
-//! Stage 4: contacts, equalities, limits, tendon springs and dry friction become the constraint problem.
+//! Stage 4: assembles the constraint problem, with rows of contacts, equalities, limits, tendon springs and dry friction.
 //!
-//! With the mass matrix M = L^T D L, each row of the Jacobian J is scaled to y = D^-1/2 L^-T J^T. It has entries only for the degrees of
-//! freedom that move its bodies. The Delassus matrix is Y^T Y. The bias of a row sets its target velocity v_n+ at the end of the step:
+//! With the mass matrix M = L^T D L, each row of the Jacobian J is scaled to y = D^-1/2 L^-T J^T. A scaled row has entries only for the
+//! degrees of freedom that move its bodies. The Delassus matrix is Y^T Y. The bias of a row sets its target velocity v_n+ at the end of the
+//! step:
 //!
 //! ```text
 //! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `AssemblyInput::closing_fraction`)
@@ -32,6 +33,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
         || {
             let compiled = input.compiled;
             assembler.clear(input);
+            // Eliminated equalities come first, because every later row is built with these equalities removed from it.
             if !compiled.equalities.is_empty() {
                 assembler.add_equalities(input, true);
                 let Assembler { problem, builder, .. } = &mut assembler;
@@ -58,6 +60,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
                     assembler.add_contact(input, contacts, k, sliding);
                 }
             }
+            // Contacts with rolling friction have six rows instead of three, and a separate list.
             if compiled.has_rolling_friction {
                 for k in 0..contacts.slots() {
                     let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
@@ -72,7 +75,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Removes the rows of the last step from the problem.
+    /// Resets the problem: removes the rows of the last step, and sets the numbers that do not depend on rows.
     #[inline(always)]
     fn clear(&mut self, input: RowInput<'_, R>) {
         let (compiled, assembly, none) = (input.compiled, input.assembly, R::Mask::splat(false));
@@ -109,7 +112,7 @@ impl<R: Real> Assembler<'_, R> {
 /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`. Overwrites `change` and
 /// `before_impacts`.
 ///
-/// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step.
+/// `before_impacts` is the change of the velocity just before the impacts, if a contact bounces within the step.
 pub(crate) fn shift_offsets<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,

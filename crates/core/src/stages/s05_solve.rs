@@ -13,8 +13,8 @@ use crate::tuning::{
     RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS,
 };
 
-/// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or less. Afterwards, [`store_impulses`] can store
-/// the impulses for the next step.
+/// Solves the constraint problem in the lanes `lanes`, to the tolerance of the options or a smaller one. Afterwards, [`store_impulses`] can
+/// store the impulses for the next step.
 ///
 /// The tolerance of slow lanes is a fraction of the speed before the step, `v`. Otherwise a robot at rest would creep at the speed of the
 /// tolerance.
@@ -45,12 +45,14 @@ pub fn solve_to<R: Real>(
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
     let rows = &problem.rows;
     let VelocitySolution { impulses, newton, capture, .. } = velocity;
+    // If the user requested the problem of a lane as bytes, it is stored before the solver changes it.
     if let Some(lane) = capture.lane.take() {
         capture.bytes = System::from(rows).to_bytes(impulses, &settings, lane);
     }
     let mut outcome = stepper_solve::solve(rows, impulses, settings, lanes, newton);
     let enough = R::of(options.tolerance);
     share_loads(problem, settings, velocity, lanes.and(outcome.residual.le(enough)), &mut outcome);
+    // Users can read the row with the largest residual of an unsolved lane.
     let unsolved = lanes.and_not(outcome.residual.le(enough));
     velocity.worst.update(problem, rows.into(), &velocity.impulses, contacts, [lanes, unsolved]);
     outcome
@@ -71,19 +73,19 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
             for (&(k, lanes), &lambda) in slots.iter().zip(&impulses.contacts) {
                 contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
             }
-            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
+            for (&(k, lanes, scale), &[n, a, b, spin, roll_a, roll_b]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
                 contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
-                contacts.torque[k] = select(lanes, [spin * scale[0], roll * scale[1], other * scale[2]], contacts.torque[k]);
+                contacts.torque[k] = select(lanes, [spin * scale[0], roll_a * scale[1], roll_b * scale[2]], contacts.torque[k]);
             }
         },
     );
 }
 
-/// Distributes the load evenly over the contacts of redundant supports that slip, in the lanes `solved` (see
-/// [`crate::constraints::redundant_supports`]).
+/// Distributes the load evenly over the contacts of redundant supports that slip (see [`crate::constraints::redundant_supports`]). The
+/// function changes only the lanes `solved`.
 ///
-/// If a group of contacts rotates while it slips, the new loads change its velocity. Its lanes are solved again, starting from the new
-/// loads.
+/// If a support rotates while it slips, the new loads change its velocity. The lanes of such supports are solved again, starting from the
+/// new loads.
 #[inline(always)]
 fn share_loads<R: Real>(
     problem: &ConstraintProblem<R>,
@@ -116,8 +118,8 @@ fn share_loads<R: Real>(
 /// Predictor of this step's constraint impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpulsePredictor<R: Real> {
-    /// Lanes that move. Their prediction starts from the previous impulses, and hardly depends on them. Lanes at rest keep the previous
-    /// impulses as their prediction.
+    /// Lanes that move. Their prediction hardly depends on the previous impulses, from which it starts in lanes outside `rough`. Lanes at
+    /// rest keep the previous impulses as their prediction.
     moving: R::Mask,
     /// Moving lanes in which [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero impulses predict accurately enough. The other moving
     /// lanes iterate to `tolerance`.
@@ -130,8 +132,8 @@ impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
     /// A rough prediction changes the free velocity by an error of up to [`ESTIMATE_ERROR`]. If the options require a smaller error, the
-    /// predictor iterates to a tolerance in all moving lanes. So it does with Newton's method, and in lanes with contact groups, whose
-    /// loads are shared.
+    /// predictor iterates to a tolerance in all moving lanes. It also does so with the option [`Solver::Newton`], and in lanes with contact
+    /// groups, whose loads are shared.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
@@ -155,6 +157,7 @@ impl<R: Real> ImpulsePredictor<R> {
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = &mut *velocity;
+        // `choose_start` may restore these impulses after the prediction.
         saved_impulses.save(impulses, lanes.and(self.rough.or(contact_groups.lanes())));
         self.repeat(options, lanes, problem, velocity);
     }
@@ -190,7 +193,8 @@ impl<R: Real> ImpulsePredictor<R> {
     }
 }
 
-/// Lanes that move at the velocity `v`, whose impulses are predicted. The others take the impulses of the last step as their prediction.
+/// Lanes whose impulses are predicted, because they move noticeably at the velocity `v`. The other lanes take the impulses of the last step
+/// as their prediction.
 pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
@@ -204,6 +208,7 @@ fn is_moving<R: Real>(displacement: R) -> R::Mask {
     displacement.gt(R::of(REST_MOTION))
 }
 
+/// Largest absolute velocity of a degree of freedom, rad/s or m/s.
 #[inline(always)]
 pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     let mut fastest = R::zero();
@@ -216,8 +221,8 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// Residual at which the solver stops in each lane, m/s. It is a fraction of the lane's speed, but above the rounding of velocities, and at
 /// most the tolerance.
 ///
-/// In 32 bits, velocities of 1 m/s round at 1e-3 m/s, above the default tolerance. Heavy boxes would creep into light ones at that
-/// residual, so that lanes with redundant supports (`has_groups`) stop at a smaller one.
+/// The allowance for rounding is 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, above the default tolerance.
+/// Heavy boxes would creep into light ones at that residual, so that lanes with redundant supports (`has_groups`) stop at a smaller one.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]

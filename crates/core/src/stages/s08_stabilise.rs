@@ -1,9 +1,9 @@
 //! Stage 8: corrects positions after the velocity solve.
 //!
 //! A second solve of the same rows, without restitution, finds the velocity that just closes every gap and removes a part of every overlap.
-//! Only the positions use this velocity, so it adds no kinetic energy. [`stabilise`] implements this split form. Baumgarte's method
-//! corrects positions through the velocities. [`limit_baumgarte`] runs after stage 6 and replaces velocities that its bias made absurd.
-//! There the bounded correction stays in the velocity.
+//! Only the positions use this velocity, so it adds no kinetic energy. [`stabilise`] implements this split form. Baumgarte's method instead
+//! corrects positions through a bias of the velocity solve. [`limit_baumgarte`] runs after stage 6. In lanes with absurd velocities because
+//! of this bias, it computes the solution without the bias and adds a bounded correction.
 //!
 //! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal passes a hinge. The targets
 //! are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is marked infeasible
@@ -136,12 +136,14 @@ pub fn limit_baumgarte<R: Real>(
         return never;
     }
     position.v_free.copy_from_slice(v_free);
+    // Iteration limits of the solver.
     let [sweeps, newton_steps] = options.effort();
     let tolerance = R::of(options.tolerance);
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
     R::vectorize(
         #[inline(always)]
         || {
+            // With Baumgarte's method, the offsets of the position solve have no bias. `correct` exchanges the offsets back.
             position.rows.copy(rows);
             position.rows.exchange_offsets();
         },
@@ -172,7 +174,7 @@ pub fn limit_baumgarte<R: Real>(
             for (v, &more) in v.iter_mut().zip(&*correction) {
                 *v += R::select(lanes, more, R::zero());
             }
-            // Impulses that cause this velocity. The user can read them.
+            // The user can read the impulses, so that `w` must be the scaled velocity change that leads to this velocity.
             for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
                 *change = v - free;
             }
@@ -292,8 +294,8 @@ fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses:
     }
 }
 
-/// Limits the correction `v` in the lanes `lanes` to [`MAX_REBOUND_SPEED_RATIO`] times the larger of two speeds, in the metric of the
-/// kinetic energy.
+/// Limits the correction `v` in the lanes `lanes` to [`MAX_REBOUND_SPEED_RATIO`] times the larger of the two `velocities`. Velocities are
+/// compared by the square root of the kinetic energy.
 ///
 /// Friction in a corner can make the correction enormous. The function overwrites `scratch`.
 #[inline(always)]
@@ -399,8 +401,8 @@ fn prove_infeasible<R: Real>(
     )
 }
 
-/// Computes the inverse mass of the two bodies of every contact without constraints, 1/kg; 0 for scalar rows. It is the lower bound of the
-/// inverse inertia that scales the damping of the contact.
+/// Computes for every contact the sum of the inverse masses of its two bodies, as if they were free, 1/kg; 0 for scalar rows. The result is
+/// the lower bound of the inverse inertia that scales the damping of the contact.
 #[inline(always)]
 fn find_unconstrained_mobility<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, unconstrained_mobility: &mut Vec<R>) {
     let ConstraintProblem { rows, slots, rolling_slots, .. } = input.problem;
@@ -410,7 +412,7 @@ fn find_unconstrained_mobility<R: Real>(compiled: &LaneModel<R>, input: &Positio
     for (k, lanes) in all {
         let mut floor = R::zero();
         for (pair, lanes) in input.contacts.pairs(k, lanes.bits()) {
-            let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+            let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
             let free = compiled.mobility(compiled.geoms[geoms[0]].frame) + compiled.mobility(compiled.geoms[geoms[1]].frame);
             floor = R::select(R::Mask::from_bits(lanes), free, floor);
         }

@@ -23,7 +23,7 @@ pub fn sense<R: Real>(
         kinematics.update(compiled, input.q);
     }
     workspace.prepare(compiled, kinematics, input);
-    // Each sensor is a separate kernel, called from ordinary code.
+    // This loop is no kernel. Each reading calls kernels, so that no single kernel contains the code of all sensors.
     for sensor in &compiled.sensing.sensors {
         read(compiled, kinematics, workspace, input, sensor);
     }
@@ -161,7 +161,8 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2
     }
 }
 
-/// Distance of `q` beyond the nearer end of its range, and its time derivative at the velocity `v`; zeros within the range.
+/// Minus the distance of `q` beyond the nearer end of its range, and the time derivative of this number at the velocity `v`. Both are zero
+/// within the range.
 fn overlap<R: Real>(q: R, v: R, [low, high]: [R; 2]) -> [R; 2] {
     R::vectorize(
         #[inline(always)]

@@ -28,7 +28,7 @@ pub const OVER_LIMIT: f64 = 1e-2;
 pub const EQUALITY_VIOLATED: f64 = 1e-3;
 
 bitflags! {
-    /// Flags of a step in one environment; without any, it is [`Status::OK`], a step to be trusted.
+    /// Flags of a step in one environment. A step without flags has the status [`Status::OK`] and can be trusted.
     ///
     /// ```
     /// use stepper_core::Status;

@@ -26,6 +26,7 @@ fn calls_of(options: &Options) -> usize {
     if options.timestep == Some(0.08) { CALLS / 5 } else { CALLS }
 }
 
+/// Asserts that the environments `envs` have the same bits: `expected` has an entry for every environment, `found` one for each of `envs`.
 fn assert_same(expected: &[Vec<u64>], found: &[Vec<u64>], envs: &[usize], what: &str) {
     for (place, &env) in envs.iter().enumerate() {
         let differ = expected[env].iter().zip(&found[place]).position(|(a, b)| a != b);

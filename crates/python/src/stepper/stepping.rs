@@ -115,8 +115,7 @@ fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted:
     let mut also = "";
     if this.recorder.is_some() {
         if this.applied[AppliedInput::MocapPos as usize].is_some() {
-            also =
-                "; mocap bodies that were on their way had not arrived, and the recording has them arrive: it replays up to this call only";
+            also = "; moving mocap bodies had not reached their targets, as they do in a replay: replay the recording up to this call only";
         }
         if let Err(error) = tell_of_step(slf, this, made) {
             return error;

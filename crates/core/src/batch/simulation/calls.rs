@@ -8,7 +8,8 @@ use crate::batch::stepping::Watch;
 use crate::error::check_length;
 
 impl Simulation {
-    /// Controls in force, (num_envs, nu): those of the last step, those of the initial keyframe, or zeros after a reset.
+    /// Controls in force, (num_envs, nu): those of the last step. After a reset they are those of the initial keyframe if there is one,
+    /// otherwise zeros.
     pub fn ctrl(&self) -> &[f64] {
         &self.ctrl
     }
@@ -48,8 +49,8 @@ impl Simulation {
 
     /// Sets an applied input (forces, poses of mocap bodies, or active equalities) for all later calls, (num_envs, ...).
     ///
-    /// The reset of an environment resets its row. Positions of mocap bodies may be given without orientations, and the reverse. An empty
-    /// array clears the input.
+    /// The reset of an environment resets its row of the input. Positions of mocap bodies may be given without orientations, and the
+    /// reverse. An empty array clears the input.
     ///
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers; [`Error::Model`] for an equality that closes a loop with a force sensor in
@@ -95,6 +96,7 @@ impl Simulation {
         self.make_steps(inputs, nstep, Some(watch))
     }
 
+    /// Makes up to `nstep` steps with one set of controls; see [`Simulation::step_watched`].
     fn make_steps(&mut self, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, Error> {
         self.check_inputs(inputs, 1)?;
         if !inputs.ctrl.is_empty() {
@@ -135,6 +137,7 @@ impl Simulation {
         self.roll_out(inputs, Schedule { controls, nstep }, recording, Some(watch))
     }
 
+    /// Makes the steps of a schedule with a recording, and keeps the last controls that were used in force.
     fn roll_out(
         &mut self,
         inputs: &StepInputs<'_>,
@@ -165,8 +168,8 @@ impl Simulation {
 
     /// Reads all sensors of all environments, (num_envs, nsensordata).
     ///
-    /// If `truth` is true, the result is the ideal readings. Otherwise it is the readings of the last step after the transfer functions,
-    /// the same at every call. The function ignores controls in `inputs`, and uses those in force.
+    /// If `truth` is true, `out` gets the ideal readings of the present state. Otherwise it gets the readings of the last step after the
+    /// transfer functions, the same at every call. The function ignores controls in `inputs`, and uses those in force.
     ///
     /// # Errors
     /// The errors of [`Simulation::step`], and [`Error::Length`] for `out`.

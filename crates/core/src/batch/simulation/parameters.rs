@@ -9,10 +9,10 @@ use crate::compile::LaneModel;
 use crate::math::precision::Precision;
 use crate::model::{Model, ModelError, Parameter};
 
-/// Change to the parameters of actuator dynamics in a call of [`Simulation::randomize_all`].
+/// Change to the parameters of actuator models in a call of [`Simulation::randomize_all`].
 #[derive(Clone, Copy, Debug)]
 pub enum ActuatorNumbers<'a> {
-    /// No change: the present parameters of the actuator dynamics stay.
+    /// No change: the present parameters of the actuator models stay.
     Kept,
     /// Reset to the parameters that [`Simulation::set_actuator_models`] set.
     Original,
@@ -35,7 +35,8 @@ impl Simulation {
         self.randomize_all(assigned, ActuatorNumbers::Kept, envs)
     }
 
-    /// Sets per-environment values of fields and of actuator dynamics. The memory of the dynamics and the rest of the state do not change.
+    /// Sets per-environment values of fields and of actuator models. The state does not change: delay lines, lags and integrals of the
+    /// actuator models stay too.
     ///
     /// # Errors
     /// The errors of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator. [`Error::Actuator`] for a
@@ -47,6 +48,7 @@ impl Simulation {
         envs: &[usize],
     ) -> Result<(), Error> {
         self.check_envs(envs)?;
+        // Nothing may change if an argument is invalid: actuator models are checked here, and fields before they are stored.
         let resampled = self.resampled(actuators, envs)?;
         if !assigned.is_empty() {
             self.assign_parameters(assigned, envs)?;
@@ -76,14 +78,14 @@ impl Simulation {
             self.engine_mut().clear_overrides();
             return Ok(());
         }
-        let differences = self.differences(&assigned, envs)?;
+        let differences = self.parameter_differences(&assigned, envs)?;
         self.randomization.assign(&self.model, self.num_envs, &assigned, envs);
         self.engine_mut().override_parameters(envs, &differences);
         Ok(())
     }
 
-    /// Returns the actuator dynamics with new parameters for the environments `envs`, without changing the simulation. `None` if no
-    /// actuator has dynamics.
+    /// Returns new parameters of the actuator models for the environments `envs` ("resampled" means drawn again), without changing the
+    /// simulation. `None` if no actuator has a model, or if `actuators` requests no change.
     fn resampled(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ResampledActuators>, Error> {
         let specs = match actuators {
             ActuatorNumbers::Kept => return Ok(None),
@@ -98,7 +100,7 @@ impl Simulation {
             (Some(actuator_models), _) => Ok(Some(actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h)?)),
             (None, None) => Ok(None),
             (None, Some(specs)) => {
-                // Here all actuators are without dynamics, so that a spec for one of them gives an error.
+                // No actuator has a model, so that the call below returns an error if `specs` has an entry for any of them.
                 let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h)?;
                 none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h)?;
                 Ok(None)
@@ -106,22 +108,24 @@ impl Simulation {
         }
     }
 
-    /// Actuator dynamics with per-environment parameters, one entry for every actuator. Each parameter is a list of one number for all
-    /// environments, or of one number for each environment. `None` if all environments have the same actuator dynamics.
+    /// Actuator models with per-environment parameters, one entry for every actuator. Each parameter is a list of one number for all
+    /// environments, or of one number for each environment. `None` if all environments have the same actuator models.
     pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.drawn()
     }
 
-    fn differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
+    /// Parameters that differ from the compiled model's, for each of the environments `envs`, with the actuator models and after the
+    /// assignments `assigned` ([`Randomization::differences`]).
+    fn parameter_differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
         let Some(ActuatorModels { specs, .. }) = &self.actuator_models else {
             return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
         };
-        let actuator_models = |variant: &Model| {
+        let with_actuator_models = |variant: &Model| {
             // `specs` already include the actuator delays of the model, so that the variant must not add them again.
             let folded = ActuatorSpec::fold(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
-            folded.expect("actuator dynamics were checked with the model, and a variant has its structure").0
+            folded.expect("actuator models that were checked with the model, whose structure the variant has").0
         };
-        self.randomization.differences(&self.model, self.lane_model(), Some(&actuator_models), assigned, envs)
+        self.randomization.differences(&self.model, self.lane_model(), Some(&with_actuator_models), assigned, envs)
     }
 
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
@@ -142,7 +146,7 @@ impl Simulation {
         self.randomization.fields().map(|(name, values)| (name.parse().expect("the name of a parameter"), values))
     }
 
-    /// Memory of per-environment parameters, including those of actuator dynamics, bytes.
+    /// Memory of per-environment parameters, including those of actuator models, bytes.
     pub fn parameter_bytes(&self) -> usize {
         self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }
@@ -153,7 +157,7 @@ impl Simulation {
         if self.randomization.is_empty() {
             return Cow::Borrowed(shared);
         }
-        let differences = self.differences(&[], &[env]).expect("checked when it was assigned");
+        let differences = self.parameter_differences(&[], &[env]).expect("fields that were checked when they were assigned");
         let mut compiled = shared.clone();
         compiled.params.set(&differences[0]);
         Cow::Owned(compiled)

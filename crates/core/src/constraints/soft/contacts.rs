@@ -288,7 +288,8 @@ fn lanes_of_same_trees<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>,
     }
     let (mut first, mut same) = (None, 0);
     for (pair, lanes) in contacts.pairs(k, lanes) {
-        let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled").map(|g| compiled.tree_of(compiled.geoms[g].frame));
+        let [a, b] =
+            compiled.pair_geoms(pair).expect("a pair index of this compiled model").map(|g| compiled.tree_of(compiled.geoms[g].frame));
         let trees = [a.min(b), a.max(b)];
         if *first.get_or_insert(trees) == trees {
             same |= lanes;

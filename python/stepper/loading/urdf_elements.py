@@ -155,7 +155,7 @@ def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
     Args:
         urdf: The URDF.
         actuators: Argument `actuators` of `load`. If it is None, the reasons for leaving out transmissions and ros2_control elements
-            suggest to set it.
+            suggest setting it.
     """
     if urdf.root is None:
         reason = "the XML is not well-formed, so that unsupported elements cannot be listed; correct the file"

@@ -114,7 +114,7 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSp
     """Sensors as dictionaries for the Rust library, in order.
 
     Args:
-        model: The model to which they are added.
+        model: The model to which the sensors are added.
         sensors: Sensors by name.
 
     Raises:
@@ -227,7 +227,7 @@ def _named(model: Model, what: str, name: str, place: str) -> int:
 
     Args:
         model: The model.
-        what: Name of the attribute, as "site" or "inertial".
+        what: Name of the attribute, such as "site" or "inertial".
         name: Value of the attribute.
         place: Beginning of error messages.
     """

@@ -99,8 +99,8 @@ class Rng:
     """Random number generator for n environments. Each environment draws from a stream that depends only on its seed.
 
     Draws have the shape (n, size): `size` numbers for each environment. In `Task.on_reset`, `array[mask] = rng.uniform(low, high, size)`
-    sets the rows of the reset environments in an array (num_envs, size). There are no draws but `uniform` and `normal`: unlike NumPy's
-    generators, this one gives each environment the same numbers in batches of every size.
+    sets the rows of the reset environments in an array (num_envs, size). The only draws are `uniform` and `normal`. Unlike NumPy's
+    generators, this generator gives each environment the same numbers in batches of every size.
 
     Args:
         streams: Streams of all environments.

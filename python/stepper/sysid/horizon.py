@@ -3,7 +3,7 @@
 The unknowns are the parameters and the state at the start of the window (Rao, Rawlings and Mayne 2003). The arrival cost is their normal
 distribution, given all earlier samples. At each sample, Gauss-Newton steps minimise the window's residuals plus the arrival cost: one step
 in smooth motion (a real-time iteration, Diehl 2001), several where a contact begins. Then a Kalman update adds the oldest sample to the
-arrival cost. The derivatives of the motion propagate it to the next start of the window.
+arrival cost. The derivatives of the motion propagate the arrival cost to the next start of the window.
 
 Readings and states are linearised over the uncertain range of the unknowns (linear.py), from one batch of environments. This is posterior
 linearisation (Garcia-Fernandez, Svensson, Morelande and Sarkka 2015).

@@ -236,7 +236,7 @@ class Block:
         self.parts = [(part.field, part.index.reshape(-1), part.sign) for part in parts_of(model, numbers, "parameters")]
         field, places, sign = self.parts[0]
         own = sign * np.asarray(getattr(model, field), np.float64).reshape(-1)[places]
-        # If the model's value is 0, all elements have the same value.
+        # Ratios to the first element's value in the model, which the parameter keeps. If that value is 0, all elements get the same value.
         self.ratio = own / own[0] if own[0] > 0 else np.ones(len(own))
         self._interval(own[0])
 
@@ -476,7 +476,7 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
 def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
     """Variants of a model, one for each of the parameter vectors theta, (count, n)."""
     variants = Variants(model, len(theta))
-    # Masses come first, because they scale the moments of inertia, and moments are absolute.
+    # Masses are written first: they scale the moments of inertia. A parameter of the kind "body_inertia" then replaces the moments.
     for block, piece in sorted(zip(blocks, split(blocks, theta), strict=True), key=lambda part: part[0].parameter.kind == "body_inertia"):
         block.write(piece, variants)
     return variants

@@ -15,9 +15,9 @@ from stepper.shared.streams import Rng
 class Ant(MujocoTask):
     """Task: run in x without falling. The arguments are those of Gymnasium's environment.
 
-    Rewards and observations differ slightly from Gymnasium's. They use the torso's position after the step; Gymnasium uses that of the
-    last stage of MuJoCo's Runge-Kutta step, which differs by O(h^3) for the time step h. The same holds for the point about which the
-    observed contact torques act. The initial quaternion is normalised after noise is added; Gymnasium's first observation has the
+    Rewards and observations differ slightly from Gymnasium's, because they use the torso's position after the step. Gymnasium uses the
+    position in the last stage of MuJoCo's Runge-Kutta step, which differs by O(h^3) for the time step h. The same holds for the point about
+    which the observed contact torques act. The initial quaternion is normalised after noise is added; Gymnasium's first observation has the
     quaternion before normalisation.
     """
 

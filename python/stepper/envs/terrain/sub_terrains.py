@@ -58,7 +58,7 @@ class BoxTerrain(SubTerrain):
 
     @abstractmethod
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of a tile, (n, 2, 3) m: lowest and highest corner of each, relative to the middle. They cover the tile with its border."""
+        """Boxes of a tile, (n, 2, 3) m: lowest and highest corner of each, relative to the middle. They cover the whole tile."""
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
         """Heights of the tops of the highest boxes at points of a tile, (m, n) m; see `SubTerrain.heights`."""
@@ -156,7 +156,10 @@ class PyramidStairs(BoxTerrain):
     inverted: bool = False
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of border and stairs, (n, 2, 3), m: stacked, one per step; or four per step around the platform of inverted stairs."""
+        """Boxes of border and stairs, (n, 2, 3), m: lowest and highest corner of each.
+
+        Each step is a box under the next step. For inverted stairs, each step is four boxes around the platform.
+        """
         step, outer = _at(self.step_height_range, difficulty), size / 2 - self.border_width
         count = max(0, int((outer - self.platform_width / 2) / self.step_width + _EDGE_MARGIN))
         halves = outer - self.step_width * np.arange(count + 1)

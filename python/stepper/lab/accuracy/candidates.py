@@ -102,7 +102,7 @@ def no_rapier(study: Study) -> str | None:
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
-    """Time steps around that of the study, s, ascending by factors of about two. All divide the control period.
+    """Time steps around that of the study, s, ascending by factors of about two. Each divides the control period.
 
     Args:
         study: The study.

@@ -29,6 +29,7 @@ _THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
 _RAPIER = ("#000000", "#9e9e9e")
 _SINGLE = ", f32"
 _FLOOR = 1e-12
+"""Smallest error that is drawn; smaller errors are drawn at this value."""
 _ACROSS = 3
 """Number of panels per row of the picture of invariants and outcomes."""
 
@@ -146,7 +147,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
         own = [dot for dot in good if dot.label == label]
         x, y = [getattr(dot, cost) for dot in own], [max(dot.error, _FLOOR) for dot in own]
         panel.plot(x, y, _line(label), color=colour, linewidth=1.4, label=label if own else f"{label} (no point)")
-    # One artist for each time step: a figure of some hundred takes seconds.
+    # One artist draws the markers of all lines for a time step, because drawing some hundred artists takes seconds.
     for timestep, marker in markers.items():
         some = [dot for dot in good if dot.timestep == timestep]
         x, y = [getattr(dot, cost) for dot in some], [max(dot.error, _FLOOR) for dot in some]
@@ -245,7 +246,7 @@ def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours:
 
     Args:
         panel: The panel.
-        name: Name of the difference, an attribute of `Shift`.
+        name: Name of the difference (`Shift.name`).
         study: The study.
         dots: Points of the chart.
         colours: Colour of each engine with its settings, by label.

@@ -1,8 +1,8 @@
-"""Invariants: violations of laws that every correct motion satisfies. They remain meaningful in chaotic motion, where trajectories diverge.
+"""Invariants: quantities that every correct motion conserves or bounds, and their errors in a run.
 
-They are computed from positions and velocities after every control period, in the same way for every engine. MuJoCo's library computes
-kinematics, energies and overlaps; an engine's own diagnostics are not used. The model determines the invariants of a scene. The chart lists
-those that do not apply, with the reasons.
+The errors remain meaningful in chaotic motion, where trajectories diverge. They are computed from positions and velocities after every
+control period, in the same way for every engine. MuJoCo's library computes kinematics, energies and overlaps; an engine's own diagnostics
+are not used. The model determines the invariants of a scene. The chart lists those that do not apply, with the reasons.
 
 * **penetration**, m: the deepest overlap of two geoms that may collide.
 * **limits**, m and rad: largest violation of the range of a slide or tendon (m), or of a hinge or ball joint (rad).
@@ -209,7 +209,7 @@ class Invariants:
             if kind in self.kinds:
                 errors[kind] = self._over_limits(unit)
         errors |= {kind: 0.0 for kind in LOOPS.values() if kind in self.kinds}
-        # Computed from `efc_pos`, which is scaled for welds.
+        # Errors of loops come from `efc_pos`, whose rows for the orientation of a weld are scaled; `_parts` removes the scale.
         rows = np.flatnonzero(np.asarray(d.efc_type[: d.nefc]) == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
         for e in dict.fromkeys(int(x) for x in np.asarray(d.efc_id)[rows]):
             own = np.asarray(d.efc_pos)[rows[np.asarray(d.efc_id)[rows] == e]]

@@ -75,9 +75,9 @@ class Bench:
     trace: Trace
 
     def errors(self, smaller: Sequence[Model], tick: Callable[[float], None]) -> list[float]:
-        """Largest change of the motion if a smaller model replaces the model, for each of some smaller models, m or rad.
+        """Largest change of the motion with each of some smaller models in place of the study's model, m or rad.
 
-        A change is infinite if the controller or a measure reads a removed part.
+        A change is infinite if the controller or a measure of an outcome reads a removed part.
 
         Args:
             smaller: Models without some parts of the scene.
@@ -92,7 +92,7 @@ class Bench:
     def _error(self, _: Study, smaller: Model) -> float:
         """Largest change of the motion in any episode with a smaller model, m or rad.
 
-        It is infinite if the controller or a measure reads a removed part. The first argument is not used.
+        It is infinite if the controller or a measure of an outcome reads a removed part. The first argument is not used.
         """
         try:
             return float(self.distance(run(self._study_with(smaller), self.episodes, **self.settings), self.trace).max())

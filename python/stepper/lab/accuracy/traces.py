@@ -232,7 +232,8 @@ def _points(now: World) -> Array:
 class Distance:
     """Measure of the error between two runs. A call with the two runs computes the error.
 
-    It is the largest distance of a body, geom or site (m), or the largest angle of a body (rad), up to a horizon.
+    It is the largest distance between the positions of a body, geom or site in the two runs (m), up to a horizon. With the unit "rad" it is
+    the largest angle between the orientations of a body.
 
     Attributes:
         unit: "m" or "rad".

@@ -280,8 +280,8 @@ def _candidates(
 ) -> tuple[Candidate, list[Candidate]]:
     """Finds and measures candidate settings, and returns the candidate with the study's settings, and all candidates including it.
 
-    First, all settings are run at the time step of the study, and at longer and shorter ones in ratios of two. Some settings may become the
-    cheapest at longer time steps. They are then run between the longest time step within the budget and the next longer one.
+    First, all settings are run at the time step of the study, and at longer and shorter ones by factors of two. Some settings
+    may become the cheapest at longer time steps. They also run between the longest time step within the budget and the next longer one.
 
     Args:
         study: The study.
@@ -355,7 +355,7 @@ def _candidates(
     tick(1.0)
     if keep:
         near = _RETIMED_RATIO * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
-        # A second timing in interleaved rounds, so that changes of the machine's load do not decide the order.
+        # The second timing alternates between the candidates, so that changes of the machine's load do not decide their order.
         time([*first, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
     report_progress("costs", 1.0)
     candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}

@@ -105,7 +105,7 @@ def together(study: Study) -> bool:
 
 
 def group_of(study: Study, point: Point) -> str:
-    """Text that tells which points of a study can be stepped in one batch: those with equal texts.
+    """Text that is equal for two points of a study if their episodes can be stepped in one batch.
 
     Args:
         study: The study.
@@ -129,7 +129,6 @@ def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tu
         **changed: Further changed settings.
     """
     given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in values.items() if study.parameters[n].kind == "options"}
-    # Named settings override values of parameters.
     given |= study.setting(setting) | changed
     engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
     return engine, precision, replace(study.options, **given) if engine == "stepper" else study.options, given

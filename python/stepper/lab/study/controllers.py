@@ -269,8 +269,8 @@ class StateCheck:
     def check(self) -> None:
         """Raise ValueError if an attribute or closure variable of the controller changed during the batch.
 
-        Controllers with a method `begin` and networks are not checked. Nor are variables that were missing, None or empty before the batch
-        (they may be caches), or have no digest.
+        Controllers with a method `begin` and networks are not checked. Variables without a digest are not checked either, and variables
+        that were missing, None or empty before the batch, because they may be caches.
         """
         if self._restarts:
             return

@@ -176,7 +176,7 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
     changed: dict[str, frozenset[tuple[str, int]]] = {}
     for text in texts:
         name, own = (text, parameters[text]) if text in parameters else _with_range(text, parameters)
-        # A study may have several parameters of the same numbers, by their names.
+        # Two parameters of the study may change the same numbers; they are chosen by name, and are not compared.
         others = [other for other in found if not {name, other} <= parameters.keys()]
         numbers = _changed(own, model)
         same = next((other for other in others if changed[other] == numbers), None)

@@ -231,7 +231,7 @@ class _Ledger:
             book["nearest"] = min(book["nearest"], float(contacts["distance"][own].min()))
             if not pushes.any():
                 continue
-            # Totals over the contacts of a pair, because Coulomb's law does not determine how they share a load.
+            # Forces are summed over the contacts of a pair, because Coulomb's law does not determine how the contacts share a load.
             envs, at = np.unique(contacts["env"][pushes], return_inverse=True)
             force = np.bincount(at, normal[pushes])
             side = np.linalg.norm([np.bincount(at, tangent[pushes, k]) for k in range(3)], axis=0)

@@ -129,7 +129,7 @@ def identify(
         sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, loss), known)
         settled = (np.abs(sigma - residuals.sigma) <= NOISE_TOLERANCE * residuals.sigma).all()
         residuals.sigma = sigma
-        # The noise weights the channels, so that a change of it can change which minimum is the lowest.
+        # The noise determines the weights of the channels. After a change of the noise, another minimum may be the lowest.
         searches = solver.search(_distinct(searches))
         if settled:
             break
@@ -277,7 +277,8 @@ def _first_noise(simulator: Simulator) -> Array:
 def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
     """Estimate of the noise of each column of the readings, (width,), from the residuals of a fit.
 
-    It is the root mean square of the residuals. For robust losses it is 1.48 times the median of their absolute values.
+    It is the root mean square of the residuals, corrected for the number of parameters. For robust losses it is 1.48 times the median of
+    the residuals' absolute values.
 
     Args:
         residuals: The residual function.

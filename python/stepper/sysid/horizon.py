@@ -57,7 +57,7 @@ UNCERTAIN_FRICTION = 0.1
 HELD_START = 2.0
 """Difference between the current estimate of log(friction) and the larger value at which the search for a sticking object starts.
 
-It is large enough that the object sticks at the first value.
+With this value the object sticks at the start of the search.
 """
 HELD_RANGE = 0.5
 """Half width of the range of log(friction), around the estimate, in which the smallest friction that holds an object is searched.
@@ -289,7 +289,7 @@ class Horizon:
             bound = self._bound(j)
             rows = slice(first + k * OTHERS_PER_FRICTION, first + (k + 1) * OTHERS_PER_FRICTION)
             points[rows, j] = np.clip(other_frictions(self.x[j], std[j], bound), max(problem.low[j], bound), problem.high[j])
-        # At a bound one side has no width: the prediction is made within bounds.
+        # At a bound, one of the two differences has no width, because predictions are made within bounds only.
         spans = np.stack([h, h], axis=1)
         for j in range(n):
             spans[j] = min(self.x[j] + h[j], problem.high[j]) - self.x[j], self.x[j] - max(self.x[j] - h[j], problem.low[j])
@@ -321,7 +321,7 @@ class Horizon:
     def _bound(self, j: int) -> float:
         """Largest value of a friction that the readings exclude, as a logarithm; -inf if they exclude none.
 
-        This lower bound decreases with time, because friction may drift. `j` is the index of the friction in theta.
+        The value decreases with time, because friction may drift. `j` is the index of the friction in theta.
         """
         if j not in self._bounds:
             return -math.inf
@@ -429,7 +429,7 @@ class Horizon:
         step = least * min(1.0, MAX_CHANGE / max(float((np.abs(least[: self._problem.n]) / self._problem.scale).max()), 1e-300))
         information = (rows / size).T @ (rows / size)
         inverse = np.linalg.inv(information) / np.outer(size, size)
-        # Laplace's approximation: the cost, and the ratio of the volumes of the posterior and the prior.
+        # Laplace's approximation of the evidence has two terms: the cost, and the ratio of the volumes of posterior and prior.
         narrowed = np.linalg.slogdet(information)[1] / 2 + np.log(size).sum() + np.log(np.diag(root)).sum()
         self._shares = {}
         for j, rises in self._rises.items():

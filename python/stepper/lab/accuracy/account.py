@@ -1,7 +1,8 @@
 """Account of a run (`stepper.lab.account`): parts of the scene that it used, and the time and memory of each part.
 
 Parts are removed one after the other, sensors first and actuators last. After each removal, steps are timed from the same states, which
-come from a run of the full scene. The share of a part is the reduction of the step time by its removal, so that shares add up.
+come from a run of the full scene. The share of a part is the reduction of the step time by the removal of this part, as a fraction of the
+whole scene's step time. All shares, with that of the remaining scene, add up to 1.
 """
 
 from __future__ import annotations

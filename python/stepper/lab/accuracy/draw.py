@@ -76,7 +76,7 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
 
 
 def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
-    """Draw the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from the converged runs.
+    """Draw the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from those of the reference.
 
     Args:
         study: The study.
@@ -242,7 +242,7 @@ def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) 
 
 
 def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draws differences of an outcome from the converged runs, with confidence intervals, at the study's time step.
+    """Draws differences of an outcome from that of the reference, with confidence intervals, at the study's time step.
 
     Args:
         panel: The panel.

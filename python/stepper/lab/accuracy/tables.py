@@ -180,7 +180,7 @@ def _kept(found: ChartData, picture: Path | None) -> Section:
 
 
 def _distributions(found: ChartData) -> Section:
-    """Section of the document of a chart with differences of outcomes from the converged runs."""
+    """Section of the document of a chart with differences of outcomes from those of the reference."""
     study, reference = found.ground.study, found.ground.reference
     title = "Distributions of outcomes"
     if not study.all_outcomes:

@@ -327,7 +327,7 @@ def _candidates(
 
     found = cases_of([(name, line, steps) for name, line in lines for steps in counts], (0.0, 0.8))
     usual = next(one for one in found if one.name == OWN and one.steps == own)
-    # Only settings within the budget are timed, and the study's unless they diverge.
+    # Settings within the budget are timed, and the study's settings unless they diverge.
     keep = [one for one in found if one.error <= budget]
     first = [usual] if math.isfinite(usual.error) else []
     time([*first, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))

@@ -215,7 +215,7 @@ def _started(made: Any, world: World) -> tuple[Array, Array]:
     """Positions and velocities that the study's function `start` has returned, as arrays (num_envs, ...) after a check.
 
     Raises:
-        ValueError: They are not two arrays with one row per environment.
+        ValueError: The function has not returned two arrays with one row per environment.
     """
     shapes = (world.num_envs, world.model.nq), (world.num_envs, world.model.nv)
     parts = [np.array(part, float) for part in made] if isinstance(made, tuple | list) and len(made) == 2 else []
@@ -280,7 +280,7 @@ def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
     """Raises ValueError if controls have a wrong shape, or are not finite in an episode whose state is finite.
 
     Args:
-        controller: The controller that returned them, for the message.
+        controller: The controller that returned the controls, for the message.
         world: The environments.
         ctrl: The controls.
     """

@@ -261,7 +261,7 @@ class StateCheck:
     """
 
     def __init__(self, controller: Any):
-        # `Policy.begin` calls the begin of its function. Networks are copied for each batch.
+        # `Policy.begin` calls the method `begin` of its function if there is one. Networks are copied for each batch.
         self._controller = controller.act if isinstance(controller, Policy) else controller
         self._restarts = hasattr(self._controller, "begin") or isinstance(self._controller, PolicyFile | Network)
         self._before = {} if self._restarts else self._held()
@@ -330,6 +330,7 @@ class _Digest:
             self._compound(value, where)
 
     def _part(self, kind: str, data: bytes) -> None:
+        """Adds bytes to the digest, preceded by the name of their type and by the lengths of both."""
         self._hash.update(f"{len(kind)} {kind} {len(data)} ".encode() + data)
 
     def _source(self, file: Path | None) -> None:

@@ -328,7 +328,7 @@ def _where(parameter: Parameter) -> str:
 def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
     """Raise ValueError if a parameter changes contact properties of geoms that an explicit contact pair overrides.
 
-    It is allowed if another parameter changes the same property of the pair.
+    The change is allowed if another parameter changes the same property of the pair.
     """
     for name, parameter in parameters.items():
         if parameter.parsed.field not in OF_PAIRS:
@@ -352,6 +352,7 @@ _PARTS: dict[str, type] = {"": Drive, "motor": DCMotor, "servo": PID}
 Keys are "" for "actuator.delay", "motor" for "actuator.motor.gear" and "servo" for "actuator.servo.kp".
 """
 _NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
+"""Attributes of the classes in `_PARTS` and of `Transfer` that are not numbers, so that no selector can name them."""
 
 
 def _number_of(kind: type, leaf: str) -> None:

@@ -16,6 +16,7 @@ from stepper.recording.replay import recorded_stepper, repeat
 from stepper.shared.fields import APPLIED
 
 READ = ("qpos", "qvel", "act", "sensordata")
+"""Recorded fields in `Segment.readings`."""
 
 
 @dataclass(frozen=True)

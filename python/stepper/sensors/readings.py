@@ -94,6 +94,7 @@ class SensorSpec:
 _OBJECTS = {"body": "XBody", "inertial": "Body", "geom": "Geom", "site": "Site"}
 """Attributes of `SensorSpec` for the measured frame of a frame sensor, and their names in the Rust library."""
 _OF = ("joint", "tendon", "actuator", "site", "body", "inertial", "geom")
+"""Attributes of `SensorSpec` that can name the measured element."""
 _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "joint": (("joint",), JOINTS),
     "tendon": (("tendon",), TENDONS),

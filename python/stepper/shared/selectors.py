@@ -38,6 +38,7 @@ _ITEM = r"""\s*(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|[^\[\],'"]+)\s*"""
 _LIST = rf"\[({_ITEM}(?:,{_ITEM})*)\]\s*"
 _TEXT = re.compile(rf"\s*([A-Za-z_][\w.]*)\s*(?:{_LIST})?(?:{_LIST})?", re.DOTALL)
 _EARLIER = re.compile(r"\s*(\w+):([^=]+)(.*)", re.DOTALL)
+"""Selector of earlier versions, such as "mass:box=1..2"."""
 _JOINT_ROWS = {"dof": ("dofadr", "nv"), "coordinate": ("qposadr", "nq")}
 """Attributes of a joint for its first row and its number of rows, by kind of row: degrees of freedom or coordinates."""
 

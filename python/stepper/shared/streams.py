@@ -16,7 +16,9 @@ Words = NDArray[np.uint64]
 
 _GAMMA, _MIX_1, _MIX_2 = (np.uint64(k) for k in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 _SHIFTS = tuple(np.uint64(k) for k in (30, 27, 31))
+"""Constants of splitmix64: increment of the counter, and the two factors and three shifts of the hash."""
 _MANTISSA = np.uint64(11)
+"""Shift from a 64-bit integer to the 53 bits of a float's mantissa."""
 _STEP = 2.0**-53
 """Distance between neighbouring uniform random numbers in [0, 1)."""
 

@@ -50,6 +50,7 @@ _WORDS = {
         "Pair ctrl[1:] with readings[:-1], and give the initial state one row later",
     ),
 }
+"""Description of each shift in a warning, and the remedy."""
 
 
 def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:

@@ -27,7 +27,9 @@ _OURS = ("#0b3c8c", "#2ca02c", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcb
 _LAW = ("#6a1b9a", "#ab47bc")
 _THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
 _RAPIER = ("#000000", "#9e9e9e")
+"""Colours of lines: stepper with hard contact, stepper with MuJoCo's contact law, MuJoCo, and rapier."""
 _SINGLE = ", f32"
+"""End of the label of a line with 32-bit precision."""
 _FLOOR = 1e-12
 """Smallest error that is drawn; smaller errors are drawn at this value."""
 _ACROSS = 3

@@ -60,6 +60,7 @@ LIMITS = {"m": Invariant("limits of slides", "m"), "rad": Invariant("limits of j
 LOOPS = {"m": Invariant("loops", "m"), "rad": Invariant("loops", "rad")}
 NORM = Invariant("quaternion norm", "")
 ENERGY, CONSERVED = Invariant("energy gained", "J"), Invariant("energy changed", "J")
+"""Invariants of the energy: `CONSERVED` in scenes without dissipation, `ENERGY` in others."""
 MOMENTUM = Invariant("momentum", "kg m/s")
 ANGULAR = Invariant("angular momentum", "kg m2/s")
 

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _UNITS = {"m": ("m", 1.0), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "rad": ("rad", 1.0), "mrad": ("rad", 1e-3)}
 _UNITS |= {"deg": ("rad", np.pi / 180), "s": ("s", 1.0), "ms": ("s", 1e-3)}
+"""Base unit of each unit, and the unit as a multiple of the base unit."""
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,8 @@ class Scene:
 # A 5-link chain that swings in a plane without damping.
 
 CHAIN_LINKS = 5
-CHAIN_DURATION = 1.0
-CHAIN_RTOL = 1e-12
+CHAIN_DURATION = 1.0  # s
+CHAIN_RTOL = 1e-12  # relative tolerance of the reference
 
 
 def _chain_mjcf() -> str:
@@ -126,12 +126,12 @@ def chain() -> Scene:
 
 # A box that slides until friction stops it.
 
-BOX_SPEED = 2.0
+BOX_SPEED = 2.0  # m/s
 BOX_FRICTION = 0.5
 BOX_ANGLE = math.radians(30.0)
-BOX_DURATION = 1.0
-BOX_SETTLE = 1.0
-BOX_HALF = (0.1, 0.1, 0.05)
+BOX_DURATION = 1.0  # s
+BOX_SETTLE = 1.0  # s, before the box gets its speed
+BOX_HALF = (0.1, 0.1, 0.05)  # m
 
 
 def _box_mjcf() -> str:

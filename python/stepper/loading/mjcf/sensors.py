@@ -16,7 +16,9 @@ from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, 
 
 RAY_FIELDS = ("Distance", "Direction", "Origin", "Point")
 CONTACT_FIELDS = ("Found", "Force", "Torque", "Distance", "Pos", "Normal", "Tangent")
+"""Names in the Rust library of the data fields of range finders and of contact sensors, in the order of MuJoCo's bits."""
 REDUCTIONS = ("None", "MinDistance", "MaxForce", "NetForce")
+"""Names in the Rust library of the reductions of contact sensors, by MuJoCo's number."""
 
 MISSING = {
     "camprojection": "cameras are not part of the model",

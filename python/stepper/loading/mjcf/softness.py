@@ -7,6 +7,7 @@ from typing import Any
 from stepper.loading.mjcf.source import Description, Source
 
 CONES = ("Pyramidal", "Elliptic")
+"""Names in the Rust library of friction cones, by MuJoCo's number."""
 
 
 def soft_settings(source: Source) -> Description:

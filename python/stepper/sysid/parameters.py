@@ -321,7 +321,7 @@ class _Com(_OfOneBody):
     """Centre of mass of a body as a parameter. Theta is its position in the body's frame, (3,) m."""
 
     def _prepare(self, model: Model) -> None:
-        """Sets scale, limits, labels and units for a centre of mass."""
+        """Sets start, bounds, scale, labels and units for a centre of mass."""
         body = self._single_body()
         self._scale = float(self._gyration(model).max())
         reach = 10 * self._scale
@@ -341,7 +341,7 @@ class _Moments(_OfOneBody):
     """
 
     def _prepare(self, model: Model) -> None:
-        """Sets scale, limits, labels and units for principal moments of inertia."""
+        """Sets start, bounds, scale, labels and units for principal moments of inertia."""
         self._single_body()
         own = np.asarray(model.body(self.index[0]).inertia)
         moments = shape.second_moments(own)
@@ -367,7 +367,7 @@ class _Inertia(_OfOneBody):
     """
 
     def _prepare(self, model: Model) -> None:
-        """Sets scale, limits, labels and units for all inertial parameters of a body."""
+        """Sets start, bounds, scale, labels and units for all inertial parameters of a body."""
         self._single_body()
         self._gyration(model)
         self.body = model.body(self.index[0])

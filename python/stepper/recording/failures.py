@@ -104,8 +104,8 @@ class Failures:
     def summary(self) -> list[dict[str, Any]]:
         """All failures that occurred, one dictionary per kind.
 
-        Keys are "cause", "what" (the kind), "meaning", "count" (over all calls of `step` and all environments) and "first". "first" is
-        a list of pairs: index of the call among all recorded events, and index of the environment. Failures of sensing also have
+        Keys are "cause", "what" (the kind), "meaning", "count" and "first". The count is over all calls of `step` and all environments.
+        "first" is a list of pairs: index of the call among all recorded events, and index of the environment. Failures of sensing also have
         "readings", the number of failed readings of each sensor. Saturation has "steps", the number of saturated steps of each actuator.
         """
         found = [

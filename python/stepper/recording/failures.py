@@ -105,8 +105,9 @@ class Failures:
         """All failures that occurred, one dictionary per kind.
 
         Keys are "cause", "what" (the kind), "meaning", "count" and "first". The count is over all calls of `step` and all environments.
-        "first" is a list of pairs: index of the call among all recorded events, and index of the environment. Failures of sensing also have
-        "readings", the number of failed readings of each sensor. Saturation has "steps", the number of saturated steps of each actuator.
+        The first failures are pairs: index of the call among all recorded events, and index of the environment. Failures of sensing also
+        have "readings", the number of failed readings of each sensor. Saturation has "steps", the number of saturated steps of each
+        actuator.
         """
         found = [
             {"cause": cause, "what": what, "meaning": CAUSES[cause, what], "count": count, "first": self._first[cause, what]}

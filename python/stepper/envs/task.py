@@ -38,9 +38,9 @@ _OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocit
 class Moment:
     """View of the batch after a step or a reset, from which a task computes observations, rewards and terminations.
 
-    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). It is read at
-    its first use. The first use must come before the next step or reset; after that it raises RuntimeError. `read(name, of)` and
-    `contacts()` work as in `Stepper`.
+    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). The value
+    is read from the stepper when the attribute is first used. A first use after the next step or reset raises RuntimeError.
+    `read(name, of)` and `contacts()` work as in `Stepper`.
 
     Attributes:
         sim: The stepper.
@@ -351,8 +351,8 @@ class Task(ABC):
     def on_end(self, now: Moment, envs: Array) -> None:  # noqa: B027
         """Hook that is called before environments start their next episode, also if `reset` ends the last one early.
 
-        It is not called for episodes without a step. A curriculum measures the progress of the episode here, and changes the level of the
-        environment in `now.episode_state`, under a name in `carried`.
+        The hook is not called for episodes without a step. A curriculum measures the progress of the episode here, and changes the level of
+        the environment in `now.episode_state`, under a name in `carried`.
 
         Args:
             now: View of the batch at the end of these episodes.
@@ -380,7 +380,7 @@ class Task(ABC):
     def position(self, now: Moment) -> Array | None:
         """Quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`. None if the task needs no velocity.
 
-        It is evaluated in the states before and after the action. Values that `now.keep` has fixed are not used.
+        The quantity is evaluated in the states before and after the action. Values that `now.keep` has fixed are not used.
         """
         return None
 

@@ -140,7 +140,7 @@ class StepperBatch:
 
 
 class MujocoFields:
-    """Access to the fields of a batch of MuJoCo environments, and its step.
+    """Access to the fields of a batch of MuJoCo environments, and to steps of the batch.
 
     Args:
         batch: A `mujoco.batch.Batch`, or a batch of the package mjbatch, which has the same interface.

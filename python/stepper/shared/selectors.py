@@ -186,7 +186,7 @@ class Part:
 
     Attributes:
         field: Name of the field.
-        index: Indices into the flattened field. Its shape is that of the selector's values.
+        index: Indices into the flattened field, as an array of the shape of the selector's values.
         sign: Factor, 1 or -1, from a value of the selector to a number of the field.
     """
 

@@ -45,7 +45,10 @@ COARSE, FINE = 1e-4, 1e-4
 NOISE_TOLERANCE = 0.05
 """Relative change of the estimated noise below which the iteration of the noise ends."""
 MIN_NOISE = 1e-6
-"""Lower bound of an estimated noise, divided by the channel's largest reading. It covers errors of time steps and finite differences."""
+"""Lower bound of an estimated noise, divided by the channel's largest reading.
+
+The bound covers errors of time steps and finite differences.
+"""
 
 
 def identify(

@@ -449,7 +449,8 @@ class Horizon:
     def _advance(self, at: Linear) -> None:
         """Moves the oldest sample from the window to the arrival cost, by a Kalman update.
 
-        The arrival cost is the normal distribution of the unknowns before the window. It is then propagated to the new start of the window.
+        The arrival cost is the normal distribution of the unknowns before the window. The method then propagates it to the new start of the
+        window.
         """
         problem, N, m, n = self._problem, len(self.x), len(self._problem.dofs), self._problem.n
         linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.expected[0] / at.noise[0]

@@ -211,5 +211,5 @@ def _choose_platform() -> None:
     if sys.platform != "linux" or screen or os.environ.get("MUJOCO_GL"):
         return
     os.environ["MUJOCO_GL"] = "egl"
-    # This module reads the variable when it is imported, which MuJoCo already did.
+    # The module reads the variable at its import, and MuJoCo has imported it before.
     importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))

@@ -46,7 +46,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Part:
-    """Instances of one mesh, equal in all environments, which the viewer draws together as one batch.
+    """Instances of one mesh, which the viewer draws together as one batch. All environments have the same instances.
 
     Attributes:
         name: Name of the mesh.

@@ -88,7 +88,7 @@ def _extremities(now: Moment) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class HumanoidCMU(Humanoid):
-    """Tasks of `Humanoid` with dm_control's humanoid for CMU motion capture. Its torso is the body "thorax", with the y axis upwards."""
+    """Tasks of `Humanoid` with dm_control's humanoid for CMU motion capture. The torso is the body "thorax"; its y axis points upwards."""
 
     file = "humanoid_CMU.xml"
     torso = "thorax"

@@ -33,7 +33,7 @@ class TerrainCurriculum:
                 levels.move(now.episode_state, envs, up=distance > 4.0, down=distance < 2.0)
 
     The model's first joint must be free. `place` moves the sampled initial position to the middle of the tile, plus a random offset of at
-    most `spread`. It raises the position by the height of the highest terrain point within `footprint`.
+    most `spread`. `place` also raises the position by the height of the highest terrain point within `footprint`.
 
     Attributes:
         terrain: The terrain.

@@ -52,8 +52,8 @@ def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
     """Differences between a run and the reference: in the mean of each outcome, and in the fraction of successes.
 
     The interval of a mean is Student's, for paired differences. The interval of the fraction of successes combines two Wilson intervals
-    (R. G. Newcombe's tenth method, Statistics in Medicine 17, 1998). It assumes independent samples, and is too wide if the two runs
-    correlate. An episode that was not finite counts as a failure.
+    (R. G. Newcombe's tenth method, Statistics in Medicine 17, 1998). This interval assumes independent samples, and is too wide if the two
+    runs correlate. An episode that was not finite counts as a failure.
 
     Args:
         study: The study.

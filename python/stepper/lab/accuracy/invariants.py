@@ -12,7 +12,7 @@ are not used. The model determines the invariants of a scene. The chart lists th
   of a held control is force times displacement; damping of servos only removes energy. In scenes without dissipation, it is the largest
   difference from the start in both directions.
 * **momentum**, kg m/s, and **angular momentum**, kg m2/s: largest change since the start, minus the impulse of gravity. The angular
-  momentum is about the common centre of mass. They apply to scenes in which no body is attached to the world or can touch it.
+  momentum is about the common centre of mass. Both apply to scenes in which no body is attached to the world or can touch it.
 
 Energy and momentum are conserved or bounded by the laws of mechanics. All invariants are zero in a correct motion with hard contact. Soft
 contact has finite penetrations and violations of limits by definition: these numbers are a measure of its softness.

@@ -202,7 +202,7 @@ def _batches(model: Model, path: str, plan: Plan, threads: int) -> list[EngineBa
 def _ratios(ours: Track, theirs: Track) -> dict[str, float]:
     """Speed of the first engine divided by the speed of the second, by phase of the race ("control", "rest").
 
-    It is the median of the ratios of times for corresponding chunks of steps.
+    This ratio is the median, over chunks of steps, of the ratios of the two engines' times for the chunk.
 
     Args:
         ours: Measurements of the first engine.

@@ -365,7 +365,7 @@ class _Scene(RapierScene):
         self.joints = [self._joint(j) for j in range(model.njnt)]
 
     def push(self, applied: Array) -> None:
-        """Apply forces (N) and torques (N m) to bodies, (nbody, 6). They act until the next call."""
+        """Apply forces (N) and torques (N m) to bodies, (nbody, 6). The forces act until the next call."""
         done: set[int] = set()
         for b in range(1, self._model.nbody):
             root = int(self._model.body_weldid[b])

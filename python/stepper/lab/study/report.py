@@ -99,7 +99,8 @@ def sweep(
 def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, tick: Tick | None = None) -> Report:
     """Write the simulator report of a study.
 
-    It describes state and sensors, decisive contacts, settings, effects of parameters, differences between engines, and causes of failures.
+    The report describes state and sensors, decisive contacts, settings, effects of parameters, differences between engines, and causes of
+    failures.
 
     Args:
         study: A study, or its file.

@@ -18,7 +18,7 @@ def progress() -> Iterator[Tick]:
     """Context manager that shows progress on stderr, with an estimate of the remaining time.
 
     Progress is written only when the callback is called, so that timings are not disturbed. On a terminal it is a bar. In a file or a pipe
-    it is a line for every tenth of the work, or every half minute.
+    it is a line for every tenth of the work, or after half a minute without a line.
 
     Yields:
         Progress callback (text, fraction done).

@@ -195,7 +195,7 @@ def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
 
 
 def _masses(robot: Element) -> Iterator[Omission]:
-    """Yields an entry for each link with inertia that is welded to the world, so that its inertia has no effect."""
+    """Yields an entry for each link that has inertia and is welded to the world, so that the inertia has no effect."""
     joints = robot.findall("joint")
     ends = [(_end(joint, "parent"), _end(joint, "child"), joint.get("type")) for joint in joints]
     moved = {child for _, child, _ in ends}

@@ -38,7 +38,7 @@ class Spare:
 
     Attributes:
         part: Name of the part, with numbers: "2 of 3 pairs of bodies".
-        reason: Observation that makes it removable.
+        reason: Observation because of which the part may be removable.
         error: Largest change of the motion in any episode without the part, m or rad; NaN if it was not measured.
         saved: Saved fraction of a batch's processor time, median of rounds; NaN if it was not measured.
         least: Lower bound of `saved`.

@@ -219,7 +219,7 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
         batch: Environments of the engine.
         one: Measurements on one core.
         many: Measurements on all cores.
-        peers: Measurements of the engines with which it is compared, by name.
+        peers: Measurements of the engines with which this engine is compared, by name.
     """
     rates = {phase: 1e6 / median(times) for phase, times in one.times.items() if times}
     spread = {phase: [1e6 / max(times), 1e6 / min(times)] for phase, times in one.times.items() if times}

@@ -434,8 +434,8 @@ class _Digest:
     def _object(self, value: Any, where: str) -> None:
         """Adds an object to the digest: its type and its contents.
 
-        The contents are its attribute `digest` if it has one. Otherwise they are its numbers if it is a tensor or can be converted to an
-        array, and all its attributes in other cases.
+        The contents are the attribute `digest`, if the object has one. Otherwise they are the numbers of a tensor or of an object that
+        NumPy can convert, and the attributes of any other object.
 
         Args:
             value: The object.

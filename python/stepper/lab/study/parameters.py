@@ -142,7 +142,7 @@ class Parameter:
         return [round(x) for x in made] if self.leaf in COUNTS else [float(x) for x in made]
 
     def check_value(self, value: Any, where: str) -> None:
-        """Raise ValueError if a value is invalid for this parameter; `where` names it in the message."""
+        """Raise ValueError if a value is invalid for this parameter; `where` names the value in the message."""
         if self.kind == "options" and self.leaf in CHOICES:
             if not isinstance(value, str):
                 raise ValueError(f"{where} is {value!r}, must be a text, because {self.leaf} is a choice among names")

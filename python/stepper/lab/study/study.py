@@ -483,7 +483,7 @@ def _members(part: Any) -> tuple[Any, ...]:
 def _force_types(model: Model) -> list[str]:
     """Gain type and bias type of every actuator, as one text. The effect of parameters on gains depends on them.
 
-    `Study.identity` includes them separately, because the digest of a model does not.
+    `Study.identity` includes these types separately, because the digest of a model does not depend on them.
     """
     return [f"{actuator.gaintype} {actuator.biastype}" for actuator in map(model.actuator, range(model.nu))]
 

@@ -87,7 +87,7 @@ class Touching:
 
     @property
     def deciding(self) -> tuple[Pair, ...]:
-        """Pairs of geoms with at least a hundredth of the total impulse of all pairs, or a tenth of their largest force."""
+        """Pairs of geoms with at least a hundredth of the total impulse of all pairs, or a tenth of the largest force of any pair."""
         total, peak = sum(pair.impulse for pair in self.pairs), max((pair.peak for pair in self.pairs), default=0.0)
         return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
 
@@ -142,9 +142,9 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
 def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
     """Pairs of bodies that may collide, the lower index first.
 
-    The masks of their geoms (contype, conaffinity) match, they can move relative to each other, and they are not parent and child. Bodies
-    without joints count as parts of their parents. The world can collide with its children. `pairs_that_may_touch` also applies explicit
-    pairs and exclusions.
+    The masks of the two bodies' geoms (contype, conaffinity) match. The bodies can move relative to each other, and are not parent and
+    child. Bodies without joints count as parts of their parents. The world can collide with its children. `pairs_that_may_touch` also
+    applies explicit pairs and exclusions.
     """
     rigid = [0] * model.nbody
     for k in range(1, model.nbody):

@@ -104,7 +104,7 @@ class Recorder:
         chosen, order = np.zeros(sim.num_envs or 1, dtype=bool), selected(envs, sim.num_envs or 1)
         chosen[order] = True
         rows = {name: values for name, values in (fields or {}).items() if values is not None}
-        if envs is not None and np.asarray(envs).dtype != np.bool_:  # One row per index.
+        if envs is not None and np.asarray(envs).dtype != np.bool_:  # The arrays have one row per index.
             rows = {name: values if name == "actuators" else _of_all(values, order, len(chosen)) for name, values in rows.items()}
         # Fields that are set back to the values of the model.
         shared = [name for name in fields or {} if name not in rows]

@@ -347,7 +347,7 @@ def _concluded(
         seconds: Elapsed time, s.
     """
     n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
-    # Derivatives from twice the step: where they differ, the motion is not smooth.
+    # Where derivatives from twice the step differ, the motion is not smooth.
     (twice,) = residuals.linearize([best.x], 2 * residuals.step)
     data = slice(None, best.at.data)
     here, there = best.at.jacobian[data, :n], twice.jacobian[data, :n]

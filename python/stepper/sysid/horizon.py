@@ -354,7 +354,8 @@ class Horizon:
                     break
                 share /= 2
             else:
-                # The cost has kinks, as at the onset of slip. The estimate is settled if the step is short.
+                # No step lowers the cost, because the cost has kinks, as at the onset of slip. The estimate is settled if the step is
+                # short.
                 self.x = best.points[0].copy()
                 far = np.abs(step[:n]) > SETTLED_STEP * np.sqrt(np.diag(self.posterior))[:n]
                 far[holding] = False

@@ -184,7 +184,7 @@ def _colours(looks: Any) -> Array:
         material = int(looks.geom_matid[g])
         if material < 0:
             continue
-        # As in MuJoCo, the geom's colour has priority over the material unless it is the default.
+        # As in MuJoCo, the geom's colour has priority over its material, unless the geom has MuJoCo's default colour.
         if np.array_equal(rgba[g], [0.5, 0.5, 0.5, 1.0]):
             rgba[g] = looks.mat_rgba[material]
         chosen = [int(t) for t in looks.mat_texid[material] if t >= 0]

@@ -218,7 +218,7 @@ class SteppingStones(BoxTerrain):
         side, distance = _at(self.stone_size_range, difficulty), _at(self.stone_distance_range, difficulty)
         outer, inner, bottom = size / 2 - self.border_width, self.platform_width / 2, -self.depth - _THICKNESS
         count = max(1, int((2.0 * outer - distance) / (side + distance) + _EDGE_MARGIN))
-        # Equal gaps between the stones and at the outer edge.
+        # The gaps between the stones and at the outer edge are equal.
         gap = (2.0 * outer - count * side) / (count + 1)
         starts = -outer + gap + (side + gap) * np.arange(count)
         tops = rng.uniform(-self.height_variation, self.height_variation, (count, count))

@@ -292,7 +292,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
         rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
 
     run_batch(study, world, episodes, record)
-    # Row k of the controls acts on the state of row k - 1.
+    # Controls are recorded after the steps in which they act: row k of the controls acts on the state of row k - 1.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))
     cut = [chosen[first : first + BATCH] for first in range(0, len(chosen) - BATCH + 1, BATCH)]
@@ -330,7 +330,7 @@ def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
                 case.measure(_SHORTEST_ROUND)
             tick("costs", (number + 1) / _ROUNDS)
     steps = len(states) * BATCH
-    # The smallest of the rounds, because other load on the machine only adds time.
+    # The shortest round counts, because other load on the machine only adds time.
     spent = [1e6 * min(case.times) / steps for case in cases]
     memory = [case.sim.memory()["per_env"] for case in cases]
     yield Part(names[0], 1.0, spent[0], memory[0])

@@ -293,13 +293,13 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _MAX_CONE_USE and pair.twists <= _NO_FRICTION * pair.peak}
-    # Geoms without sliding contacts. The friction of a geom affects all its contacts.
+    # Geoms without any sliding contact get a larger friction. The friction of a geom affects all its contacts.
     steady = {g for key in holds for g in key} - {g for key in pressed.keys() - holds for g in key}
     explicit = _explicit(whole)
     friction = np.asarray(model.geom_friction, float)
     wide = {k: _FRICTION_FACTOR * max(pressed[key].friction for key in holds if k in key) for k in steady}
     raised = np.array([[wide.get(k, own), *rest] for k, (own, *rest) in enumerate(friction.tolist())]).reshape(friction.shape)
-    # The cone of a pair stays the same if it has no such geom, or takes its friction from the other geom.
+    # The cone of a pair stays the same if none of its geoms is steady, or if the pair takes its friction from the other geom.
     widened = {
         key for key in holds if key in explicit or pair_friction(model, raised, *key, {}) >= _FRICTION_FACTOR * pressed[key].friction
     }

@@ -250,7 +250,7 @@ class Distance:
         if self.unit == "m":
             apart = np.linalg.norm(one.points[:seen] - other.points[:seen], axis=3)
         else:
-            # From the vector part of the difference, because 1 - cos loses half of the digits.
+            # The angle comes from the vector part of the quaternion between the orientations, because 1 - cos loses half of the digits.
             product = _between(one.xquat[:seen], other.xquat[:seen])
             apart = 2.0 * np.arctan2(np.linalg.norm(product[..., 1:], axis=3), np.abs(product[..., 0]))
         far: Array = np.where(np.isfinite(apart), apart, np.inf).max(axis=2)

@@ -300,7 +300,7 @@ def _candidates(
     tick = functools.partial(report_progress, "candidates")
 
     def cases_of(chosen: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Case]:
-        # The study's time step keeps its exact value; others are quotients of the control period.
+        # The study's time step keeps its exact value; others are the control period divided by a whole number.
         settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in chosen]
         patient = [patience(study, reference.trace, own["timestep"]) for own in settings]
         traces = runs(study, episodes, settings, patient, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))

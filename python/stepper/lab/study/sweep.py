@@ -37,9 +37,10 @@ UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Sta
 
 @dataclass(frozen=True)
 class Level:
-    """Statistics of the episodes at one value of one parameter with all other parameters nominal, or at the nominal point.
+    """Statistics of the episodes at one value of one parameter, or at the nominal point, where all parameters are nominal.
 
-    The outcome is the one with a condition of success, or otherwise the first outcome of the study.
+    At a value of a parameter, all other parameters are nominal. The outcome is the one with a condition of success, or otherwise the first
+    outcome of the study.
 
     Attributes:
         setting: Name of the settings.

@@ -65,7 +65,7 @@ class Touching:
         pairs: Pairs of geoms, the largest impulse first.
         steps: Number of steps of all episodes.
         most: Largest number of simultaneous contacts in one environment.
-        sweeps: Largest number of Gauss-Seidel sweeps in a step.
+        sweeps: Largest number of Gauss-Seidel iterations in a step.
         newton_steps: Largest number of Newton steps in a step.
         status: All flags of `Status` that steps set.
         saturated: Fraction of the steps in which each actuator was at a bound of its force, (nu,).
@@ -292,7 +292,7 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     """
     world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
     assert isinstance(world, StepperWorld)
-    # All environments are at the nominal point.
+    # All environments have the nominal values of the parameters. The friction of the first one is therefore that of all.
     own = world.sim.randomized
     geoms, pairs = (own[name][0] if name in own else getattr(world.model, name) for name in ("geom_friction", "pair_friction"))
     ledger = _Ledger(world.model, len(episodes), np.asarray(geoms, np.float64), _friction_of_pairs(world.model, np.asarray(pairs)))

@@ -117,7 +117,7 @@ def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Acco
     uses = tuple(_uses(study, seen))
     parts = tuple(_costs(study, range(episodes), progress))
     document = Document(f"Parts and costs of {study.name}")
-    document.sections += [_used(uses, seen, episodes), _spent(study, parts)]
+    document.sections += [_uses_section(uses, seen, episodes), _costs_section(study, parts)]
     return Account(study, uses, parts, document)
 
 
@@ -154,7 +154,7 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
     yield Use("kinds of flags that steps set", len(Status), len(flags), ", ".join(flag.name or "" for flag in flags))
 
 
-def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
+def _uses_section(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
     """Section of the document with the table of used elements of the scene.
 
     Args:
@@ -171,7 +171,7 @@ def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
     )
 
 
-def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
+def _costs_section(study: Study, parts: tuple[Part, ...]) -> Section:
     """Section of the document with the time and memory that each part of the scene costs."""
     if not parts:
         return Section("Costs", ["The model has no source from which parts can be removed; give MJCF, URDF or an MjModel."])

@@ -69,7 +69,7 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
         if finite:
             panel.set_ylim(max(_FLOOR, 0.3 * min([*finite, max(low, _FLOOR)])), 3 * max(finite))
     _legends(figure, panels, markers)
-    _split(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
+    _causes_panel(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
     title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {reference.words}", 150))
     figure.suptitle(f"{title}\n{note}", fontsize=9)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -100,9 +100,9 @@ def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
     grid = figure.add_gridspec(len(rows) + len(outcomes), _ACROSS, height_ratios=[1.0] * len(rows) + [1.25] * len(outcomes))
     colours = _colours(list(dict.fromkeys(dot.label for dot in dots)))
     for k, name in enumerate(kept):
-        _kept(figure.add_subplot(grid[k // _ACROSS, k % _ACROSS]), name, dots, colours)
+        _invariant_panel(figure.add_subplot(grid[k // _ACROSS, k % _ACROSS]), name, dots, colours)
     for k, name in enumerate(outcomes):
-        _shifted(figure.add_subplot(grid[len(rows) + k, :]), name, study, dots, colours)
+        _outcome_panel(figure.add_subplot(grid[len(rows) + k, :]), name, study, dots, colours)
     lines = require("matplotlib.lines", "to draw a chart")
     handles = [lines.Line2D([], [], color=colour, linestyle=_line(label), label=label) for label, colour in colours.items()]
     figure.legend(handles=handles, fontsize=8, loc="outside lower center", ncols=4, frameon=False, handlelength=3.5)
@@ -192,7 +192,7 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
     figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=3, frameon=False, handlelength=3.5)
 
 
-def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
+def _causes_panel(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
     """Draws bars for the parts of the error (solver, time step, model) at the study's time step.
 
     Args:
@@ -219,7 +219,7 @@ def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str]
     panel.set_axisbelow(True)
 
 
-def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
+def _invariant_panel(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
     """Draws the largest error of an invariant against the time step, with a line for each engine and settings.
 
     Args:
@@ -243,7 +243,7 @@ def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) 
     panel.set_axisbelow(True)
 
 
-def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
+def _outcome_panel(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
     """Draws differences of an outcome from that of the reference, with confidence intervals, at the study's time step.
 
     Args:

@@ -214,7 +214,7 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
     never = sorted(may - set(bodies.values()))
     apart = set(never) | {_ordered(own) for own in whole["excludes"]}
     # Without their explicit pair, geoms with matching masks still collide, unless their bodies are excluded. Removing it saves nothing.
-    idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _meet(model, geoms))]
+    idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _collides(model, geoms))]
     of_near = [geoms for geoms in idle if _bodies(model, geoms) not in never]
 
     def remove(description: Description) -> None:
@@ -243,7 +243,7 @@ def _explicit(whole: Description) -> dict[tuple[int, int], int]:
     return {_ordered(pair["geoms"]): k for k, pair in enumerate(whole["pairs"])}
 
 
-def _meet(model: Model, geoms: tuple[int, int]) -> bool:
+def _collides(model: Model, geoms: tuple[int, int]) -> bool:
     """Whether two geoms may collide even without an explicit pair, according to their collision masks and bodies."""
     one, other = model.geom(geoms[0]), model.geom(geoms[1])
     masks = (one.contype & other.conaffinity) or (other.contype & one.conaffinity)

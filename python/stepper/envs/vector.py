@@ -40,7 +40,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None selects `task.contact`.
         options: Options of the step, which replace `contact`.
         precision: "f64" or "f32".
-        threads: Number of threads; 0 uses all cores that this process may use. The results are the same bit for bit.
+        threads: Number of threads; 0 uses all cores that this process may use. The results are the same, bit for bit, for any number.
         dtype: Scalar type of observations, float64 or float32; None selects the type that `precision` names.
         max_episode_steps: Number of actions after which an episode is truncated; None means no limit. `gymnasium.make_vec` passes the
             registered limit.

@@ -21,7 +21,7 @@ from stepper.sysid.roots import RIDGE, root_of
 LENGTH = math.sqrt(3.0)
 """Half width of a finite difference, in standard deviations.
 
-The points of differences of sqrt(3) match a normal distribution up to its fourth moments.
+With sqrt(3), the points match a normal distribution up to its fourth moments.
 """
 
 

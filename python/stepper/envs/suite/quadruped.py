@@ -59,7 +59,7 @@ class Quadruped(SuiteTask):
         return _scene(None if self.fetch else self.move_speed * _EPISODE)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles and velocities of the hinges, activations, state of the torso, and loads at the toes: (78,).
+        """Angles and velocities of the hinges, activations, state of the torso, and forces and torques at the toes: (78,).
 
         The state of the torso is its velocity, the vertical component of its z axis, and the readings of its accelerometer and gyro. If the
         task is to fetch, the states of ball and target follow: (90,).

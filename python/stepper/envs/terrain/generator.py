@@ -149,7 +149,7 @@ class Terrain:
     def boxes(self) -> Array:
         """Boxes that make up the terrain, (n, 2, 3) m: centre and half sides of each.
 
-        Their steps are vertical, those of a height field are ramps. A height field is simulated faster.
+        Steps of the boxes are vertical, steps of a height field are ramps. A height field is simulated faster.
 
         Raises:
             ValueError: A kind of terrain does not consist of boxes.

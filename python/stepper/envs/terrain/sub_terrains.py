@@ -158,7 +158,7 @@ class PyramidStairs(BoxTerrain):
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
         """Boxes of border and stairs, (n, 2, 3), m: lowest and highest corner of each.
 
-        Each step is a box under the next step. For inverted stairs, each step is four boxes around the platform.
+        Steps are concentric boxes; smaller boxes are higher. Each step of inverted stairs is four boxes around the platform.
         """
         step, outer = _at(self.step_height_range, difficulty), size / 2 - self.border_width
         count = max(0, int((outer - self.platform_width / 2) / self.step_width + _EDGE_MARGIN))

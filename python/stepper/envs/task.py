@@ -36,11 +36,11 @@ _OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocit
 
 
 class Moment:
-    """View of the batch after a step or a reset, which observations, rewards and terminations of a task read.
+    """View of the batch after a step or a reset, from which a task computes observations, rewards and terminations.
 
-    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). It is read at
-    its first use. The first use must come before the next step or reset; after that it raises RuntimeError. `read(name, of)` and
-    `contacts()` work as in `Stepper`.
+    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). The value
+    is read from the stepper when the attribute is first used. A first use after the next step or reset raises RuntimeError.
+    `read(name, of)` and `contacts()` work as in `Stepper`.
 
     Attributes:
         sim: The stepper.
@@ -96,8 +96,8 @@ class Moment:
     def rng(self, name: str) -> Rng:
         """Random number generator for all environments at this moment, for noise of an observation.
 
-        Its numbers depend on the seed of each environment, on the number of steps and resets since the seed, and on the name. Every call
-        with the same name gives the same numbers, so that reading an observation twice gives the same noise.
+        The numbers depend on the seed of each environment, on the number of its steps and resets since it was seeded, and on the name.
+        Every call with the same name gives the same numbers, so that reading an observation twice gives the same noise.
 
         Args:
             name: Name of the observation, such as "height_scan".
@@ -123,7 +123,7 @@ class Moment:
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
-        """New view of all environments after the same step. It takes no values from this view, but reads them from the stepper.
+        """New view of all environments after the same step. It reads all values from the stepper, and takes none from this view.
 
         `action` are the actions of the step, (num_envs, n).
         """
@@ -285,7 +285,7 @@ class Task(ABC):
     def sensors(self) -> SensorModel | None:
         """Sensor model (noise, delay, bias), for tasks that observe `now.sensordata`; None means ideal sensors.
 
-        Its random numbers depend on the seed of an environment and on its index in the batch.
+        The random numbers depend on the seed of an environment, and on the environment's index in the batch.
         """
         return None
 
@@ -351,8 +351,8 @@ class Task(ABC):
     def on_end(self, now: Moment, envs: Array) -> None:  # noqa: B027
         """Hook that is called before environments start their next episode, also if `reset` ends the last one early.
 
-        It is not called for episodes without a step. A curriculum measures the progress of the episode here, and changes the level of the
-        environment in `now.episode_state`, under a name in `carried`.
+        The hook is not called for episodes without a step. A curriculum measures the progress of the episode here, and changes the level of
+        the environment in `now.episode_state`, under a name in `carried`.
 
         Args:
             now: View of the batch at the end of these episodes.
@@ -380,7 +380,7 @@ class Task(ABC):
     def position(self, now: Moment) -> Array | None:
         """Quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`. None if the task needs no velocity.
 
-        It is evaluated in the states before and after the action. Values that `now.keep` has fixed are not used.
+        The quantity is evaluated in the states before and after the action. Values that `now.keep` has fixed are not used.
         """
         return None
 
@@ -411,7 +411,7 @@ class MujocoTask(Task):
 
 
 def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:
-    """Decorator for a function `function(now)` of a moment (view of the batch after a step): its result is computed once per moment."""
+    """Decorator for a function of a `Moment`: the result is computed at the first call for a moment, and stored for later calls."""
 
     @functools.wraps(function)
     def quantity(now: Moment) -> Array:

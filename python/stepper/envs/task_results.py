@@ -25,7 +25,7 @@ Table = list[tuple[Observation, slice]]
 
 
 def check_methods(task: Task) -> None:
-    """Raises TypeError if a task overrides a method of `Task` with another number of arguments."""
+    """Raises TypeError if a method of a task takes another number of arguments than the method of `Task` that it overrides."""
     for name, arguments in _METHODS.items():
         check_takes(getattr(task, name), arguments, f"{type(task).__name__}.{name}", is_method=True)
 

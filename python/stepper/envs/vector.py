@@ -24,10 +24,10 @@ from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
-    """Vector environment of one task. Later steps do not change returned arrays. It pickles with its state.
+    """Vector environment of one task. Later steps do not change returned arrays. A pickle contains the states of the environments.
 
-    If a step would give a state that is not finite, the environment keeps its last finite state, its episode is terminated, and its info
-    has "non_finite".
+    If a step would give an environment a state that is not finite, this environment keeps its last finite state. Its episode is terminated,
+    and its info has "non_finite".
 
     Args:
         task: A `Task`, a class of tasks, or a name in `stepper.envs.TASKS`. For a class or a name, `arguments` go to its constructor.
@@ -40,7 +40,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None selects `task.contact`.
         options: Options of the step, which replace `contact`.
         precision: "f64" or "f32".
-        threads: Number of threads; 0 uses all cores that this process may use. The bits are the same for any number.
+        threads: Number of threads; 0 uses all cores that this process may use. The results are the same, bit for bit, for any number.
         dtype: Scalar type of observations, float64 or float32; None selects the type that `precision` names.
         max_episode_steps: Number of actions after which an episode is truncated; None means no limit. `gymnasium.make_vec` passes the
             registered limit.
@@ -50,8 +50,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             the requirements.
         width: Width of a picture in pixels.
         height: Height of a picture in pixels.
-        camera_id: Index of a camera of the model's file, or -1 for the task's free camera. The default is the file's camera "track", or the
-            task's free camera.
+        camera_id: Index of a camera of the model's file, or -1 for the task's free camera. The default is the file's camera
+            "track", or without one the task's free camera.
         camera_name: Name of a camera of the model's file.
         default_camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,), m, and trackbodyid,
             the followed body.
@@ -60,7 +60,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
     Raises:
         ValueError: A setting is out of its range, or the task or render mode is unknown.
-        TypeError: Arguments that the task does not have.
+        TypeError: The task does not have one of the `arguments`.
     """
 
     _drawing: Drawing | None = None
@@ -235,7 +235,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     def get_state(self) -> EnvState:
         """State of all environments, for `set_state`. After `set_state`, later steps give the same results bit for bit.
 
-        The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
+        The state contains the stepper's state, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
         also contains the episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths,
         and flags of ended episodes. It does not contain the counters of wrappers or the random number generator of `action_space`.
 
@@ -256,7 +256,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
         Args:
             qpos: Positions, (num_envs, nq) or (nq,), m and rad; None keeps them. Or an `EnvState`, whose row i belongs to environment i.
-            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None keeps them. Leave it out with a state.
+            qvel: Velocities, (num_envs, nv) or (nv,), m/s and rad/s; None keeps them. Must be None if `qpos` is an `EnvState`.
             envs: Environments to change, a boolean mask (num_envs,) or integer indices (k,), each once; None selects all environments.
                 With indices, positions and velocities have one row per index, in the order of the indices.
 

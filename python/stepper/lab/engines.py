@@ -68,7 +68,7 @@ class Certificate:
         not_converged: Number of these steps with the flag NOT_CONVERGED.
         non_finite: Number of these steps with the flag NON_FINITE.
         contacts_full: Number of these steps with the flag CONTACTS_FULL.
-        sweeps: Sum of the solver's Gauss-Seidel sweeps and Newton steps.
+        sweeps: Number of the solver's Gauss-Seidel iterations and Newton steps, summed over these steps.
     """
 
     env_steps: int = 0
@@ -140,7 +140,7 @@ class StepperBatch:
 
 
 class MujocoFields:
-    """Access to the fields of a batch of MuJoCo environments, and its step.
+    """Access to the fields of a batch of MuJoCo environments, and to steps of the batch.
 
     Args:
         batch: A `mujoco.batch.Batch`, or a batch of the package mjbatch, which has the same interface.

@@ -17,8 +17,8 @@ __all__ = ["Tick", "progress", "show_files"]
 def progress() -> Iterator[Tick]:
     """Context manager that shows progress on stderr, with an estimate of the remaining time.
 
-    It writes only when its callback is called, so that timings are not disturbed. On a terminal it shows a bar. In a file or a pipe it
-    writes a line for every tenth, or every half minute.
+    Progress is written only when the callback is called, so that timings are not disturbed. On a terminal it is a bar. In a file or a pipe
+    it is a line for every tenth of the work, or after half a minute without a line.
 
     Yields:
         Progress callback (text, fraction done).

@@ -11,12 +11,12 @@ from typing import Any
 from stepper._stepper import Model
 
 KEPT = 8
-"""Number of sources that are texts or compiled models and are kept after their Model was deleted.
+"""Largest number of texts and compiled models that are kept as sources after their Model was deleted.
 
 They are kept because a variant of the model (`Model.replace`) may still exist. The number is small, because a compiled model may be large.
 """
 KEPT_FILES = 256
-"""Number of sources that are file paths and are kept after their Model was deleted."""
+"""Largest number of file paths that are kept as sources after their Model was deleted."""
 
 
 @dataclass(frozen=True)

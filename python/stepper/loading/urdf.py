@@ -23,7 +23,7 @@ The value is the subfolder of each listed folder that contains the packages, or 
 
 
 def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Sequence[str | os.PathLike[str]] | None) -> str:
-    """Replaces the paths of the collision meshes in the text of a URDF by absolute paths.
+    """Replaces the paths of the meshes that MuJoCo's compiler reads, in the text of a URDF, by absolute paths.
 
     Args:
         text: The URDF.
@@ -140,5 +140,5 @@ def _candidates(name: str, folders: _SearchFolders) -> Iterator[Path]:
         yield path
         return
     yield from (folder / path for folder in [*folders.of_file, *folders.given])
-    # With `strippath`, MuJoCo's compiler finds the file in this folder without the folders in its name.
+    # Unless `strippath` is false, MuJoCo's compiler leaves out the folders in the name, and finds the file here.
     yield from (folder / PurePosixPath(name).name for folder in folders.of_file)

@@ -155,7 +155,7 @@ def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
     Args:
         urdf: The URDF.
         actuators: Argument `actuators` of `load`. If it is None, the reasons for leaving out transmissions and ros2_control elements
-            suggest to set it.
+            suggest setting it.
     """
     if urdf.root is None:
         reason = "the XML is not well-formed, so that unsupported elements cannot be listed; correct the file"
@@ -195,7 +195,7 @@ def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
 
 
 def _masses(robot: Element) -> Iterator[Omission]:
-    """Yields an entry for each link with inertia that is welded to the world, so that its inertia has no effect."""
+    """Yields an entry for each link that has inertia and is welded to the world, so that the inertia has no effect."""
     joints = robot.findall("joint")
     ends = [(_end(joint, "parent"), _end(joint, "child"), joint.get("type")) for joint in joints]
     moved = {child for _, child, _ in ends}

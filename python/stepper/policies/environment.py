@@ -17,6 +17,7 @@ Description = dict[str, Any]
 """Settings as JSON data: numbers, strings, lists and dictionaries."""
 
 _PACKAGES = ("gymnasium", "mujoco-core", "numpy")
+"""Packages whose versions are settings of an environment."""
 _LONGEST = 60
 """Largest number of characters of a setting's value in the text of a difference; longer values are cut."""
 

@@ -1,4 +1,4 @@
-"""Evaluation of a policy: returns in episodes of an environment, and a test whether its mean returns in two environments are equivalent."""
+"""Evaluation of a policy: returns of episodes, and a test of whether the mean returns in two environments are equivalent."""
 
 from __future__ import annotations
 
@@ -233,7 +233,7 @@ def compare(
         policy: Function of observations, (num_envs, n), that returns actions, (num_envs, nu): a `Policy` or any other.
         one: Id of the first environment, of `stepper.envs` or of Gymnasium.
         other: Id of the second environment, with the same task. At least one of the two environments must be simulated by stepper.
-            This one draws the initial states.
+            The first one that stepper simulates draws the initial states of both.
         episodes: Number of episodes in each environment.
         seed: Seed of the first episode; episode k has the seed `seed + k`.
         margin: Largest difference of mean returns that counts as equivalent, as a fraction of the mean return in the first environment.

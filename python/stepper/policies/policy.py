@@ -27,7 +27,10 @@ _DAMAGED = (
 )
 """Exceptions of NumPy, zipfile and json for a damaged file or a file that contains no policy."""
 _OTHER_KIND = (KeyError, AttributeError, TypeError)
-"""Exceptions for a readable file that contains no policy. Messages leave out their texts, which have internal names only."""
+"""Exceptions for a readable file that contains no policy.
+
+Error messages leave out the texts of these exceptions, which have internal names only.
+"""
 
 ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,

@@ -49,7 +49,7 @@ class Settings:
         value: Weight of the loss of the critic.
         max_grad_norm: Largest norm of the gradient; larger gradients are scaled down.
         initial_std: Initial standard deviation of the actions, as a fraction of half their range.
-        min_std: Standard deviation that is added to that of each observed number (as a root of squares) before the number is divided by it.
+        min_std: Least divisor of observed numbers. A number with the standard deviation std is divided by sqrt(std^2 + min_std^2).
             Numbers that hardly vary, such as heights of flat ground, then stay small.
         threads: Number of threads of the physics and of the learner.
         values: Arguments of the environment by name, such as fields of its task: roughness=0.1. Repeat the option for more.

@@ -60,7 +60,7 @@ class Failures:
         """Counts the failures in one recorded call of `step`.
 
         Args:
-            row: Index of the recorded call.
+            row: Index of the call among all recorded events (rows).
             fields: Recorded arrays of the call, by the names in `stepper.recording.format.FIELDS`.
             faults: Number of clipped and number of lost samples of each sensor, (num_envs, nsensor, 2), from `Stepper.sensor_faults`.
             saturation: Number of saturated steps, or a flag, for each actuator, (num_envs, nu), from `Stepper.actuator_saturation`.
@@ -104,9 +104,10 @@ class Failures:
     def summary(self) -> list[dict[str, Any]]:
         """All failures that occurred, one dictionary per kind.
 
-        Keys are "cause", "what" (the kind), "meaning", "count" (over all calls of `step` and all environments) and "first". The latter is
-        a list of pairs: index of the recorded call, index of the environment. Failures of sensing also have "readings", the number of
-        failed readings of each sensor. Saturation has "steps", the number of saturated steps of each actuator.
+        Keys are "cause", "what" (the kind), "meaning", "count" and "first". The count is over all calls of `step` and all environments.
+        The first failures are pairs: index of the call among all recorded events, and index of the environment. Failures of sensing also
+        have "readings", the number of failed readings of each sensor. Saturation has "steps", the number of saturated steps of each
+        actuator.
         """
         found = [
             {"cause": cause, "what": what, "meaning": CAUSES[cause, what], "count": count, "first": self._first[cause, what]}

@@ -37,7 +37,8 @@ HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
 """Kinds of recorded events (rows of a recording).
 
-An event "applied" has the applied forces, mocap poses and active equalities of the next step. It is recorded only if these have changed.
+An event "applied" has the applied forces, mocap poses and active equalities of the next step. The event is recorded
+only if these have changed.
 """
 FIELDS = {
     "ctrl": "in the unit of the actuator, as given",

@@ -29,7 +29,7 @@ class Recorder:
     Args:
         sim: The stepper, without another recorder.
         path: New or empty folder.
-        chunk: Size of the recorded calls in memory at which they are written to a file, bytes.
+        chunk: Size of the recorded events in memory at which they are written to a file, bytes.
         note: Remark of the user, which is stored in the file run.json.
 
     Raises:
@@ -38,7 +38,7 @@ class Recorder:
 
     Attributes:
         path: Folder of the recording.
-        rows: Number of calls recorded so far.
+        rows: Number of events recorded so far: the start, calls, and changes of applied forces.
         failures: Counts of failures so far.
     """
 
@@ -104,14 +104,14 @@ class Recorder:
         chosen, order = np.zeros(sim.num_envs or 1, dtype=bool), selected(envs, sim.num_envs or 1)
         chosen[order] = True
         rows = {name: values for name, values in (fields or {}).items() if values is not None}
-        if envs is not None and np.asarray(envs).dtype != np.bool_:  # One row per index.
+        if envs is not None and np.asarray(envs).dtype != np.bool_:  # The arrays have one row per index.
             rows = {name: values if name == "actuators" else _of_all(values, order, len(chosen)) for name, values in rows.items()}
         # Fields that are set back to the values of the model.
         shared = [name for name in fields or {} if name not in rows]
         self._add("randomize", envs=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
 
     def close(self) -> None:
-        """Writes the calls that are still in memory, and marks the recording as complete. The stepper then runs without recording."""
+        """Writes the events that are still in memory, and marks the recording as complete. The stepper then runs without recording."""
         if self._sim.recorder is self:
             self._sim.recorder = None
             self._flush(closed=True)
@@ -123,14 +123,14 @@ class Recorder:
         self.close()
 
     def _add(self, kind: str, **arguments: Any) -> None:
-        """Adds a recorded call other than `step`: the kind of call, and copies of its arguments as arrays."""
+        """Adds a recorded event other than a call of `step`: its kind (one of `KINDS`), and copies of its arguments as arrays."""
         # Copy, because the caller may change the arrays later.
         arrays = {name: np.array(value) for name, value in arguments.items()}
         self._others |= {f"{len(self._kinds)}/{name}": value for name, value in arrays.items()}
         self._count(kind, sum(value.nbytes for value in arrays.values()))
 
     def _count(self, kind: str, nbytes: int) -> None:
-        """Counts a new recorded call of `nbytes` bytes, and writes a file if the recorded calls in memory exceed the size `chunk`."""
+        """Counts a new recorded event of `nbytes` bytes, and writes a file if the recorded events in memory exceed the size `chunk`."""
         self._kinds.append(KINDS.index(kind))
         self.rows += 1
         self._bytes += nbytes
@@ -138,20 +138,20 @@ class Recorder:
             self._flush()
 
     def _clear(self) -> None:
-        """Removes the recorded calls from memory."""
+        """Removes the recorded events from memory."""
         self._kinds: list[int] = []
         self._steps: dict[str, list[np.ndarray[Any, Any]]] = {name: [] for name in FIELDS}
         self._others: dict[str, np.ndarray[Any, Any]] = {}
         self._bytes = 0
 
     def _flush(self, *, closed: bool = False) -> None:
-        """Writes the recorded calls in memory (if there are any) to a new .npz file, and updates the file run.json."""
+        """Writes the recorded events in memory (if there are any) to a new .npz file, and updates the file run.json."""
         if self._kinds:
             self._write_rows()
         write_header(self.path, self._header | {"closed": closed, **self._so_far()})
 
     def _write_rows(self) -> None:
-        """Writes the recorded calls in memory to the next .npz file, and removes them from memory."""
+        """Writes the recorded events in memory to the next .npz file, and removes them from memory."""
         stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
         final = self.path / f"{len(self._files):05d}.npz"
         with atomic_write(final) as file:
@@ -163,7 +163,7 @@ class Recorder:
         self._clear()
 
     def _so_far(self) -> dict[str, Any]:
-        """Entries of run.json that change during the recording: number of stored calls, list of files, and failures so far."""
+        """Entries of run.json that change during the recording: number of stored events (rows), list of files, and failures so far."""
         rows = sum(int(file["rows"]) for file in self._files)
         return {"rows": rows, "files": self._files, "failures": self.failures.summary()}
 

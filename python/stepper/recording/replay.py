@@ -84,7 +84,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
         path: Folder that `Stepper.record` wrote.
         model: Model that the recorded one must equal; None skips this check.
         threads: Number of threads; None uses the recorded number. Results do not depend on it.
-        tick: Function that is called with "replay" and the fraction of the recorded calls that were repeated.
+        tick: Function that is called with "replay" and the fraction of the recorded events that were repeated.
 
     Raises:
         TypeError, ValueError: `model` or `threads` is invalid.
@@ -144,7 +144,7 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
 
 
 def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
-    """Repeats the call in one row of a recording.
+    """Repeats the event in one row of a recording, such as a call of `step`.
 
     Args:
         sim: Stepper in the state before the row.
@@ -185,8 +185,8 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
 def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
     """Sets the recorded parameters of environments in a stepper.
 
-    `arrays` are the arrays of one row of the recording, by name: its start, or a call of `Stepper.randomize`. They contain values of the
-    changed environments only.
+    `arrays` are the arrays of one row of the recording, by name: the start, or a call of `Stepper.randomize`. The arrays contain values of
+    the changed environments only.
     """
     rows = {name.removeprefix("randomized/"): values for name, values in arrays.items() if name.startswith("randomized/")}
     n = sim.num_envs or 1

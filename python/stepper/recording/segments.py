@@ -16,6 +16,7 @@ from stepper.recording.replay import recorded_stepper, repeat
 from stepper.shared.fields import APPLIED
 
 READ = ("qpos", "qvel", "act", "sensordata")
+"""Recorded fields in `Segment.readings`."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Segment:
         start: State before the first step: "qpos", "qvel", "act", (num_envs, ...).
         ctrl: Controls, (T, num_envs, nu).
         readings: "qpos", "qvel", "act" and "sensordata" after every call, (T, num_envs, ...).
-        applied: Applied forces and mocap poses by name, (T, num_envs, ...); names that were never set are absent.
+        applied: Applied forces, mocap poses and active equalities by name, (T, num_envs, ...); names that were never set are absent.
     """
 
     model: Model
@@ -91,7 +92,7 @@ def _segment(sim: Stepper, row: int, start: dict[str, Any], steps: list[Arrays],
         row: Index of the first of these calls among all recorded events.
         start: State before the first step.
         steps: Arrays of each call of `step`.
-        unapplied: Initial values of applied forces and mocap poses by name, for steps before they are set.
+        unapplied: Initial values of applied forces, mocap poses and active equalities by name, for steps before these are set.
     """
     lead = (len(steps), sim.num_envs or 1)
 

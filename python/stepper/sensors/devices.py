@@ -15,10 +15,10 @@ from stepper.sensors.transfer import Transfer
 
 __all__ = ["DEVICES", "encoder", "encoder_velocity", "find"]
 
-_DEG = math.pi / 180.0
-_HOUR = 3600.0
-_G = 9.80665
-_TAU = 100.0
+_DEG = math.pi / 180.0  # rad
+_HOUR = 3600.0  # s
+_G = 9.80665  # standard gravity, m/s^2
+_TAU = 100.0  # correlation time of a drift, s
 
 
 def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:

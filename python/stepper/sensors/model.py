@@ -79,7 +79,6 @@ class SensorModel:
 
         Arrays in a transfer have one number for each of `num_envs` environments.
 
-
         Raises:
             ValueError: A name or pattern matches no sensor, or an array has a wrong shape.
         """

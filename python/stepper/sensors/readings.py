@@ -94,6 +94,7 @@ class SensorSpec:
 _OBJECTS = {"body": "XBody", "inertial": "Body", "geom": "Geom", "site": "Site"}
 """Attributes of `SensorSpec` for the measured frame of a frame sensor, and their names in the Rust library."""
 _OF = ("joint", "tendon", "actuator", "site", "body", "inertial", "geom")
+"""Attributes of `SensorSpec` that can name the measured element."""
 _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "joint": (("joint",), JOINTS),
     "tendon": (("tendon",), TENDONS),
@@ -114,7 +115,7 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSp
     """Sensors as dictionaries for the Rust library, in order.
 
     Args:
-        model: The model to which they are added.
+        model: The model to which the sensors are added.
         sensors: Sensors by name.
 
     Raises:
@@ -227,7 +228,7 @@ def _named(model: Model, what: str, name: str, place: str) -> int:
 
     Args:
         model: The model.
-        what: Name of the attribute, as "site" or "inertial".
+        what: Name of the attribute, such as "site" or "inertial".
         name: Value of the attribute.
         place: Beginning of error messages.
     """

@@ -1,4 +1,4 @@
-"""Field of view of a camera or of a detector in its images."""
+"""Field of view of a camera, and readings of a detector that works on the camera's images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of Gymnasium environments, also of environments that modules outside stepper register."""
+"""Ids of Gymnasium environments, also of environments that modules outside stepper register."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from pathlib import PurePath
 
 
 def import_env(env: str) -> str:
-    """Import the module that registers an environment, if the name has one before a colon.
+    """Import the module that registers an environment, if a module precedes the id of the environment.
 
-    The name "push_task:me/Push-v0" imports the module push_task, which may be in the working folder, and gives "me/Push-v0".
+    The text "push_task:me/Push-v0" imports the module push_task, which may be in the working folder, and gives the id "me/Push-v0".
 
     Args:
-        env: Name of the environment, with or without a module.
+        env: Id of the environment, with or without a module and a colon before it.
 
     Returns:
-        The name without the module, for `gymnasium.make`.
+        The id without the module, for `gymnasium.make`.
 
     Raises:
-        ValueError: There is no such module, or the name is that of a file.
+        ValueError: There is no such module, or the text is the name of a file.
     """
     module, _, name = env.rpartition(":")
     file = module or name

@@ -5,8 +5,8 @@
     geom_friction[*_foot][0]             names by pattern
     dof_damping[root][2]                 third degree of freedom of a joint
     body_mass[3]                         element without a name, by its index: a row of the field
-    gravity[2]                           fields of the whole model have columns alone
-    geom_friction['a,b'][0]              names with , [ ] ' or " are quoted, and so are names of digits
+    gravity[2]                           number of a field of the whole model, by its column
+    geom_friction['a,b'][0]              quotes around a name with , [ ] ' or ", or a name that consists of digits
 
 The shape of the selected numbers follows NumPy's indexing. A single name or index that selects one row gives no axis for elements.
 Several names or a pattern give one. Likewise, a single column gives no axis, and several columns give one.
@@ -38,6 +38,7 @@ _ITEM = r"""\s*(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|[^\[\],'"]+)\s*"""
 _LIST = rf"\[({_ITEM}(?:,{_ITEM})*)\]\s*"
 _TEXT = re.compile(rf"\s*([A-Za-z_][\w.]*)\s*(?:{_LIST})?(?:{_LIST})?", re.DOTALL)
 _EARLIER = re.compile(r"\s*(\w+):([^=]+)(.*)", re.DOTALL)
+"""Selector of earlier versions, such as "mass:box=1..2"."""
 _JOINT_ROWS = {"dof": ("dofadr", "nv"), "coordinate": ("qposadr", "nq")}
 """Attributes of a joint for its first row and its number of rows, by kind of row: degrees of freedom or coordinates."""
 
@@ -185,7 +186,7 @@ class Part:
 
     Attributes:
         field: Name of the field.
-        index: Indices into the flattened field. Its shape is that of the selector's values.
+        index: Indices into the flattened field, as an array of the shape of the selector's values.
         sign: Factor, 1 or -1, from a value of the selector to a number of the field.
     """
 
@@ -308,7 +309,7 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
         where: Beginning of error messages.
 
     Returns:
-        Indices of the elements; for "dof" and "coordinate" a range of indices for each joint. Then the boolean.
+        Indices of the elements; for "dof" and "coordinate" a range of indices for each joint. Whether the item is no pattern.
     """
     labels = _labels(model, kind)
     if isinstance(item, int):

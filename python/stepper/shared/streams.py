@@ -16,7 +16,9 @@ Words = NDArray[np.uint64]
 
 _GAMMA, _MIX_1, _MIX_2 = (np.uint64(k) for k in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 _SHIFTS = tuple(np.uint64(k) for k in (30, 27, 31))
+"""Constants of splitmix64: increment of the counter, and the two factors and three shifts of the hash."""
 _MANTISSA = np.uint64(11)
+"""Shift from a 64-bit integer to the 53 bits of a float's mantissa."""
 _STEP = 2.0**-53
 """Distance between neighbouring uniform random numbers in [0, 1)."""
 
@@ -99,8 +101,8 @@ class Rng:
     """Random number generator for n environments. Each environment draws from a stream that depends only on its seed.
 
     Draws have the shape (n, size): `size` numbers for each environment. In `Task.on_reset`, `array[mask] = rng.uniform(low, high, size)`
-    sets the rows of the reset environments in an array (num_envs, size). There are no draws but `uniform` and `normal`: unlike NumPy's
-    generators, this one gives each environment the same numbers in batches of every size.
+    sets the rows of the reset environments in an array (num_envs, size). The only draws are `uniform` and `normal`. Unlike NumPy's
+    generators, this generator gives each environment the same numbers in batches of every size.
 
     Args:
         streams: Streams of all environments.

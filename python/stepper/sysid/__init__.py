@@ -5,7 +5,7 @@ Identification from recordings:
 - `data`: measurements
 - `parameters`: the parameters to estimate
 - `simulate`: predicted readings, from one batch of environments
-- `residuals`: differences of predicted and measured readings
+- `residuals`: differences between predicted and measured readings
 - `fit`: the least-squares search
 - `uncertainty`, `findings`: covariance of the estimate, and warnings about parameters that the data do not determine
 - `result`: the estimate

@@ -131,7 +131,8 @@ def _fit_warnings(
     count = residuals.count
     for search in searches:
         apart = np.abs(search.x[known] - x[known]) / np.maximum(std[known], 1e-12) if len(known) else np.zeros(0)
-        # A search is equivalent to the best if the sums of squares, scaled to 1 per reading for the best, differ by less than noise causes.
+        # Difference of the sums of squares, scaled so that the best search has 1 per reading. Noise alone can cause a difference of 4: a
+        # search below this fits as well as the best.
         excess = 2 * (search.cost - best) * count / max(2 * best, 1e-300)
         if len(apart) and apart.max() > 5 and excess < 4:
             j = int(known[int(apart.argmax())])

@@ -45,7 +45,10 @@ COARSE, FINE = 1e-4, 1e-4
 NOISE_TOLERANCE = 0.05
 """Relative change of the estimated noise below which the iteration of the noise ends."""
 MIN_NOISE = 1e-6
-"""Lower bound of an estimated noise, divided by the channel's largest reading. It covers errors of time steps and finite differences."""
+"""Lower bound of an estimated noise, divided by the channel's largest reading.
+
+The bound covers errors of time steps and finite differences.
+"""
 
 
 def identify(
@@ -129,7 +132,7 @@ def identify(
         sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, loss), known)
         settled = (np.abs(sigma - residuals.sigma) <= NOISE_TOLERANCE * residuals.sigma).all()
         residuals.sigma = sigma
-        # The noise weights the channels, so that a change of it can change which minimum is the lowest.
+        # The noise determines the weights of the channels. After a change of the noise, another minimum may be the lowest.
         searches = solver.search(_distinct(searches))
         if settled:
             break
@@ -277,7 +280,8 @@ def _first_noise(simulator: Simulator) -> Array:
 def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
     """Estimate of the noise of each column of the readings, (width,), from the residuals of a fit.
 
-    It is the root mean square of the residuals. For robust losses it is 1.48 times the median of their absolute values.
+    It is the root mean square of the residuals, corrected for the number of parameters. For robust losses it is 1.48 times the median of
+    the residuals' absolute values.
 
     Args:
         residuals: The residual function.
@@ -343,7 +347,7 @@ def _concluded(
         seconds: Elapsed time, s.
     """
     n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
-    # Derivatives from twice the step: where they differ, the motion is not smooth.
+    # Where derivatives from twice the step differ, the motion is not smooth.
     (twice,) = residuals.linearize([best.x], 2 * residuals.step)
     data = slice(None, best.at.data)
     here, there = best.at.jacobian[data, :n], twice.jacobian[data, :n]

@@ -3,7 +3,7 @@
 The unknowns are the parameters and the state at the start of the window (Rao, Rawlings and Mayne 2003). The arrival cost is their normal
 distribution, given all earlier samples. At each sample, Gauss-Newton steps minimise the window's residuals plus the arrival cost: one step
 in smooth motion (a real-time iteration, Diehl 2001), several where a contact begins. Then a Kalman update adds the oldest sample to the
-arrival cost. The derivatives of the motion propagate it to the next start of the window.
+arrival cost. The derivatives of the motion propagate the arrival cost to the next start of the window.
 
 Readings and states are linearised over the uncertain range of the unknowns (linear.py), from one batch of environments. This is posterior
 linearisation (Garcia-Fernandez, Svensson, Morelande and Sarkka 2015).
@@ -57,7 +57,7 @@ UNCERTAIN_FRICTION = 0.1
 HELD_START = 2.0
 """Difference between the current estimate of log(friction) and the larger value at which the search for a sticking object starts.
 
-It is large enough that the object sticks at the first value.
+With this value the object sticks at the start of the search.
 """
 HELD_RANGE = 0.5
 """Half width of the range of log(friction), around the estimate, in which the smallest friction that holds an object is searched.
@@ -289,7 +289,7 @@ class Horizon:
             bound = self._bound(j)
             rows = slice(first + k * OTHERS_PER_FRICTION, first + (k + 1) * OTHERS_PER_FRICTION)
             points[rows, j] = np.clip(other_frictions(self.x[j], std[j], bound), max(problem.low[j], bound), problem.high[j])
-        # At a bound one side has no width: the prediction is made within bounds.
+        # At a bound, one of the two differences has no width, because predictions are made within bounds only.
         spans = np.stack([h, h], axis=1)
         for j in range(n):
             spans[j] = min(self.x[j] + h[j], problem.high[j]) - self.x[j], self.x[j] - max(self.x[j] - h[j], problem.low[j])
@@ -321,7 +321,7 @@ class Horizon:
     def _bound(self, j: int) -> float:
         """Largest value of a friction that the readings exclude, as a logarithm; -inf if they exclude none.
 
-        This lower bound decreases with time, because friction may drift. `j` is the index of the friction in theta.
+        The value decreases with time, because friction may drift. `j` is the index of the friction in theta.
         """
         if j not in self._bounds:
             return -math.inf
@@ -354,7 +354,8 @@ class Horizon:
                     break
                 share /= 2
             else:
-                # The cost has kinks, as at the onset of slip. The estimate is settled if the step is short.
+                # No step lowers the cost, because the cost has kinks, as at the onset of slip. The estimate is settled if the step is
+                # short.
                 self.x = best.points[0].copy()
                 far = np.abs(step[:n]) > SETTLED_STEP * np.sqrt(np.diag(self.posterior))[:n]
                 far[holding] = False
@@ -429,7 +430,7 @@ class Horizon:
         step = least * min(1.0, MAX_CHANGE / max(float((np.abs(least[: self._problem.n]) / self._problem.scale).max()), 1e-300))
         information = (rows / size).T @ (rows / size)
         inverse = np.linalg.inv(information) / np.outer(size, size)
-        # Laplace's approximation: the cost, and the ratio of the volumes of the posterior and the prior.
+        # Laplace's approximation of the evidence has two terms: the cost, and the ratio of the volumes of posterior and prior.
         narrowed = np.linalg.slogdet(information)[1] / 2 + np.log(size).sum() + np.log(np.diag(root)).sum()
         self._shares = {}
         for j, rises in self._rises.items():
@@ -449,7 +450,8 @@ class Horizon:
     def _advance(self, at: Linear) -> None:
         """Moves the oldest sample from the window to the arrival cost, by a Kalman update.
 
-        The arrival cost is the normal distribution of the unknowns before the window. It is then propagated to the new start of the window.
+        The arrival cost is the normal distribution of the unknowns before the window. The method then propagates it to the new start of the
+        window.
         """
         problem, N, m, n = self._problem, len(self.x), len(self._problem.dofs), self._problem.n
         linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.expected[0] / at.noise[0]

@@ -19,7 +19,10 @@ from stepper.sysid.residuals import slopes
 from stepper.sysid.roots import RIDGE, root_of
 
 LENGTH = math.sqrt(3.0)
-"""Half width of a finite difference, in standard deviations. With sqrt(3) it is exact up to fourth moments of a normal distribution."""
+"""Half width of a finite difference, in standard deviations.
+
+With sqrt(3), the points match a normal distribution up to its fourth moments.
+"""
 
 
 class Directions:

@@ -3,8 +3,8 @@
 Near the onset of slip, readings often do not show whether an object has slipped, and the two cases give different masses. An immediate
 decision would make all later intervals too narrow. A rival (another friction that explains the readings, rivals.py) therefore
 starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972), weighted by Laplace's approximation of its evidence. If an object
-slips in all hypotheses, a hypothesis in which friction holds it is added, with its mass estimated again. Hypotheses with little weight are
-dropped.
+slips in all hypotheses, a hypothesis is added in which friction holds the object, and the object's mass is estimated again. Hypotheses
+with little weight are dropped.
 """
 
 from __future__ import annotations

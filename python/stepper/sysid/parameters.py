@@ -236,7 +236,7 @@ class Block:
         self.parts = [(part.field, part.index.reshape(-1), part.sign) for part in parts_of(model, numbers, "parameters")]
         field, places, sign = self.parts[0]
         own = sign * np.asarray(getattr(model, field), np.float64).reshape(-1)[places]
-        # If the model's value is 0, all elements have the same value.
+        # Ratios to the first element's value in the model, which the parameter keeps. If that value is 0, all elements get the same value.
         self.ratio = own / own[0] if own[0] > 0 else np.ones(len(own))
         self._interval(own[0])
 
@@ -321,7 +321,7 @@ class _Com(_OfOneBody):
     """Centre of mass of a body as a parameter. Theta is its position in the body's frame, (3,) m."""
 
     def _prepare(self, model: Model) -> None:
-        """Sets scale, limits, labels and units for a centre of mass."""
+        """Sets start, bounds, scale, labels and units for a centre of mass."""
         body = self._single_body()
         self._scale = float(self._gyration(model).max())
         reach = 10 * self._scale
@@ -341,7 +341,7 @@ class _Moments(_OfOneBody):
     """
 
     def _prepare(self, model: Model) -> None:
-        """Sets scale, limits, labels and units for principal moments of inertia."""
+        """Sets start, bounds, scale, labels and units for principal moments of inertia."""
         self._single_body()
         own = np.asarray(model.body(self.index[0]).inertia)
         moments = shape.second_moments(own)
@@ -367,7 +367,7 @@ class _Inertia(_OfOneBody):
     """
 
     def _prepare(self, model: Model) -> None:
-        """Sets scale, limits, labels and units for all inertial parameters of a body."""
+        """Sets start, bounds, scale, labels and units for all inertial parameters of a body."""
         self._single_body()
         self._gyration(model)
         self.body = model.body(self.index[0])
@@ -476,7 +476,7 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
 def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
     """Variants of a model, one for each of the parameter vectors theta, (count, n)."""
     variants = Variants(model, len(theta))
-    # Masses come first, because they scale the moments of inertia, and moments are absolute.
+    # Masses are written first: they scale the moments of inertia. A parameter of the kind "body_inertia" then replaces the moments.
     for block, piece in sorted(zip(blocks, split(blocks, theta), strict=True), key=lambda part: part[0].parameter.kind == "body_inertia"):
         block.write(piece, variants)
     return variants

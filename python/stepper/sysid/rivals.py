@@ -56,9 +56,10 @@ At equal costs, the hypothesis with the smaller friction gets a weight of about 
 slips a little.
 """
 EXCLUDED = 12.0
-"""Increase of the cost (sum of squares, see the module) over its minimum above which the readings exclude a friction: 3.5 std.
+"""Increase of the cost (sum of squares, see the module) over its minimum above which the readings exclude a friction.
 
-A smaller friction whose cost is lower than the estimate's cost by more than this is a rival (an alternative) of a determined estimate.
+It corresponds to 3.5 standard deviations. A smaller friction whose cost is lower than the estimate's cost by more than this is a rival (an
+alternative) of a determined estimate.
 """
 LEAST_GAIN = 0.01
 """Relative gain of information about a friction in a window below which `share_of` accepts the derivatives without a check."""
@@ -180,7 +181,7 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
         if apart**2 < LEAST_DISTANCE * after or rise > POSSIBLE:
             continue
         share = ((rise + 2 * apart * step / after) / apart**2 - 1 / before) / gained
-        # Two standard deviations reach at most to the nearest value whose cost is too large (`POSSIBLE`).
+        # The fraction is raised until two standard deviations reach at most to the nearest value with a cost above `POSSIBLE`.
         beyond = [abs(other) for other, cost in rises if other / apart > 1 and cost > POSSIBLE]
         if beyond:
             share = max(share, ((2 / min(beyond)) ** 2 - 1 / before) / gained)

@@ -50,6 +50,7 @@ _WORDS = {
         "Pair ctrl[1:] with readings[:-1], and give the initial state one row later",
     ),
 }
+"""Description of each shift in a warning, and the remedy."""
 
 
 def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:
@@ -155,7 +156,7 @@ class Watch:
     def begin(self, tracker: Any) -> None:
         """Stores a copy of the tracker every `COPY_INTERVAL` samples. Call it before each sample.
 
-        It stores none while earlier copies process readings that are shifted by one sample, to test whether these fit better.
+        No copy is stored while earlier copies process readings that are shifted by one sample, to test whether these fit better.
         """
         if self._origin is None or (len(self._samples) >= COPY_INTERVAL and not self._twins):
             self._origin = twin_of(tracker)

@@ -115,7 +115,7 @@ def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
 
 
 def noise_of(channel: Channel, given: ArrayLike) -> Array:
-    """Standard deviation of each column of a channel, (columns,); infinite ones mark columns that are ignored.
+    """Standard deviation of each column in `Channel.lines`, (dim,); infinite ones mark columns that are ignored.
 
     Raises:
         ValueError: A standard deviation is not above 0, or their number is wrong.
@@ -136,7 +136,7 @@ def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Ar
         model: The model.
         channel: The channel.
         rows: Predictions of the channel's field, (T, count, columns), in its unit.
-        measured: Readings of the channel, (T, columns of the channel). Where one is NaN, the displacement is 0.
+        measured: Readings of the channel, (T, columns of the channel). In rows with NaN, displacements are 0.
     """
     own = rows[..., list(channel.columns)]
     if not channel.dofs and not channel.quaternion:

@@ -217,7 +217,7 @@ def _long_run(scores: list[Array]) -> Array:
     before = sum((s[:-1] ** 2).sum(axis=0) for s in scores)
     rho = sum((s[1:] * s[:-1]).sum(axis=0) for s in scores) / np.where(before > 0, before, 1.0)
     rho = np.clip(rho, 0.0, LARGEST_AUTOCORRELATION)
-    # The first score of an episode has no predecessor.
+    # The first score of an episode has no predecessor, and is scaled to the variance of the others.
     whitened = [np.concatenate([s[:1] * np.sqrt(1 - rho**2), s[1:] - rho * s[:-1]]) for s in scores]
     longest = max(map(len, scores))
     lags = min(int(4 * (longest / 100) ** (2 / 9)), longest - 1)

@@ -12,9 +12,10 @@ from stepper.viewer.frames import values_of
 from stepper.viewer.looks import Array
 
 FREQUENCY = 10.0
-"""Angular frequency of the spring that drags a body, rad/s. The stiffness is its square times the effective mass at the dragged point.
+"""Angular frequency of the spring that drags a body, rad/s.
 
-The frequency is that of MuJoCo's viewer: the square root of the default of visual/map/stiffness, 100.
+The stiffness is the frequency squared times the effective mass at the dragged point. The frequency is that of
+MuJoCo's viewer: the square root of the default of visual/map/stiffness, 100.
 """
 
 

@@ -12,6 +12,7 @@ from stepper.viewer.looks import Array, sized_geoms
 from stepper.viewer.shapes import Scene
 
 Envs: TypeAlias = "int | range | list[int] | None"
+"""Environments to show: their number, a range or list of indices, or None for all up to a limit."""
 
 
 @dataclass(frozen=True)

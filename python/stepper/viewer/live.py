@@ -98,7 +98,7 @@ class View:
     ):
         self.sim, self.envs = sim, shown_envs(sim, envs, SHOWN)
         self._reset = sim.reset if reset is None else reset
-        # Stored here, because callbacks from the browser may come while the stepper steps, when it cannot be read.
+        # Stored here, because callbacks from the browser may come during a step, when the stepper cannot be read.
         self._body_of = [sim.model.geom(g).bodyid for g in range(sim.model.ngeom)]
         self.window = Window(scene_for(sim.model, source), sim.model, len(self.envs), host=host, port=port, spacing=spacing)
         self._lock = threading.Lock()

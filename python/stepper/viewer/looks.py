@@ -44,7 +44,7 @@ def looks_of(model: Model, source: Any = None) -> Any | None:
     if origin is None:
         return None
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # Issued already when the model was loaded.
+        warnings.simplefilter("ignore", UserWarning)  # These warnings were issued when the model was loaded.
         m = copy.deepcopy(compile_source(origin.source, origin.package_dirs))
     _check_same(model, m)
     for name in _POSES:

@@ -15,7 +15,9 @@ from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
 from stepper.viewer.looks import Array
 
 _STATE = ("qpos", "qvel", "act", "time")
+"""Recorded fields of the state that a frame shows, and from which its contacts are computed."""
 _RECORDED = ("status", "residual", "max_penetration")
+"""Recorded fields that a frame takes from the recording without change."""
 
 
 class RecordedRun:

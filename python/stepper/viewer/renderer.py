@@ -89,7 +89,7 @@ class Renderer:
         self._camera, self._follows = self._chosen(camera, camera_config, default_config)
         self._lookat, self._start = self._camera.lookat.copy(), self._d.subtree_com[self._follows].copy()
         self._renderer = _renderer(mujoco, m, width, height)
-        # Also called when Python exits, before OpenGL is unloaded.
+        # Python also calls this finalizer at its exit, before OpenGL is unloaded.
         self._freeing = weakref.finalize(self, self._renderer.close)
 
     def render(self, sim: Stepper, env: int = 0) -> Array:
@@ -211,5 +211,5 @@ def _choose_platform() -> None:
     if sys.platform != "linux" or screen or os.environ.get("MUJOCO_GL"):
         return
     os.environ["MUJOCO_GL"] = "egl"
-    # This module reads the variable when it is imported, which MuJoCo already did.
+    # The module reads the variable at its import, and MuJoCo has imported it before.
     importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))

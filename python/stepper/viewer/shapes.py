@@ -46,7 +46,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Part:
-    """Instances of one mesh, equal in all environments, which the viewer draws together as one batch.
+    """Instances of one mesh, which the viewer draws together as one batch. All environments have the same instances.
 
     Attributes:
         name: Name of the mesh.
@@ -77,9 +77,9 @@ class Scene:
         sizes: Sizes of the geoms, (ngeom, 3), m; for planes that are drawn as tiles, the size in the source.
         rgba: Colours of all geoms, (ngeom, 4).
         shown: Groups of geoms that are visible initially.
-        center: Middle of all moving geoms at the reference pose, (3,), m; of all geoms if none moves.
+        center: Middle of all geoms of bodies other than the world, at the reference pose, (3,), m; of all geoms if there are no such geoms.
         extent: Diagonal of the bounding box of these geoms, m, which sets the scale of arrows and distances.
-        missing: Indices of the geoms that are not drawn because their meshes are unknown.
+        missing: Indices of the geoms that are not drawn because their meshes or height fields are unknown.
     """
 
     parts: tuple[Part, ...]
@@ -184,7 +184,7 @@ def _colours(looks: Any) -> Array:
         material = int(looks.geom_matid[g])
         if material < 0:
             continue
-        # As in MuJoCo, the geom's colour has priority over the material unless it is the default.
+        # As in MuJoCo, the geom's colour has priority over its material, unless the geom has MuJoCo's default colour.
         if np.array_equal(rgba[g], [0.5, 0.5, 0.5, 1.0]):
             rgba[g] = looks.mat_rgba[material]
         chosen = [int(t) for t in looks.mat_texid[material] if t >= 0]
@@ -239,7 +239,10 @@ def _shown(model: Model, parts: list[Part]) -> frozenset[int]:
 
 
 def _box_around(model: Model, looks: Any | None) -> tuple[Array, float]:
-    """Middle, (3,), m, and diagonal, m, of the bounding box of all moving geoms at the reference pose; of all geoms if none moves."""
+    """Middle, (3,), m, and diagonal, m, of a bounding box at the reference pose.
+
+    The box contains the geoms of all bodies other than the world, or all geoms if there are no such geoms.
+    """
     at = np.asarray(Stepper(model).geom_xpos)
     body = np.array([model.geom(g).bodyid for g in range(model.ngeom)], dtype=np.int64)
     moving = np.flatnonzero(body > 0)

@@ -162,7 +162,7 @@ class Window:
         server.scene.add_light_directional("/sun", intensity=2.0, position=(0.5 * across, -0.7 * across, 2.0 * across), cast_shadow=True)
         # No share button, because it opens a tunnel to the internet.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        # Right of the middle, because the panel covers the right side.
+        # The camera looks to the right of the middle, because the panel covers the right side of the page.
         server.initial_camera.look_at = np.add(self.scene.center, [0.12 * across, 0.0, 0.0])
         server.initial_camera.position = np.add(self.scene.center, [0.4 * across, -1.0 * across, 0.4 * across])
         server.initial_camera.fov = np.radians(45.0)

@@ -20,7 +20,7 @@ _DAMPING = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class Finger(SuiteTask):
-    """Task: keep a body on a hinge spinning by touches of a planar finger."""
+    """Task: keep a body on a hinge spinning, by pushing it with a planar finger."""
 
     file = "finger.xml"
     frame_skip: int = 2
@@ -33,7 +33,7 @@ class Finger(SuiteTask):
         return model.replace(dof_damping=damping)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles of the finger, the tip relative to the hinge, velocities, logarithms of the forces at its two pads: (9,)."""
+        """Angles of the finger, tip of the body relative to the hinge, velocities, and log(1 + force) at the finger's two pads: (9,)."""
         return (
             Observation("angles", func=lambda now: reading(now, "proximal", "distal"), unit="rad"),
             Observation("tip", func=lambda now: _relative_to_hinge(now, "tip"), unit="m"),
@@ -42,7 +42,7 @@ class Finger(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: 1 if the body spins in the right direction, else 0."""
+        """Score: 1 if the body spins at `_SPEED` or faster in the right direction, else 0."""
         spins: Array = (reading(now, "hinge_velocity")[:, 0] <= -_SPEED).astype(np.float64)
         return spins
 
@@ -53,7 +53,9 @@ class Finger(SuiteTask):
 
 @dataclass(frozen=True, kw_only=True)
 class FingerTurn(Finger):
-    """Task: turn a body on a hinge until its tip is in the target. The target is a mocap body, with a random position in each episode.
+    """Task: turn a body on a hinge until the tip of the body is in the target.
+
+    The target is a mocap body, with a random position in each episode.
 
     Attributes:
         target_size: Radius of the target, m.
@@ -66,7 +68,7 @@ class FingerTurn(Finger):
         return _scene_with_target()
 
     def observations(self) -> tuple[Observation, ...]:
-        """Observations of `Finger`, target relative to the hinge, and distance of the tip from the target: (12,)."""
+        """Observations of `Finger`, target relative to the hinge, and distance from the tip to the surface of the target: (12,)."""
         return (
             *super().observations(),
             Observation("target_position", func=lambda now: _relative_to_hinge(now, "target"), unit="m"),
@@ -85,7 +87,7 @@ class FingerTurn(Finger):
         sim.mocap_pos[mask, model.body("target").mocapid] = model.body("spinner").pos + offsets
 
     def _distance(self, now: Moment) -> Array:
-        """Distance from the tip to the surface of the target, negative inside, m: (num_envs,)."""
+        """Distance from the tip of the body to the surface of the target, negative inside, m: (num_envs,)."""
         return norm(_relative_to_hinge(now, "target") - _relative_to_hinge(now, "tip")) - self.target_size
 
 

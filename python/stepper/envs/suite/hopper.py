@@ -29,7 +29,7 @@ class Hopper(SuiteTask):
     hopping: bool = False
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x, velocities, logarithms of the forces at toe and heel: (15,)."""
+        """Configuration without x, velocities, and log(1 + force) at toe and heel: (15,)."""
         return (
             Observation("position", func=lambda now: now.qpos[:, 1:], unit="m, rad"),
             Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),

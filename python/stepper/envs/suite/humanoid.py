@@ -36,7 +36,11 @@ class Humanoid(SuiteTask):
     pure_state: bool = False
 
     def observations(self) -> tuple[Observation, ...]:
-        """Joint angles, head height, hands and feet and the vertical in the frame of the torso, velocities: (67,); `pure_state`: (55,)."""
+        """Joint angles, head height, extremities, vertical and velocities: (67,). With `pure_state`: qpos and qvel, (55,).
+
+        The positions of the extremities (hands and feet) and the vertical direction are in the frame of the torso. The velocities are
+        the velocity of the centre of mass, and qvel.
+        """
         velocity = Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s")
         if self.pure_state:
             return (Observation("position", func=lambda now: now.qpos, unit="m, rad"), velocity)
@@ -84,7 +88,7 @@ def _extremities(now: Moment) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class HumanoidCMU(Humanoid):
-    """Tasks of `Humanoid` with dm_control's humanoid for CMU motion capture. Its torso is the body "thorax", with the y axis upwards."""
+    """Tasks of `Humanoid` with dm_control's humanoid for CMU motion capture. The torso is the body "thorax"; its y axis points upwards."""
 
     file = "humanoid_CMU.xml"
     torso = "thorax"

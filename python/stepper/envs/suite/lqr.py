@@ -29,7 +29,7 @@ class LQR(SuiteTask):
     Attributes:
         bodies: Number of masses.
         driven: Number of masses with an actuator: the first ones in the row.
-        model_seed: Seed of the random springs. They equal those of dm_control's environment with `task_kwargs={"random": model_seed}`, bit
+        model_seed: Seed of the random springs. dm_control's environment with `task_kwargs={"random": model_seed}` has the same springs, bit
             for bit.
     """
 

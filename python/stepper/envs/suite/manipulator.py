@@ -121,7 +121,7 @@ def _posed(model: Model, target: Array) -> tuple[Array, Array]:
     bodies = [body for body in map(model.body, range(model.nbody)) if body.mocapid >= 0]
     place, quat = np.zeros((len(target), len(bodies), 3)), np.zeros((len(target), len(bodies), 4))
     for body in bodies:
-        # The coordinate across the plane keeps its value in the file.
+        # y is normal to the plane of the arm, and keeps its value in the file.
         place[:, body.mocapid] = np.column_stack([target[:, 0], np.full(len(target), body.pos[1]), target[:, 1]])
         quat[:, body.mocapid, 0], quat[:, body.mocapid, 2] = np.cos(target[:, 2] / 2.0), np.sin(target[:, 2] / 2.0)
     return place, quat

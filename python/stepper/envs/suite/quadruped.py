@@ -29,9 +29,9 @@ _EPISODE = 20.0
 _ARENA = 15.0
 """Half the side of the arena in which the ball is fetched, m."""
 _BALL = {("body", "ball"), ("site", "target")}
-"""Tag and name of the elements of the file that belong to the ball."""
+"""Elements of the file that belong to the ball: tag and name of each."""
 _WORKSPACE, _TARGET = 0.3, 0.4
-"""Radius of the zone before the robot within which the ball counts as reached, and radius of the target, m."""
+"""Radius of the zone in front of the robot within which the ball counts as reached, and radius of the target, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,11 @@ class Quadruped(SuiteTask):
         return _scene(None if self.fetch else self.move_speed * _EPISODE)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Hinges, activations, velocity, upright component and sensors of the torso, forces at the toes: (78,); with a ball (90,)."""
+        """Angles and velocities of the hinges, activations, state of the torso, and forces and torques at the toes: (78,).
+
+        The state of the torso is its velocity, the vertical component of its z axis, and the readings of its accelerometer and gyro. If the
+        task is to fetch, the states of ball and target follow: (90,).
+        """
         rows = (
             Observation("egocentric_state", func=_egocentric_state, unit="rad, rad/s"),
             Observation("torso_velocity", func=lambda now: reading(now, "velocimeter"), unit="m/s"),
@@ -149,6 +153,9 @@ def _body_position(now: Moment, body: str) -> Array:
 
 @cache_model
 def _scene(floor: float | None) -> Model:
-    """Model of the quadruped on a square floor without walls and ball. `floor` is half the side, m; None keeps the arena with them."""
+    """Model of the quadruped on a square floor without walls and ball.
+
+    `floor` is half the side of the floor, m. None keeps the arena with walls and ball.
+    """
     tree = remove_elements(source_tree(Quadruped.file), lambda element: element.tag == "rangefinder" or element.get("type") == "hfield")
     return load_quietly(tree if floor is None else open_floor(tree, floor, _BALL))

@@ -14,7 +14,7 @@ from stepper.envs.task import Array, Moment, Observation, Terms
 from stepper.shared.streams import Rng
 
 _CLOSE = 0.01
-"""Distance over which the score for a hand away from the target falls from 1 to 0.1, m. It is 1 from a distance of 0.1 m on."""
+"""Width of the range of distances below 0.1 m in which the score for a hand away from the target falls from 1 to 0.1, m."""
 _MOST_BOXES = 4
 """Number of boxes in the file."""
 
@@ -71,7 +71,7 @@ class Stacker(SuiteTask):
         return [f"box{k}" for k in range(self.boxes)]
 
     def _rates(self, now: Moment) -> Array:
-        """Velocities of each box in x and z (m/s) and about y (rad/s): (num_envs, 3 * boxes), in the order x, y, z for each box."""
+        """Velocities of the boxes, (num_envs, 3 * boxes): for each box along x (m/s), about y (rad/s) and along z (m/s)."""
         rates: Array = now.qvel[:, [now.sim.model.joint(f"{box}_{k}").dofadr for box in self._names for k in "xyz"]]
         return rates
 

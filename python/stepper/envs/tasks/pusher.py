@@ -19,7 +19,8 @@ class Pusher(MujocoTask):
     """Task: push the cylinder to the goal. The arguments are those of Gymnasium's environment. An episode never terminates.
 
     The observation and the reward use the positions of bodies before the last of the `frame_skip` steps. Gymnasium's task has this delay,
-    because `mj_step` computes positions at the start of a step. After a reset, they use the positions in the current state.
+    because `mj_step` computes positions at the start of a step. After a reset, observation and reward use the
+    positions in the current state.
     """
 
     camera: ClassVar[Camera] = {"distance": 4.0}

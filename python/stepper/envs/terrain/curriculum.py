@@ -1,4 +1,4 @@
-"""Curricula: the difficulty of the terrain follows the progress of an environment, and ranges of commands its number of actions."""
+"""Curricula: harder terrain for environments that make progress, and values, such as ranges of commands, by number of actions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class TerrainCurriculum:
                 levels.move(now.episode_state, envs, up=distance > 4.0, down=distance < 2.0)
 
     The model's first joint must be free. `place` moves the sampled initial position to the middle of the tile, plus a random offset of at
-    most `spread`. It raises the position by the height of the highest terrain point within `footprint`.
+    most `spread`. `place` also raises the position by the height of the highest terrain point within `footprint`.
 
     Attributes:
         terrain: The terrain.
@@ -116,14 +116,14 @@ class TerrainCurriculum:
 
 
 def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> Array:
-    """Values that apply to each environment at its number of actions, for a curriculum with stages, such as larger and larger commands.
+    """Values of a curriculum with stages, such as ranges of commands, for environments with given numbers of actions.
 
     Args:
         steps: Number of actions of each environment so far, (n,). Count them in `Task.episode_state`, under a name in `Task.carried`.
         stages: Pairs of the number of actions at which a stage begins, ascending from 0, and the k values that apply in this stage.
 
     Returns:
-        Values of each environment, (n, k), in the unit of the stages.
+        Values of the stage of each environment, (n, k), in their unit in `stages`.
 
     Raises:
         ValueError: The stages do not begin with 0, or do not ascend.

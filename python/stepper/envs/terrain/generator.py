@@ -34,7 +34,7 @@ class Terrain:
         ground.add_to(spec)  # a height field "terrain" in a mujoco.MjSpec
         ground.origins  # (num_rows, 2, 3) m, middles of the tiles on the surface
 
-    Equal arguments give equal terrains. Terrains are equal if their heights, their tiles, and the names and proportions of their kinds are.
+    Equal arguments give equal terrains. Two terrains are equal if they have the same heights, tiles, and names and proportions of kinds.
     The random numbers of a tile depend only on the seed, its row and its column.
 
     Attributes:
@@ -147,7 +147,9 @@ class Terrain:
         return np.asarray(np.any(np.abs(xy) > self.half - margin, axis=-1))
 
     def boxes(self) -> Array:
-        """Boxes that make up the terrain, (n, 2, 3) m: centre and half sides of each. Steps are vertical; a height field is faster.
+        """Boxes that make up the terrain, (n, 2, 3) m: centre and half sides of each.
+
+        Steps of the boxes are vertical, steps of a height field are ramps. A height field is simulated faster.
 
         Raises:
             ValueError: A kind of terrain does not consist of boxes.

@@ -58,7 +58,7 @@ class BoxTerrain(SubTerrain):
 
     @abstractmethod
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of a tile, (n, 2, 3) m: lowest and highest corner of each, relative to the middle. They cover the tile with its border."""
+        """Boxes of a tile, (n, 2, 3) m: lowest and highest corner of each, relative to the middle. They cover the whole tile."""
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
         """Heights of the tops of the highest boxes at points of a tile, (m, n) m; see `SubTerrain.heights`."""
@@ -156,7 +156,10 @@ class PyramidStairs(BoxTerrain):
     inverted: bool = False
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of border and stairs, (n, 2, 3), m: stacked, one per step; or four per step around the platform of inverted stairs."""
+        """Boxes of border and stairs, (n, 2, 3), m: lowest and highest corner of each.
+
+        Steps are concentric boxes; smaller boxes are higher. Each step of inverted stairs is four boxes around the platform.
+        """
         step, outer = _at(self.step_height_range, difficulty), size / 2 - self.border_width
         count = max(0, int((outer - self.platform_width / 2) / self.step_width + _EDGE_MARGIN))
         halves = outer - self.step_width * np.arange(count + 1)
@@ -215,7 +218,7 @@ class SteppingStones(BoxTerrain):
         side, distance = _at(self.stone_size_range, difficulty), _at(self.stone_distance_range, difficulty)
         outer, inner, bottom = size / 2 - self.border_width, self.platform_width / 2, -self.depth - _THICKNESS
         count = max(1, int((2.0 * outer - distance) / (side + distance) + _EDGE_MARGIN))
-        # Equal gaps between the stones and at the outer edge.
+        # The gaps between the stones and at the outer edge are equal.
         gap = (2.0 * outer - count * side) / (count + 1)
         starts = -outer + gap + (side + gap) * np.arange(count)
         tops = rng.uniform(-self.height_variation, self.height_variation, (count, count))

@@ -1,7 +1,8 @@
 """Account of a run (`stepper.lab.account`): parts of the scene that it used, and the time and memory of each part.
 
 Parts are removed one after the other, sensors first and actuators last. After each removal, steps are timed from the same states, which
-come from a run of the full scene. The share of a part is the reduction of the step time by its removal, so that shares add up.
+come from a run of the full scene. The share of a part is the reduction of the step time by the removal of this part, as a fraction of the
+whole scene's step time. All shares, with that of the remaining scene, add up to 1.
 """
 
 from __future__ import annotations
@@ -116,7 +117,7 @@ def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Acco
     uses = tuple(_uses(study, seen))
     parts = tuple(_costs(study, range(episodes), progress))
     document = Document(f"Parts and costs of {study.name}")
-    document.sections += [_used(uses, seen, episodes), _spent(study, parts)]
+    document.sections += [_uses_section(uses, seen, episodes), _costs_section(study, parts)]
     return Account(study, uses, parts, document)
 
 
@@ -153,7 +154,7 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
     yield Use("kinds of flags that steps set", len(Status), len(flags), ", ".join(flag.name or "" for flag in flags))
 
 
-def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
+def _uses_section(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
     """Section of the document with the table of used elements of the scene.
 
     Args:
@@ -170,7 +171,7 @@ def _used(uses: tuple[Use, ...], seen: Touching, episodes: int) -> Section:
     )
 
 
-def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
+def _costs_section(study: Study, parts: tuple[Part, ...]) -> Section:
     """Section of the document with the time and memory that each part of the scene costs."""
     if not parts:
         return Section("Costs", ["The model has no source from which parts can be removed; give MJCF, URDF or an MjModel."])
@@ -291,7 +292,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
         rows.append((world.qpos.copy(), world.qvel.copy(), np.array(sim.act, float), np.array(sim.ctrl, float)))
 
     run_batch(study, world, episodes, record)
-    # Row k of the controls acts on the state of row k - 1.
+    # Controls are recorded after the steps in which they act: row k of the controls acts on the state of row k - 1.
     every = [np.concatenate([row[k] for row in (rows[1:] if k == 3 else rows[:-1])]) for k in range(4)]
     chosen = np.random.default_rng(0).permutation(np.resize(np.arange(len(every[0])), max(BATCH, min(len(every[0]), _BATCHES * BATCH))))
     cut = [chosen[first : first + BATCH] for first in range(0, len(chosen) - BATCH + 1, BATCH)]
@@ -329,7 +330,7 @@ def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
                 case.measure(_SHORTEST_ROUND)
             tick("costs", (number + 1) / _ROUNDS)
     steps = len(states) * BATCH
-    # The smallest of the rounds, because other load on the machine only adds time.
+    # The shortest round counts, because other load on the machine only adds time.
     spent = [1e6 * min(case.times) / steps for case in cases]
     memory = [case.sim.memory()["per_env"] for case in cases]
     yield Part(names[0], 1.0, spent[0], memory[0])

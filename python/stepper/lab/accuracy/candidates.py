@@ -37,6 +37,7 @@ class Line:
 
 
 _FAST = {"integrator": "euler", "stabilization": "baumgarte", "tolerance": 1e-3}
+"""Settings for little processor time per step."""
 _HARD: tuple[tuple[str, dict[str, Any]], ...] = (
     ("midpoint", {"integrator": "midpoint"}),
     ("midpoint, f32", {"integrator": "midpoint", "precision": "f32"}),
@@ -48,11 +49,13 @@ _HARD: tuple[tuple[str, dict[str, Any]], ...] = (
     ("implicit", {"integrator": "implicit"}),
     ("rk4", {"integrator": "rk4"}),
 )
+"""Settings of the lines for hard contact: name, and values that differ from the study's."""
 _MORE: tuple[tuple[str, dict[str, Any]], ...] = (
     ("midpoint, pgs", {"integrator": "midpoint", "solver": "pgs"}),
     ("midpoint, newton", {"integrator": "midpoint", "solver": "newton"}),
     ("midpoint, 10 iterations", {"integrator": "midpoint", "iterations": 10}),
 )
+"""Settings of further lines for hard contact, in which the settings of the solver vary."""
 _PEER: tuple[tuple[str, dict[str, Any]], ...] = (
     ("its file's settings", {}),
     ("implicitfast, elliptic, Newton", {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton"}),
@@ -61,7 +64,9 @@ _PEER: tuple[tuple[str, dict[str, Any]], ...] = (
         {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton", "impratio": 10.0, "noslip_iterations": 10},
     ),
 )
+"""Settings of the lines for the engine MuJoCo."""
 _RAPIER: tuple[tuple[str, dict[str, Any]], ...] = (("its defaults", {}), ("20 iterations", {"iterations": 20}))
+"""Settings of the lines for the engine rapier."""
 
 
 def hard_lines(*, more: bool = False) -> list[Line]:
@@ -77,7 +82,7 @@ def lines(study: Study, *, quick: bool) -> list[Line]:
 
     Args:
         study: The study.
-        quick: Whether to leave out the lines with other settings of the solver for hard contact.
+        quick: Whether to leave out the lines of hard contact in which the solver's settings vary.
     """
     model, _ = study.loaded
     asked = Options.from_model(model).integrator if model.requested else None
@@ -102,7 +107,7 @@ def no_rapier(study: Study) -> str | None:
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
-    """Time steps around that of the study, s, ascending by factors of about two. All divide the control period.
+    """Time steps around that of the study, s, ascending by factors of about two. Each divides the control period.
 
     Args:
         study: The study.

@@ -83,11 +83,11 @@ def chart(
         out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
         horizon: Simulated time up to which errors are measured: "0.5 s", "500 ms", or a number of seconds. None selects the time up to
             which the reference of the median episode is converged to 0.1 mm (1 mrad).
-        unit: "m" for the largest distance of a body, geom or site, "rad" for the largest angle of a body.
+        unit: Unit of errors: "m" for differences in position of bodies, geoms and sites, "rad" for differences in orientation of bodies.
         episodes: Number of episodes; the chart shows their medians.
         quick: Whether to use fewer settings, time steps and repeats.
-        budget: Bound of the wall-clock time: "60 s", or a number of seconds. The table marks runs that it stopped. None sets no time
-            limit, or two minutes with `quick`.
+        budget: Bound of the wall-clock time: "60 s", or a number of seconds. The table marks runs that the budget stopped. None sets no
+            time limit, or two minutes with `quick`.
         tick: Progress callback with a text and the fraction done.
 
     Returns:

@@ -101,5 +101,5 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
         world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
         world.time = np.full(world.num_envs, time)
         seen.record(world)
-    # With an infinite duration, no run counts as much slower than the reference.
+    # The duration of the reference is infinite, so that no run counts as much slower than the reference.
     return replace(seen.trace(world, study.controls, math.inf), settings={"exact": name}, timestep=math.nan)

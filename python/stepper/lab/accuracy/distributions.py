@@ -1,4 +1,4 @@
-"""Distributions of outcomes: differences of mean outcomes and of success rates from those of the converged runs.
+"""Distributions of outcomes: differences of mean outcomes and of success rates from those of a chart's reference.
 
 These differences stay meaningful in chaotic motion, where single motions cannot be compared. Episode k of every run has the same start and
 the same random controls, so that differences are computed per episode. In chaotic motion, the outcomes of an episode in two runs are nearly
@@ -19,11 +19,11 @@ from stepper.lab.study.study import Study
 
 @dataclass(frozen=True)
 class Shift:
-    """Difference between an outcome with some settings and the same outcome in the converged run.
+    """Difference between an outcome with some settings and the same outcome in the reference (converged run or closed form).
 
     Attributes:
         name: "mean NAME" (of an outcome) or "successes" (fraction of successful episodes).
-        value: Value with the settings minus the value in the converged run; NaN if the time budget stopped one of the two runs.
+        value: Value with the settings minus the value in the reference; NaN if the time budget stopped one of the two runs.
         low: Lower end of the 95 % interval of the difference; NaN with a single episode.
         high: Upper end of the interval.
         count: Number of episodes that were finite in both runs.
@@ -49,16 +49,16 @@ def names(study: Study) -> list[str]:
 
 
 def shifts(study: Study, own: Trace, converged: Trace) -> list[Shift]:
-    """Differences between a run and the converged run: in the mean of each outcome, and in the fraction of successes.
+    """Differences between a run and the reference: in the mean of each outcome, and in the fraction of successes.
 
     The interval of a mean is Student's, for paired differences. The interval of the fraction of successes combines two Wilson intervals
-    (R. G. Newcombe's tenth method, Statistics in Medicine 17, 1998). It assumes independent samples, and is too wide if the two runs
-    correlate. An episode that was not finite counts as a failure.
+    (R. G. Newcombe's tenth method, Statistics in Medicine 17, 1998). This interval assumes independent samples, and is too wide if the two
+    runs correlate. An episode that was not finite counts as a failure.
 
     Args:
         study: The study.
         own: The run, with the settings to be assessed.
-        converged: Converged run of the same episodes.
+        converged: Reference run of the same episodes.
     """
     if own.stopped or converged.stopped:
         return [Shift(name, math.nan, math.nan, math.nan, 0) for name in names(study)]

@@ -37,7 +37,7 @@ class Dot:
             without outcomes.
         share: Fraction of successful episodes, where episodes that were not finite are failures; NaN without a condition of success.
         invariants: Largest errors of invariants over all episodes, by name; NaN if not measured.
-        shifts: Differences of outcomes from those of the converged runs.
+        shifts: Differences of outcomes from those of the reference.
         notes: Remarks: runs that were stopped, or not finite.
     """
 

@@ -27,8 +27,11 @@ _OURS = ("#0b3c8c", "#2ca02c", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcb
 _LAW = ("#6a1b9a", "#ab47bc")
 _THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
 _RAPIER = ("#000000", "#9e9e9e")
+"""Colours of lines: stepper with hard contact, stepper with MuJoCo's contact law, MuJoCo, and rapier."""
 _SINGLE = ", f32"
+"""End of the label of a line with 32-bit precision."""
 _FLOOR = 1e-12
+"""Smallest error that is drawn; smaller errors are drawn at this value."""
 _ACROSS = 3
 """Number of panels per row of the picture of invariants and outcomes."""
 
@@ -66,7 +69,7 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
         if finite:
             panel.set_ylim(max(_FLOOR, 0.3 * min([*finite, max(low, _FLOOR)])), 3 * max(finite))
     _legends(figure, panels, markers)
-    _split(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
+    _causes_panel(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
     title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {reference.words}", 150))
     figure.suptitle(f"{title}\n{note}", fontsize=9)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -75,7 +78,7 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
 
 
 def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
-    """Draw the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from the converged runs.
+    """Draw the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from those of the reference.
 
     Args:
         study: The study.
@@ -97,9 +100,9 @@ def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
     grid = figure.add_gridspec(len(rows) + len(outcomes), _ACROSS, height_ratios=[1.0] * len(rows) + [1.25] * len(outcomes))
     colours = _colours(list(dict.fromkeys(dot.label for dot in dots)))
     for k, name in enumerate(kept):
-        _kept(figure.add_subplot(grid[k // _ACROSS, k % _ACROSS]), name, dots, colours)
+        _invariant_panel(figure.add_subplot(grid[k // _ACROSS, k % _ACROSS]), name, dots, colours)
     for k, name in enumerate(outcomes):
-        _shifted(figure.add_subplot(grid[len(rows) + k, :]), name, study, dots, colours)
+        _outcome_panel(figure.add_subplot(grid[len(rows) + k, :]), name, study, dots, colours)
     lines = require("matplotlib.lines", "to draw a chart")
     handles = [lines.Line2D([], [], color=colour, linestyle=_line(label), label=label) for label, colour in colours.items()]
     figure.legend(handles=handles, fontsize=8, loc="outside lower center", ncols=4, frameon=False, handlelength=3.5)
@@ -146,7 +149,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
         own = [dot for dot in good if dot.label == label]
         x, y = [getattr(dot, cost) for dot in own], [max(dot.error, _FLOOR) for dot in own]
         panel.plot(x, y, _line(label), color=colour, linewidth=1.4, label=label if own else f"{label} (no point)")
-    # One artist for each time step: a figure of some hundred takes seconds.
+    # One artist draws the markers of all lines for a time step, because drawing some hundred artists takes seconds.
     for timestep, marker in markers.items():
         some = [dot for dot in good if dot.timestep == timestep]
         x, y = [getattr(dot, cost) for dot in some], [max(dot.error, _FLOOR) for dot in some]
@@ -189,7 +192,7 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
     figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=3, frameon=False, handlelength=3.5)
 
 
-def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
+def _causes_panel(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
     """Draws bars for the parts of the error (solver, time step, model) at the study's time step.
 
     Args:
@@ -216,7 +219,7 @@ def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str]
     panel.set_axisbelow(True)
 
 
-def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
+def _invariant_panel(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
     """Draws the largest error of an invariant against the time step, with a line for each engine and settings.
 
     Args:
@@ -240,12 +243,12 @@ def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) 
     panel.set_axisbelow(True)
 
 
-def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
-    """Draws differences of an outcome from the converged runs, with confidence intervals, at the study's time step.
+def _outcome_panel(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
+    """Draws differences of an outcome from that of the reference, with confidence intervals, at the study's time step.
 
     Args:
         panel: The panel.
-        name: Name of the difference, an attribute of `Shift`.
+        name: Name of the difference (`Shift.name`).
         study: The study.
         dots: Points of the chart.
         colours: Colour of each engine with its settings, by label.

@@ -1,8 +1,8 @@
-"""Invariants: violations of laws that every correct motion satisfies. They remain meaningful in chaotic motion, where trajectories diverge.
+"""Invariants: quantities that every correct motion conserves or bounds, and their errors in a run.
 
-They are computed from positions and velocities after every control period, in the same way for every engine. MuJoCo's library computes
-kinematics, energies and overlaps; an engine's own diagnostics are not used. The model determines the invariants of a scene. The chart lists
-those that do not apply, with the reasons.
+The errors remain meaningful in chaotic motion, where trajectories diverge. They are computed from positions and velocities after every
+control period, in the same way for every engine. MuJoCo's library computes kinematics, energies and overlaps; an engine's own diagnostics
+are not used. The model determines the invariants of a scene. The chart lists those that do not apply, with the reasons.
 
 * **penetration**, m: the deepest overlap of two geoms that may collide.
 * **limits**, m and rad: largest violation of the range of a slide or tendon (m), or of a hinge or ball joint (rad).
@@ -12,7 +12,7 @@ those that do not apply, with the reasons.
   of a held control is force times displacement; damping of servos only removes energy. In scenes without dissipation, it is the largest
   difference from the start in both directions.
 * **momentum**, kg m/s, and **angular momentum**, kg m2/s: largest change since the start, minus the impulse of gravity. The angular
-  momentum is about the common centre of mass. They apply to scenes in which no body is attached to the world or can touch it.
+  momentum is about the common centre of mass. Both apply to scenes in which no body is attached to the world or can touch it.
 
 Energy and momentum are conserved or bounded by the laws of mechanics. All invariants are zero in a correct motion with hard contact. Soft
 contact has finite penetrations and violations of limits by definition: these numbers are a measure of its softness.
@@ -60,6 +60,7 @@ LIMITS = {"m": Invariant("limits of slides", "m"), "rad": Invariant("limits of j
 LOOPS = {"m": Invariant("loops", "m"), "rad": Invariant("loops", "rad")}
 NORM = Invariant("quaternion norm", "")
 ENERGY, CONSERVED = Invariant("energy gained", "J"), Invariant("energy changed", "J")
+"""Invariants of the energy: `CONSERVED` in scenes without dissipation, `ENERGY` in others."""
 MOMENTUM = Invariant("momentum", "kg m/s")
 ANGULAR = Invariant("angular momentum", "kg m2/s")
 
@@ -209,7 +210,7 @@ class Invariants:
             if kind in self.kinds:
                 errors[kind] = self._over_limits(unit)
         errors |= {kind: 0.0 for kind in LOOPS.values() if kind in self.kinds}
-        # Computed from `efc_pos`, which is scaled for welds.
+        # Errors of loops come from `efc_pos`, whose rows for the orientation of a weld are scaled; `_parts` removes the scale.
         rows = np.flatnonzero(np.asarray(d.efc_type[: d.nefc]) == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
         for e in dict.fromkeys(int(x) for x in np.asarray(d.efc_id)[rows]):
             own = np.asarray(d.efc_pos)[rows[np.asarray(d.efc_id)[rows] == e]]

@@ -271,7 +271,8 @@ def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Ref
         own: Line of the chart, and the fraction of the remaining time that its converged run may take.
     """
     line, share = own
-    # Hard contact has one integrator for all lines. MuJoCo's law has that of the line, because the study's may be one of hard contact.
+    # All lines of hard contact share a run with one integrator. A line of MuJoCo's law runs with its integrator, because the study's
+    # integrator may exist for hard contact only.
     law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
     distance, stage = ground.distance, ground.budget.stage(LAWS)
     if stage.limited and not stage.left:

@@ -38,7 +38,7 @@ class Spare:
 
     Attributes:
         part: Name of the part, with numbers: "2 of 3 pairs of bodies".
-        reason: Observation that makes it removable.
+        reason: Observation because of which the part may be removable.
         error: Largest change of the motion in any episode without the part, m or rad; NaN if it was not measured.
         saved: Saved fraction of a batch's processor time, median of rounds; NaN if it was not measured.
         least: Lower bound of `saved`.
@@ -75,9 +75,9 @@ class Bench:
     trace: Trace
 
     def errors(self, smaller: Sequence[Model], tick: Callable[[float], None]) -> list[float]:
-        """Largest change of the motion if a smaller model replaces the model, for each of some smaller models, m or rad.
+        """Largest change of the motion with each of some smaller models in place of the study's model, m or rad.
 
-        A change is infinite if the controller or a measure reads a removed part.
+        A change is infinite if the controller or a measure of an outcome reads a removed part.
 
         Args:
             smaller: Models without some parts of the scene.
@@ -92,7 +92,7 @@ class Bench:
     def _error(self, _: Study, smaller: Model) -> float:
         """Largest change of the motion in any episode with a smaller model, m or rad.
 
-        It is infinite if the controller or a measure reads a removed part. The first argument is not used.
+        It is infinite if the controller or a measure of an outcome reads a removed part. The first argument is not used.
         """
         try:
             return float(self.distance(run(self._study_with(smaller), self.episodes, **self.settings), self.trace).max())
@@ -214,7 +214,7 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
     never = sorted(may - set(bodies.values()))
     apart = set(never) | {_ordered(own) for own in whole["excludes"]}
     # Without their explicit pair, geoms with matching masks still collide, unless their bodies are excluded. Removing it saves nothing.
-    idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _meet(model, geoms))]
+    idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _collides(model, geoms))]
     of_near = [geoms for geoms in idle if _bodies(model, geoms) not in never]
 
     def remove(description: Description) -> None:
@@ -243,7 +243,7 @@ def _explicit(whole: Description) -> dict[tuple[int, int], int]:
     return {_ordered(pair["geoms"]): k for k, pair in enumerate(whole["pairs"])}
 
 
-def _meet(model: Model, geoms: tuple[int, int]) -> bool:
+def _collides(model: Model, geoms: tuple[int, int]) -> bool:
     """Whether two geoms may collide even without an explicit pair, according to their collision masks and bodies."""
     one, other = model.geom(geoms[0]), model.geom(geoms[1])
     masks = (one.contype & other.conaffinity) or (other.contype & one.conaffinity)
@@ -293,13 +293,13 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _MAX_CONE_USE and pair.twists <= _NO_FRICTION * pair.peak}
-    # Geoms without sliding contacts. The friction of a geom affects all its contacts.
+    # Geoms without any sliding contact get a larger friction. The friction of a geom affects all its contacts.
     steady = {g for key in holds for g in key} - {g for key in pressed.keys() - holds for g in key}
     explicit = _explicit(whole)
     friction = np.asarray(model.geom_friction, float)
     wide = {k: _FRICTION_FACTOR * max(pressed[key].friction for key in holds if k in key) for k in steady}
     raised = np.array([[wide.get(k, own), *rest] for k, (own, *rest) in enumerate(friction.tolist())]).reshape(friction.shape)
-    # The cone of a pair stays the same if it has no such geom, or takes its friction from the other geom.
+    # The cone of a pair stays the same if none of its geoms is steady, or if the pair takes its friction from the other geom.
     widened = {
         key for key in holds if key in explicit or pair_friction(model, raised, *key, {}) >= _FRICTION_FACTOR * pressed[key].friction
     }

@@ -123,7 +123,7 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
             list(map(row, fronts)),
         ),
         Section("All points", [], (*head, *more), list(map(row, dots))),
-        _kept(found, later),
+        _invariants(found, later),
         _distributions(found),
     ]
 
@@ -160,7 +160,7 @@ def _words(found: ChartData) -> list[str]:
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
 
 
-def _kept(found: ChartData, picture: Path | None) -> Section:
+def _invariants(found: ChartData, picture: Path | None) -> Section:
     """Section of a chart's document with the errors of invariants, such as energy: quantities that every correct motion conserves.
 
     Args:
@@ -180,7 +180,7 @@ def _kept(found: ChartData, picture: Path | None) -> Section:
 
 
 def _distributions(found: ChartData) -> Section:
-    """Section of the document of a chart with differences of outcomes from the converged runs."""
+    """Section of the document of a chart with differences of outcomes from those of the reference."""
     study, reference = found.ground.study, found.ground.reference
     title = "Distributions of outcomes"
     if not study.all_outcomes:

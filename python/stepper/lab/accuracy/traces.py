@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _UNITS = {"m": ("m", 1.0), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "rad": ("rad", 1.0), "mrad": ("rad", 1e-3)}
 _UNITS |= {"deg": ("rad", np.pi / 180), "s": ("s", 1.0), "ms": ("s", 1e-3)}
+"""Base unit of each unit, and the unit as a multiple of the base unit."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +233,8 @@ def _points(now: World) -> Array:
 class Distance:
     """Measure of the error between two runs. A call with the two runs computes the error.
 
-    It is the largest distance of a body, geom or site (m), or the largest angle of a body (rad), up to a horizon.
+    It is the largest distance between the positions of a body, geom or site in the two runs (m), up to a horizon. With the unit "rad" it is
+    the largest angle between the orientations of a body.
 
     Attributes:
         unit: "m" or "rad".
@@ -248,7 +250,7 @@ class Distance:
         if self.unit == "m":
             apart = np.linalg.norm(one.points[:seen] - other.points[:seen], axis=3)
         else:
-            # From the vector part of the difference, because 1 - cos loses half of the digits.
+            # The angle comes from the vector part of the quaternion between the orientations, because 1 - cos loses half of the digits.
             product = _between(one.xquat[:seen], other.xquat[:seen])
             apart = 2.0 * np.arctan2(np.linalg.norm(product[..., 1:], axis=3), np.abs(product[..., 0]))
         far: Array = np.where(np.isfinite(apart), apart, np.inf).max(axis=2)

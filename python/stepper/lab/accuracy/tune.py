@@ -280,8 +280,8 @@ def _candidates(
 ) -> tuple[Candidate, list[Candidate]]:
     """Finds and measures candidate settings, and returns the candidate with the study's settings, and all candidates including it.
 
-    First, all settings are run at the time step of the study, and at longer and shorter ones in ratios of two. Some settings may become the
-    cheapest at longer time steps. They are then run between the longest time step within the budget and the next longer one.
+    First, all settings are run at the time step of the study, and at longer and shorter ones by factors of two. Some settings
+    may become the cheapest at longer time steps. They also run between the longest time step within the budget and the next longer one.
 
     Args:
         study: The study.
@@ -300,7 +300,7 @@ def _candidates(
     tick = functools.partial(report_progress, "candidates")
 
     def cases_of(chosen: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Case]:
-        # The study's time step keeps its exact value; others are quotients of the control period.
+        # The study's time step keeps its exact value; others are the control period divided by a whole number.
         settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in chosen]
         patient = [patience(study, reference.trace, own["timestep"]) for own in settings]
         traces = runs(study, episodes, settings, patient, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))
@@ -327,7 +327,7 @@ def _candidates(
 
     found = cases_of([(name, line, steps) for name, line in lines for steps in counts], (0.0, 0.8))
     usual = next(one for one in found if one.name == OWN and one.steps == own)
-    # Only settings within the budget are timed, and the study's unless they diverge.
+    # Settings within the budget are timed, and the study's settings unless they diverge.
     keep = [one for one in found if one.error <= budget]
     first = [usual] if math.isfinite(usual.error) else []
     time([*first, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))
@@ -355,7 +355,7 @@ def _candidates(
     tick(1.0)
     if keep:
         near = _RETIMED_RATIO * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
-        # A second timing in interleaved rounds, so that changes of the machine's load do not decide the order.
+        # The second timing alternates between the candidates, so that changes of the machine's load do not decide their order.
         time([*first, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
     report_progress("costs", 1.0)
     candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}

@@ -1,4 +1,4 @@
-"""Comparison of hard contact, MuJoCo's law of contact and MuJoCo on one model.
+"""Comparison of hard contact, MuJoCo's contact law (both in stepper), and the engine MuJoCo on one model.
 
 - `trial`: run of one engine, recorded step by step
 - `comparison`: numbers of all engines (depths, forces, energies), and their table

@@ -106,10 +106,11 @@ def compare(
     """Run the same episodes with hard contact, with MuJoCo's contact law, and in MuJoCo if it is installed.
 
     Args:
-        source: Source of the model, as for `stepper.load`. With a `Model`, or if MuJoCo is not installed, MuJoCo and the sliding
-            distance are left out.
-        controller: Controls (steps, nu) or (steps, num_envs, nu), in their units; after the end the last row is kept. Or a function
-            of qpos (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random controls.
+        source: Source of the model, as for `stepper.load`. With a `Model`, or if MuJoCo is not installed, the run in MuJoCo and
+            the sliding distance are left out.
+        controller: Controls (steps, nu) or (steps, num_envs, nu), in the actuators' units; after the end the last row is kept. Or a
+            function of qpos (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random
+            controls.
         seconds: Length of an episode, s.
         num_envs: Number of episodes.
         options: Options of the step for both laws; `contact` is ignored, and MuJoCo's law has the integrator of the source.

@@ -30,7 +30,7 @@ def draw(courses: Sequence[Course], path: Path) -> Path:
             low, middle, high = np.quantile(value, (0.25, 0.5, 0.75), axis=1)
             if panel is panels[1, 1] and course is hard:
                 continue
-            # Dashed, because the lines of MuJoCo's law and MuJoCo overlap.
+            # The line of MuJoCo is dashed, because the line of MuJoCo's contact law in stepper is nearly the same.
             panel.plot(time, middle, "--" if number > 1 else "-", color=f"C{number}", label=course.name, linewidth=1.2)
             panel.fill_between(time, low, high, color=f"C{number}", alpha=0.2, linewidth=0)
     titles = ("deepest overlap, mm", "largest normal force, N", "energy, J", "largest difference of the configuration from hard contact")

@@ -202,7 +202,7 @@ def _batches(model: Model, path: str, plan: Plan, threads: int) -> list[EngineBa
 def _ratios(ours: Track, theirs: Track) -> dict[str, float]:
     """Speed of the first engine divided by the speed of the second, by phase of the race ("control", "rest").
 
-    It is the median of the ratios of times for corresponding chunks of steps.
+    This ratio is the median, over chunks of steps, of the ratios of the two engines' times for the chunk.
 
     Args:
         ours: Measurements of the first engine.
@@ -219,7 +219,7 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
         batch: Environments of the engine.
         one: Measurements on one core.
         many: Measurements on all cores.
-        peers: Measurements of the engines with which it is compared, by name.
+        peers: Measurements of the engines with which this engine is compared, by name.
     """
     rates = {phase: 1e6 / median(times) for phase, times in one.times.items() if times}
     spread = {phase: [1e6 / max(times), 1e6 / min(times)] for phase, times in one.times.items() if times}

@@ -30,12 +30,12 @@ class Measured:
 class Referee:
     """Referee that measures states of all engines in the same way, with MuJoCo's collision detection and inertia matrix.
 
-    Points count as touching if their distance is below `NEAR`, measured from the surface or from the model's margin above it. A body that
-    rests a micrometre above the floor and one that sinks in therefore both touch it.
+    Contact points count as touching if their distance is below `NEAR` plus the distance at which the model's contacts begin to exert
+    forces. A body that rests a micrometre above the floor and one that sinks in therefore both touch it.
     """
 
     NEAR = 1e-4
-    """Distance below which points count as touching, m."""
+    """Distance below which contact points count as touching, m, in addition to the model's own distance."""
 
     def __init__(self, path: str) -> None:
         self._mujoco = require("mujoco", "to measure both engines alike")

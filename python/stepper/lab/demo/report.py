@@ -8,6 +8,7 @@ from typing import Any
 from stepper.shared.machine import require
 
 Figures = dict[str, Any]
+"""Results of the demo or of one engine, by name."""
 LENGTHS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"))
 """Units of length, the longest first: the length of the unit in metres, and its symbol."""
 

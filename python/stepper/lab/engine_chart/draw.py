@@ -24,7 +24,9 @@ COLOURS = {
     "stepper": ["#0b3c8c", "#1f77d0", "#17a2b8", "#2ca02c", "#7a3fb5"],
     "MuJoCo": ["#d62728", "#ff7f0e", "#b8860b", "#8c564b", "#e377c2"],
 }
+"""Colours of the lines of each engine, by name of the engine."""
 OTHERS = ["#333333", "#666666", "#999999"]
+"""Colours of the lines of any other engine."""
 LEAST_ERROR = 1e-16
 """Smallest error that is drawn."""
 

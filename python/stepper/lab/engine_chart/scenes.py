@@ -54,8 +54,8 @@ class Scene:
 # A 5-link chain that swings in a plane without damping.
 
 CHAIN_LINKS = 5
-CHAIN_DURATION = 1.0
-CHAIN_RTOL = 1e-12
+CHAIN_DURATION = 1.0  # s
+CHAIN_RTOL = 1e-12  # relative tolerance of the reference
 
 
 def _chain_mjcf() -> str:
@@ -76,7 +76,7 @@ def chain_state() -> tuple[Array, Array]:
 def chain_reference(rtol: float = CHAIN_RTOL) -> Array:
     """Joint angles of the chain after its duration (1 s), (5,), rad, with a relative and absolute tolerance `rtol`.
 
-    SciPy's DOP853 integrates q'' = -M(q)^-1 bias(q, q'), with M and bias from MuJoCo. It uses no time stepping of either engine.
+    SciPy's DOP853 integrates q'' = -M(q)^-1 bias(q, q'), with M and bias from MuJoCo. The time stepping of the engines is not used.
     """
     mujoco = require("mujoco", "for the reference solution of the chain")
     integrate = require("scipy.integrate", "for the reference solution of the chain")
@@ -126,12 +126,12 @@ def chain() -> Scene:
 
 # A box that slides until friction stops it.
 
-BOX_SPEED = 2.0
+BOX_SPEED = 2.0  # m/s
 BOX_FRICTION = 0.5
 BOX_ANGLE = math.radians(30.0)
-BOX_DURATION = 1.0
-BOX_SETTLE = 1.0
-BOX_HALF = (0.1, 0.1, 0.05)
+BOX_DURATION = 1.0  # s
+BOX_SETTLE = 1.0  # s, before the box gets its speed
+BOX_HALF = (0.1, 0.1, 0.05)  # m
 
 
 def _box_mjcf() -> str:
@@ -159,7 +159,7 @@ def _box_start(run: EngineBatch, dt: float) -> tuple[Array, Array]:
 def box() -> Scene:
     """Scene with a box that slides along the floor, 30 degrees off the axes.
 
-    The error is the distance between its position after 1 s and the known solution, m.
+    The error is the distance between the box's position after 1 s and the known solution, m.
     """
     distance = BOX_SPEED**2 / (2.0 * BOX_FRICTION * GRAVITY)
     right = distance * np.array([math.cos(BOX_ANGLE), math.sin(BOX_ANGLE)])

@@ -1,9 +1,10 @@
 """Studies: episodes of a model with a controller, measured outcomes and uncertain parameters.
 
 - `study`: the definition of a study; `files` reads it from TOML
-- `parameters`, `outcomes`, `drives`, `policy_files`: parts of the definition
+- `parameters`, `outcomes`, `controllers`, `policy_files`: parts of the definition
 - `worlds`, `rapier`: environments of one engine
 - `points`, `batches`, `jobs`: runs of episodes at values of the parameters, in batches, optionally on Ray
+- `episode`: selected episodes, for recordings and the viewer
 - `journal`, `table`, `results`: results of finished episodes (rows) on disk
 - `sweep`: variation of one parameter at a time; `ranking`: of all at once
 - `failure_causes`: causes of failures; `touching`: statistics of contacts

@@ -1,8 +1,8 @@
 """Batches of a study's episodes, which are stepped together, and whose results (rows) are stored in the journal.
 
-An episode belongs to a point, a set of parameter values with a name of settings. Batches have points with the same settings. They depend
-only on the points, not on the rows in the journal. After an interruption, an unfinished batch is repeated as a whole, and only its missing
-rows are stored.
+An episode belongs to a point, a set of parameter values with a name of settings. Batches have points with the same settings. Batches
+depend only on the points, not on the rows in the journal. After an interruption, an unfinished batch is repeated as a whole, and only its
+missing rows are stored.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def together(study: Study) -> bool:
 
 
 def group_of(study: Study, point: Point) -> str:
-    """Text that tells which points of a study can be stepped in one batch: those with equal texts.
+    """Text that is equal for two points of a study if their episodes can be stepped in one batch.
 
     Args:
         study: The study.
@@ -129,7 +129,6 @@ def options_of(study: Study, setting: str, values: Values, **changed: Any) -> tu
         **changed: Further changed settings.
     """
     given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in values.items() if study.parameters[n].kind == "options"}
-    # Named settings override values of parameters.
     given |= study.setting(setting) | changed
     engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
     return engine, precision, replace(study.options, **given) if engine == "stepper" else study.options, given
@@ -216,7 +215,7 @@ def _started(made: Any, world: World) -> tuple[Array, Array]:
     """Positions and velocities that the study's function `start` has returned, as arrays (num_envs, ...) after a check.
 
     Raises:
-        ValueError: They are not two arrays with one row per environment.
+        ValueError: The function has not returned two arrays with one row per environment.
     """
     shapes = (world.num_envs, world.model.nq), (world.num_envs, world.model.nv)
     parts = [np.array(part, float) for part in made] if isinstance(made, tuple | list) and len(made) == 2 else []
@@ -281,7 +280,7 @@ def _check_controls(controller: Any, world: World, ctrl: Any) -> None:
     """Raises ValueError if controls have a wrong shape, or are not finite in an episode whose state is finite.
 
     Args:
-        controller: The controller that returned them, for the message.
+        controller: The controller that returned the controls, for the message.
         world: The environments.
         ctrl: The controls.
     """

@@ -261,7 +261,7 @@ class StateCheck:
     """
 
     def __init__(self, controller: Any):
-        # `Policy.begin` calls the begin of its function. Networks are copied for each batch.
+        # `Policy.begin` calls the method `begin` of its function if there is one. Networks are copied for each batch.
         self._controller = controller.act if isinstance(controller, Policy) else controller
         self._restarts = hasattr(self._controller, "begin") or isinstance(self._controller, PolicyFile | Network)
         self._before = {} if self._restarts else self._held()
@@ -269,8 +269,8 @@ class StateCheck:
     def check(self) -> None:
         """Raise ValueError if an attribute or closure variable of the controller changed during the batch.
 
-        Controllers with a method `begin` and networks are not checked. Nor are variables that were missing, None or empty before the batch
-        (they may be caches), or have no digest.
+        Controllers with a method `begin` and networks are not checked. Variables without a digest are not checked either, and variables
+        that were missing, None or empty before the batch, because they may be caches.
         """
         if self._restarts:
             return
@@ -330,6 +330,7 @@ class _Digest:
             self._compound(value, where)
 
     def _part(self, kind: str, data: bytes) -> None:
+        """Adds bytes to the digest, preceded by the name of their type and by the lengths of both."""
         self._hash.update(f"{len(kind)} {kind} {len(data)} ".encode() + data)
 
     def _source(self, file: Path | None) -> None:
@@ -433,8 +434,8 @@ class _Digest:
     def _object(self, value: Any, where: str) -> None:
         """Adds an object to the digest: its type and its contents.
 
-        The contents are its attribute `digest` if it has one. Otherwise they are its numbers if it is a tensor or can be converted to an
-        array, and all its attributes in other cases.
+        The contents are the attribute `digest`, if the object has one. Otherwise they are the numbers of a tensor or of an object that
+        NumPy can convert, and the attributes of any other object.
 
         Args:
             value: The object.

@@ -100,7 +100,7 @@ class Episodes:
                     watch.record(self.world)
                     controls += 1
                 watch = watch or Watch(outcomes, self.world)
-                # Yielded before the next reset, so that the viewer shows the final state.
+                # The outcomes are yielded before the next reset, so that the viewer shows the final state with them.
                 last = looks and controls == self.study.controls
                 yield {name: value[self.shown] for name, value in outcomes_of(watch, self.world).items()} if last else None
 

@@ -128,7 +128,7 @@ def _applies(study: Study, trial: str, row: Row) -> bool:
 def _finer(settings: dict[str, Any]) -> dict[str, Any]:
     """Copy of an episode's settings with a shorter time step, a tighter tolerance and ideal sensors."""
     better: dict[str, Any] = {"timestep": settings["timestep"] / FINER, "iterations": 10 * settings["iterations"], "sensors": None}
-    # With 32 bits a hundredth of the tolerance cannot be reached.
+    # With 32 bits a hundredth of the tolerance cannot be reached; 64 bits replace it in the trial.
     return better | ({"precision": "f64"} if settings["precision"] == "f32" else {"tolerance": TIGHTER * settings["tolerance"]})
 
 
@@ -165,7 +165,8 @@ def _repeated(
             some = group[first : first + study.batch]
             missing = {_key(row, name) for row in some} - journal.rows.keys()
             if missing:
-                # A nominal value without effect in the episode may have one in the trial: restitution with hard contact.
+                # The row lacks nominal values without effect in the episode. In the trial they may have one, such as restitution with hard
+                # contact.
                 values_by_env, episodes = [study.nominal | row["parameters"] for row in some], [row["episode"] for row in some]
                 made = run_episodes(study, some[0]["setting"], values_by_env, episodes, **change(some[0]["settings"]))
                 found = {_key(row, name): repeated for row, repeated in zip(some, made, strict=True)}

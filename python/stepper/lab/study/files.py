@@ -101,7 +101,7 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
             raise ValueError("give controller or policy, not both")
         given["controller"] = _policy(given.pop("policy"), folder)
     elif given.get("controller") not in (None, "random"):
-        given["controller"] = _drive(given["controller"], folder)
+        given["controller"] = _controller(given["controller"], folder)
     for name in ("start", "exact"):
         if name in given:
             given[name] = find(given[name], folder)
@@ -144,12 +144,12 @@ def _policy(source: str, folder: Path) -> Policy:
     return Policy(found() if isinstance(found, type) else found)
 
 
-def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
+def _controller(source: str, folder: Path) -> Callable[[Any], Any]:
     """Controller from the entry `controller` of a study file."""
     if source.endswith((".npz", ".csv")):
         return Recorded(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
-    # A class is instantiated: a controller with internal state.
+    # A controller with internal state is an object of the class that the file names.
     return found() if isinstance(found, type) else found
 
 

@@ -70,7 +70,7 @@ class Journal:
         lines = [(row["key"], text := json.dumps(row, separators=(",", ":")), zlib.crc32(text.encode())) for row in rows]
         with _explained(self.path), self._file:
             self._file.executemany("INSERT INTO rows VALUES (?, ?, ?)", lines)
-        # Parsed from JSON, so that they equal the rows that a later run reads.
+        # The rows are parsed from JSON, so that they equal those that a later run reads.
         self.rows |= {key: json.loads(text) for key, text, _ in lines}
 
     def close(self) -> None:

@@ -142,7 +142,7 @@ class Parameter:
         return [round(x) for x in made] if self.leaf in COUNTS else [float(x) for x in made]
 
     def check_value(self, value: Any, where: str) -> None:
-        """Raise ValueError if a value is invalid for this parameter; `where` names it in the message."""
+        """Raise ValueError if a value is invalid for this parameter; `where` names the value in the message."""
         if self.kind == "options" and self.leaf in CHOICES:
             if not isinstance(value, str):
                 raise ValueError(f"{where} is {value!r}, must be a text, because {self.leaf} is a choice among names")
@@ -176,7 +176,7 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
     changed: dict[str, frozenset[tuple[str, int]]] = {}
     for text in texts:
         name, own = (text, parameters[text]) if text in parameters else _with_range(text, parameters)
-        # A study may have several parameters of the same numbers, by their names.
+        # Two parameters of the study may change the same numbers; they are chosen by name, and are not compared.
         others = [other for other in found if not {name, other} <= parameters.keys()]
         numbers = _changed(own, model)
         same = next((other for other in others if changed[other] == numbers), None)
@@ -328,7 +328,7 @@ def _where(parameter: Parameter) -> str:
 def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
     """Raise ValueError if a parameter changes contact properties of geoms that an explicit contact pair overrides.
 
-    It is allowed if another parameter changes the same property of the pair.
+    The change is allowed if another parameter changes the same property of the pair.
     """
     for name, parameter in parameters.items():
         if parameter.parsed.field not in OF_PAIRS:
@@ -352,6 +352,7 @@ _PARTS: dict[str, type] = {"": Drive, "motor": DCMotor, "servo": PID}
 Keys are "" for "actuator.delay", "motor" for "actuator.motor.gear" and "servo" for "actuator.servo.kp".
 """
 _NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
+"""Attributes of the classes in `_PARTS` and of `Transfer` that are not numbers, so that no selector can name them."""
 
 
 def _number_of(kind: type, leaf: str) -> None:

@@ -2,8 +2,8 @@
 
 All parameters are drawn from their ranges at once. The total index of a parameter is the fraction of the outcome's variance that remains
 when all others are known. The first-order index is the fraction that the parameter explains alone; the difference is due to interactions.
-Both are estimated with Saltelli's design: matrices of points A and B, and for each parameter the matrix A with that parameter's column of
-B.
+Both are estimated with Saltelli's design: matrices of points A and B, and for each parameter the matrix A with the column of that
+parameter taken from B.
 
 A. Saltelli et al., "Variance based sensitivity analysis of model output", Computer Physics Communications 181 (2010) 259-270.
 """
@@ -48,7 +48,8 @@ class Rank:
     Attributes:
         parameter: Name of the parameter.
         total: Total Sobol index: fraction of the outcome's variance that remains when all other parameters are known.
-        total_interval: 95 % interval of `total`, by bootstrap over the points. With 64 samples of a rare success it covers 89 to 93 %.
+        total_interval: 95 % interval of `total`, by bootstrap over the points. With 64 samples of a rare success, the interval
+            contains the true index in 89 to 93 % of cases.
         first: First-order Sobol index: fraction of the variance that the parameter explains alone. Estimates of small indices may be
             negative.
         first_interval: 95 % interval of `first`.
@@ -111,7 +112,8 @@ def rank(
         study: A study, or its file.
         out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
         samples: Number of base samples, a power of 2. The number of points is samples times (2 + number of parameters).
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None selects all parameters with low and high.
+        parameters: Names, or selectors with a range, such as "geom_friction[floor][0]=0.2..1"; None selects all parameters with low
+            and high.
         setting: Name of the settings.
         tick: Progress callback with a text and the fraction done.
 
@@ -132,7 +134,7 @@ def rank(
     check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples}, must be a power of 2, of 2 and more")
-    # Imported before a long run, not after.
+    # SciPy is imported before the long run, so that its absence is reported at once.
     stats = require("scipy.stats", "to rank parameters")
     first, second, mixed = _design(stats, study, names, samples)
     points = [_point(study, names, row, setting) for row in np.concatenate([first, second, *mixed])]
@@ -148,8 +150,8 @@ def rank(
             thirds, intervals = _thirds(study, independent, column)
             ends = [(float(low), float(high)) for low, high in (total_ends[k], first_ends[k])]
             if study.decisive is not None:
-                # If all n pairs end alike, the bootstrap has nothing to resample. The upper end is then at least Wilson's bound of the
-                # share of pairs that differ, each counted as a change from 0 to 1.
+                # If outcomes are equal in all n pairs of points, the bootstrap gives an interval of length 0. The upper end is therefore at
+                # least the index that follows from Wilson's bound of the fraction of pairs that differ, with changes from 0 to 1.
                 bound = min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var())))
                 ends = [(0.0, bound)] * 2 if total[k] == 0.0 else [(low, max(high, bound)) for low, high in ends]
             ranks.append(Rank(name, float(total[k]), ends[0], float(first_order[k]), ends[1], thirds, intervals))
@@ -191,7 +193,7 @@ def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tup
     """Points of Saltelli's design, as matrices (samples, parameters) of parameter values.
 
     Returns:
-        Matrix A, matrix B, and for each parameter the matrix A with that parameter's column of B.
+        Matrix A, matrix B, and for each parameter the matrix A with the column of that parameter taken from B.
     """
     sampler = stats.qmc.Sobol(d=2 * len(names), rng=np.random.default_rng([study.seed, 2]))
     unit = sampler.random(samples)
@@ -223,7 +225,7 @@ def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Ar
         """Total and first-order Sobol indices, (parameters,) each, computed from the samples with the indices `some`."""
         a, b, *mixed = rows[:, some]
         if np.ptp([a, b]) == 0.0:
-            # A resample without variance has no shares of it.
+            # Without variance, the indices (fractions of the variance) are undefined.
             return np.full(len(mixed), np.nan), np.full(len(mixed), np.nan)
         found = stats.sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=n)
         return found.total_order, found.first_order
@@ -366,7 +368,7 @@ def _draw(found: Ranking, path: Path) -> Path:
     outcome = found.study.decisive or found.study.all_outcomes[0]
     unit = f", {outcome.unit}" if outcome.unit and found.study.decisive is None else ""
     right.set_xlabel(f"share of successes ({outcome.name} {outcome.success})" if outcome.success else f"mean {outcome.name}{unit}")
-    # Below the panels, where it covers no interval.
+    # The legend is below the panels, where it covers no interval.
     entries = zip(left.get_legend_handles_labels(), right.get_legend_handles_labels(), strict=True)
     handles, labels = (ours + theirs for ours, theirs in entries)
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=8)

@@ -365,7 +365,7 @@ class _Scene(RapierScene):
         self.joints = [self._joint(j) for j in range(model.njnt)]
 
     def push(self, applied: Array) -> None:
-        """Apply forces (N) and torques (N m) to bodies, (nbody, 6). They act until the next call."""
+        """Apply forces (N) and torques (N m) to bodies, (nbody, 6). The forces act until the next call."""
         done: set[int] = set()
         for b in range(1, self._model.nbody):
             root = int(self._model.body_weldid[b])
@@ -377,12 +377,12 @@ class _Scene(RapierScene):
                 own.reset_torques(False)
                 done.add(root)
             if applied[b].any():
-                local = self._mujoco_frame(b, root)
+                local = self._centre_of_mass(b, root)
                 place = _vector(own.translation) + _rotate(_quaternion(own.rotation), local)
                 own.add_force_at_point(_tuple(applied[b, :3]), _tuple(place))
                 own.add_torque(_tuple(applied[b, 3:]))
 
-    def _mujoco_frame(self, b: int, root: int) -> Array:
+    def _centre_of_mass(self, b: int, root: int) -> Array:
         """Centre of mass of body b, in the frame of the body `root` to which it is fixed, (3,), m."""
         reference = self._at_reference
         return _rotate(_conjugate(reference.xquat[root]), reference.xipos[b] - reference.xpos[root])

@@ -70,7 +70,7 @@ def sweep(
     Args:
         study: A study, or its file.
         out: Output folder. The files are in OUT/NAME, a subfolder with the name of the study.
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
+        parameters: Names, or selectors with a range, such as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
         cliffs: Whether to locate the values at which success ends, by bisection.
         resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
         tick: Progress callback with a text and the fraction done.
@@ -99,7 +99,8 @@ def sweep(
 def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, tick: Tick | None = None) -> Report:
     """Write the simulator report of a study.
 
-    It describes state and sensors, decisive contacts, settings, effects of parameters, differences between engines, and causes of failures.
+    The report describes state and sensors, decisive contacts, settings, effects of parameters, differences between engines, and causes of
+    failures.
 
     Args:
         study: A study, or its file.
@@ -148,8 +149,8 @@ def study_of(source: Study | str | os.PathLike[str]) -> Study:
 def with_peers(study: Study) -> Study:
     """Copy of a study with two more alternative settings: MuJoCo's contact law in stepper, and the engine MuJoCo.
 
-    The first are added only to a study with hard contact, the second only if MuJoCo can run it. Similar settings of the study are kept
-    instead.
+    MuJoCo's contact law is added only to a study with hard contact, the engine MuJoCo only if it can run the study. Neither is added if
+    settings of the study already have it.
     """
     given = {name: study.setting(name) for name in study.settings}
     more: dict[str, dict[str, Any]] = {}

@@ -39,7 +39,7 @@ class Results:
     def _write_in_force(self, study: Study) -> None:
         """Adds the study's provenance (model, versions, digests) as an entry to in_force.json.
 
-        Its key is the SHA-256 of the entry, shortened.
+        The key of the entry is its SHA-256, shortened.
         """
         file = self.folder / IN_FORCE
         entries: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}

@@ -393,7 +393,7 @@ class Study(metaclass=Hinting):
             episode: Number of the episode.
         """
         given = self.setting(setting)
-        # Only for rows of MuJoCo: a change that stepper does not read keeps stepper's rows.
+        # Only keys of MuJoCo's rows contain this digest: a change of the model that stepper does not read leaves stepper's keys unchanged.
         compiled = [self._compiled_digest] if given.get("engine") == "mujoco" else []
         own = {name: [value, str(p.parsed), p.operation] for name, value in sorted(values.items()) for p in [self.parameters[name]]}
         return _digest([self._identity_digest, own, given, episode, *compiled])
@@ -437,7 +437,7 @@ class Study(metaclass=Hinting):
         """Copy of the study with other nominal values.
 
         Args:
-            values: Values (numbers or texts) by name of a parameter, or by selector, as "geom_friction[floor][0]".
+            values: Values (numbers or texts) by name of a parameter, or by selector, such as "geom_friction[floor][0]".
 
         Raises:
             ValueError: A parameter is unknown, a value is invalid, or two parameters set the same number to different values.
@@ -483,7 +483,7 @@ def _members(part: Any) -> tuple[Any, ...]:
 def _force_types(model: Model) -> list[str]:
     """Gain type and bias type of every actuator, as one text. The effect of parameters on gains depends on them.
 
-    `Study.identity` includes them separately, because the digest of a model does not.
+    `Study.identity` includes these types separately, because the digest of a model does not depend on them.
     """
     return [f"{actuator.gaintype} {actuator.biastype}" for actuator in map(model.actuator, range(model.nu))]
 

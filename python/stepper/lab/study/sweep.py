@@ -37,9 +37,10 @@ UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Sta
 
 @dataclass(frozen=True)
 class Level:
-    """Statistics of the episodes at one value of one parameter with all other parameters nominal, or at the nominal point.
+    """Statistics of the episodes at one value of one parameter, or at the nominal point, where all parameters are nominal.
 
-    The outcome is the one with a condition of success, or otherwise the first outcome of the study.
+    At a value of a parameter, all other parameters are nominal. The outcome is the one with a condition of success, or otherwise the first
+    outcome of the study.
 
     Attributes:
         setting: Name of the settings.
@@ -172,7 +173,7 @@ def sweep(
     Args:
         study: The study; it must have parameters and an outcome.
         journal: Journal of the study. Finished episodes in it are not repeated, and the results of new ones are added.
-        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
+        parameters: Names, or selectors with a range, such as "geom_friction[floor][0]=0.2..1"; None selects all parameters of the study.
         cliffs: Whether to locate the values at which success ends.
         resolution: Width of the interval to which a cliff is located, as a fraction of the parameter's range, between 0 and 1.
         tick: Progress callback with a text and the fraction done.
@@ -378,7 +379,7 @@ def _bisect(
     while high - low > width:
         inner = [float(x) for x in np.linspace(low, high, _POINTS_PER_ROUND + 2)[1:-1]]
         if steps:
-            # Only time steps that divide the control period.
+            # Values are rounded to time steps that divide the control period.
             inner = [study.hold / round(study.hold / x) for x in inner]
         values = [low, *sorted({x for x in inner if low < x < high}), high]
         if len(values) == 2:

@@ -55,7 +55,7 @@ class Table:
             writer = csv.writer(file)
             writer.writerow(self.columns)
             writer.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
-        # As a mapping: names have dots.
+        # `**` passes the columns by name, because names with dots cannot be written as arguments.
         np.savez(files[1], **self.columns)  # type: ignore[arg-type]
         if importlib.util.find_spec("pyarrow") is not None:
             arrow, parquet = require("pyarrow", "to write Parquet"), require("pyarrow.parquet", "to write Parquet")

@@ -65,7 +65,7 @@ class Touching:
         pairs: Pairs of geoms, the largest impulse first.
         steps: Number of steps of all episodes.
         most: Largest number of simultaneous contacts in one environment.
-        sweeps: Largest number of Gauss-Seidel sweeps in a step.
+        sweeps: Largest number of Gauss-Seidel iterations in a step.
         newton_steps: Largest number of Newton steps in a step.
         status: All flags of `Status` that steps set.
         saturated: Fraction of the steps in which each actuator was at a bound of its force, (nu,).
@@ -87,7 +87,7 @@ class Touching:
 
     @property
     def deciding(self) -> tuple[Pair, ...]:
-        """Pairs of geoms with at least a hundredth of the total impulse of all pairs, or a tenth of their largest force."""
+        """Pairs of geoms with at least a hundredth of the total impulse of all pairs, or a tenth of the largest force of any pair."""
         total, peak = sum(pair.impulse for pair in self.pairs), max((pair.peak for pair in self.pairs), default=0.0)
         return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
 
@@ -142,9 +142,9 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
 def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
     """Pairs of bodies that may collide, the lower index first.
 
-    The masks of their geoms (contype, conaffinity) match, they can move relative to each other, and they are not parent and child. Bodies
-    without joints count as parts of their parents. The world can collide with its children. `pairs_that_may_touch` also applies explicit
-    pairs and exclusions.
+    The masks of the two bodies' geoms (contype, conaffinity) match. The bodies can move relative to each other, and are not parent and
+    child. Bodies without joints count as parts of their parents. The world can collide with its children. `pairs_that_may_touch` also
+    applies explicit pairs and exclusions.
     """
     rigid = [0] * model.nbody
     for k in range(1, model.nbody):
@@ -231,7 +231,7 @@ class _Ledger:
             book["nearest"] = min(book["nearest"], float(contacts["distance"][own].min()))
             if not pushes.any():
                 continue
-            # Totals over the contacts of a pair, because Coulomb's law does not determine how they share a load.
+            # Forces are summed over the contacts of a pair, because Coulomb's law does not determine how the contacts share a load.
             envs, at = np.unique(contacts["env"][pushes], return_inverse=True)
             force = np.bincount(at, normal[pushes])
             side = np.linalg.norm([np.bincount(at, tangent[pushes, k]) for k in range(3)], axis=0)
@@ -292,7 +292,7 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     """
     world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
     assert isinstance(world, StepperWorld)
-    # All environments are at the nominal point.
+    # All environments have the nominal values of the parameters. The friction of the first one is therefore that of all.
     own = world.sim.randomized
     geoms, pairs = (own[name][0] if name in own else getattr(world.model, name) for name in ("geom_friction", "pair_friction"))
     ledger = _Ledger(world.model, len(episodes), np.asarray(geoms, np.float64), _friction_of_pairs(world.model, np.asarray(pairs)))

@@ -159,7 +159,7 @@ class World:
         """Step all environments, and update the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
             nstep: Number of steps.
         """
         raise NotImplementedError
@@ -168,7 +168,7 @@ class World:
         """Step all environments `nstep` times, without an update of the values that `certificate` returns. Benchmarks time this method.
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
             nstep: Number of steps.
         """
         raise NotImplementedError
@@ -255,7 +255,7 @@ class StepperWorld(World):
         """Step all environments `nstep` times, and update the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
             nstep: Number of steps.
         """
         self.step(ctrl, nstep)
@@ -269,7 +269,7 @@ class StepperWorld(World):
         """Step all environments `nstep` times, without an update of the values that `certificate` returns.
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
             nstep: Number of steps.
         """
         if ctrl is None:
@@ -282,8 +282,9 @@ class StepperWorld(World):
     def certificate(self) -> dict[str, NDArray[Any]]:
         """Quality of the steps of the episode so far, by name, (num_envs,) each.
 
-        "status" has flags of `Status`. "residual" (m/s), "max_penetration" (m), "max_limit_violation" (m, rad) and
-        "max_equality_violation" (m, rad) are the largest values at the ends of control periods.
+        "status" has the flags of `Status` that any step set. "residual" (m/s) is the largest residual of the last steps of all calls of
+        `advance`. The other entries are largest values of all steps: "max_penetration" (m), "max_limit_violation" (m, rad) and
+        "max_equality_violation" (m, rad).
         """
         return self._worst
 
@@ -304,7 +305,7 @@ def _default_integrator(sim: Stepper) -> str:
 def own_fields(options: Options) -> frozenset[str]:
     """Names of the fields that may differ between environments of a batch, with these options.
 
-    In MuJoCo's law of contact, the resistance of constraints depends on inverse weights of bodies and joints at the reference pose.
+    In MuJoCo's contact law, the resistance of constraints depends on inverse weights of bodies and joints at the reference pose.
     `Stepper.randomize` does not change them; `Model.replace` computes them, as `mj_setConst` does.
     """
     return frozenset(RANDOMIZED) - _WEIGHT_FIELDS if options.contact == "mujoco" else frozenset(RANDOMIZED)
@@ -413,7 +414,7 @@ class MujocoWorld(World):
         """Step all environments `nstep` times, and update the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
             nstep: Number of steps.
         """
         self.step(ctrl, nstep)
@@ -430,7 +431,7 @@ class MujocoWorld(World):
         """Step all environments `nstep` times, without an update of the values that `certificate` returns.
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,), in their units; None keeps the last ones.
+            ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
             nstep: Number of steps.
         """
         rows = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
@@ -607,7 +608,7 @@ def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
     model = base.__copy__()
     for field, value in fields.items():
         if hasattr(model.opt, field):
-            # Gravity, wind, density, viscosity, impratio.
+            # Fields of `MjOption`: gravity, wind, density, viscosity, impratio.
             setattr(model.opt, field, value)
         elif hasattr(model, field) and getattr(model, field).shape == value.shape:
             getattr(model, field)[:] = value

@@ -75,7 +75,7 @@ def describe(m: Any) -> Description:
 
 
 def _body(source: Source, i: int) -> Description:
-    """Body as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
+    """Body as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m = source.m
     return {
         "name": source.name("BODY", i),
@@ -100,7 +100,7 @@ def _medium(source: Source) -> Description:
 
 
 def _joint(source: Source, i: int) -> Description:
-    """Joint as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
+    """Joint as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m = source.m
     dof = source.dofs(i).start
     # Like MuJoCo, add rotor inertia and damping of the actuators, times gear^2, to those of the joint.
@@ -138,7 +138,7 @@ def _joint_range(source: Source, i: int) -> list[float] | None:
 
 
 def _geom(source: Source, i: int) -> Description:
-    """Geom as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
+    """Geom as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m = source.m
     collides = not source.off("contact")
     return {
@@ -193,7 +193,7 @@ def _shape(source: Source, i: int) -> str | Description:
 
 
 def _mesh(source: Source, i: int) -> Description:
-    """Mesh asset as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
+    """Mesh asset as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m = source.m
     vertices = slice(int(m.mesh_vertadr[i]), int(m.mesh_vertadr[i] + m.mesh_vertnum[i]))
     faces = slice(int(m.mesh_faceadr[i]), int(m.mesh_faceadr[i] + m.mesh_facenum[i]))
@@ -205,7 +205,7 @@ def _mesh(source: Source, i: int) -> Description:
 
 
 def _height_field(source: Source, i: int) -> Description:
-    """Height field asset as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
+    """Height field asset as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m = source.m
     rows, columns = int(m.hfield_nrow[i]), int(m.hfield_ncol[i])
     x, y, top, base = m.hfield_size[i].tolist()
@@ -222,7 +222,7 @@ def _height_field(source: Source, i: int) -> Description:
 
 
 def _pair(source: Source, i: int) -> Description:
-    """Explicit contact pair as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
+    """Explicit contact pair as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m = source.m
     return {
         "name": source.name("PAIR", i),
@@ -237,7 +237,7 @@ def _pair(source: Source, i: int) -> Description:
 
 
 def _tendon(source: Source, i: int) -> Description:
-    """Fixed tendon as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
+    """Fixed tendon as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m = source.m
     path = range(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
     limited = bool(m.tendon_limited[i]) and not source.off("limit")
@@ -257,7 +257,7 @@ def _tendon(source: Source, i: int) -> Description:
 
 
 def _equality(source: Source, i: int) -> Description:
-    """Equality constraint as a dictionary for the Rust library; `i` is its index in MuJoCo's model."""
+    """Equality constraint as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
     m, kind = source.m, int(source.m.eq_type[i])
     data, objects = m.eq_data[i].tolist(), [int(m.eq_obj1id[i]), int(m.eq_obj2id[i])]
     if kind in (CONNECT, WELD):

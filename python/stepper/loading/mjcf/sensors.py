@@ -16,7 +16,9 @@ from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, 
 
 RAY_FIELDS = ("Distance", "Direction", "Origin", "Point")
 CONTACT_FIELDS = ("Found", "Force", "Torque", "Distance", "Pos", "Normal", "Tangent")
+"""Names in the Rust library of the data fields of range finders and of contact sensors, in the order of MuJoCo's bits."""
 REDUCTIONS = ("None", "MinDistance", "MaxForce", "NetForce")
+"""Names in the Rust library of the reductions of contact sensors, by MuJoCo's number."""
 
 MISSING = {
     "camprojection": "cameras are not part of the model",
@@ -184,7 +186,7 @@ def _frame(source: Source, i: int, what: str) -> Description:
 
 
 def _inside(source: Source, i: int) -> Description:
-    """Dictionary for the Rust library of an insidesite sensor; `i` is its index in MuJoCo's model."""
+    """Dictionary for the Rust library of an insidesite sensor; `i` is the index in MuJoCo's model."""
     m = source.m
     found = _object(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i]))
     return {"InsideSite": {"object": found, "site": int(m.sensor_refid[i])}}
@@ -229,7 +231,7 @@ def _geoms_of(source: Source, kind: int, index: int) -> list[int]:
 
 
 def _proximity(source: Source, i: int) -> Description:
-    """Dictionary for the Rust library of a distance, normal or fromto sensor; `i` is its index in MuJoCo's model."""
+    """Dictionary for the Rust library of a distance, normal or fromto sensor; `i` is the index in MuJoCo's model."""
     m, what = source.m, PROXIMITIES[kind_of(source, i)]
     first = _geoms_of(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i]))
     second = _geoms_of(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i]))
@@ -251,7 +253,7 @@ def _fields(names: tuple[str, ...], bits: int) -> list[str]:
 
 
 def _range(source: Source, i: int) -> Description:
-    """Dictionary for the Rust library of a range finder; `i` is its index in MuJoCo's model."""
+    """Dictionary for the Rust library of a range finder; `i` is the index in MuJoCo's model."""
     m, site = source.m, int(source.m.sensor_objid[i])
     if _object_types(source).get(int(m.sensor_objtype[i])) != "Site":
         raise _NotReadError("cameras are not part of the model")
@@ -278,7 +280,7 @@ def _side(source: Source, kind: int, index: int) -> str | Description:
 
 
 def _contact(source: Source, i: int) -> Description:
-    """Dictionary for the Rust library of a contact sensor; `i` is its index in MuJoCo's model."""
+    """Dictionary for the Rust library of a contact sensor; `i` is the index in MuJoCo's model."""
     m = source.m
     bits, reduction, slots = (int(x) for x in m.sensor_intprm[i, :3])
     return {

@@ -7,6 +7,7 @@ from typing import Any
 from stepper.loading.mjcf.source import Description, Source
 
 CONES = ("Pyramidal", "Elliptic")
+"""Names in the Rust library of friction cones, by MuJoCo's number."""
 
 
 def soft_settings(source: Source) -> Description:
@@ -29,7 +30,7 @@ def soft_settings(source: Source) -> Description:
 
 
 def joint_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of a joint's limit and of its dry friction, as a dictionary; `i` is its index in MuJoCo's model."""
+    """Softness (solref and solimp) of a joint's limit and of its dry friction, as a dictionary; `i` is the index in MuJoCo's model."""
     m, dof = source.m, source.dofs(i).start
     return {
         "limit_softness": _softness(m.jnt_solref[i], m.jnt_solimp[i]),
@@ -69,7 +70,7 @@ def pair_softness(source: Source, i: int) -> Description:
 
 
 def tendon_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of a tendon's limit and of its dry friction, as a dictionary; `i` is its index in MuJoCo's model."""
+    """Softness (solref and solimp) of a tendon's limit and of its dry friction, as a dictionary; `i` is the index in MuJoCo's model."""
     m = source.m
     return {
         "limit_softness": _softness(m.tendon_solref_lim[i], m.tendon_solimp_lim[i]),
@@ -78,7 +79,7 @@ def tendon_softness(source: Source, i: int) -> Description:
 
 
 def equality_softness(source: Source, i: int) -> Description:
-    """Softness (solref and solimp) of an equality constraint, as a dictionary; `i` is its index in MuJoCo's model."""
+    """Softness (solref and solimp) of an equality constraint, as a dictionary; `i` is the index in MuJoCo's model."""
     m = source.m
     return {"softness": _softness(m.eq_solref[i], m.eq_solimp[i])}
 

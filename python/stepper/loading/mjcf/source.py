@@ -35,7 +35,9 @@ DISABLE = {
     "eulerdamp": 1 << 15,
 }
 ENABLE = {"override": 1 << 0}
+"""Bits of MuJoCo's flags that take effect in stepper, by name: `DISABLE` in `opt.disableflags`, `ENABLE` in `opt.enableflags`."""
 _CONSTRAINTS = ("contact", "limit", "frictionloss", "equality")
+"""Features that the flag "constraint" disables too."""
 
 
 @dataclass

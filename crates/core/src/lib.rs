@@ -100,7 +100,7 @@
 //! opt-level = 3
 //! ```
 
-// The workspace is linted with the feature; without it, most of what is public to benches and tests is not to others.
+// Lints run with the feature `internals`. Without it, most items that are public for benches and tests cannot be reached from outside.
 #![cfg_attr(not(feature = "internals"), allow(unreachable_pub))]
 
 mod actuation;

@@ -53,7 +53,7 @@ impl<R: Real> BoundingBox<R> {
     }
 
     /// Bounding box of a convex solid along the axes of the world: centre relative to the origin of the solid's frame, and half sizes, m.
-    /// `None` for solids without bounds.
+    /// `None` for other solids.
     ///
     /// `mat` is the orientation of the solid. Only its last axis is used for capsules, and none for balls. `size` is the size of the solid
     /// in MuJoCo's order, m, as in [`Self::new`].

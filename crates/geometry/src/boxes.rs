@@ -124,7 +124,7 @@ fn edge_points(pair: &Pair<'_>, ha: V, hb: V, n: V, [i, j]: [usize; 2]) -> [V; 2
     let mut e = [0.0; 3];
     e[i] = 1.0;
     let u = column(&pair.mat, j);
-    // x + s e and y + t u: both derivatives of the distance vanish.
+    // The points are x + s e and y + t u. At the closest points, the derivatives of the distance with respect to s and t vanish.
     let d = sub(y, x);
     let (de, du, eu) = (dot(d, e), dot(d, u), dot(e, u));
     let determinant = 1.0 - eu * eu;

@@ -35,8 +35,8 @@ pub(super) fn edges_of_triangle(other: &ProjectedFeature, id: u32) -> Option<[us
     }
     let [a, b] = [id >> 15 & 0xffff, id & 0x7fff];
     let own = |name: u32| (name >= EDGES).then(|| (name - EDGES) as usize);
-    // A crossing with a disc's rim has the triangle's edge first. A crossing with a polygon or segment has it among the edges of the
-    // reference, from [`EDGES`] on.
+    // A crossing with a disc's rim has the triangle's edge first. A crossing with a polygon or segment has the triangle's edge among the
+    // edges of the reference, whose numbers start at [`EDGES`].
     if disc { Some([a as usize; 2]) } else { own(b).map(|edge| [own(a).unwrap_or(edge), edge]) }
 }
 
@@ -53,7 +53,8 @@ pub(super) fn behind(reference: &ProjectedFeature, other: &ProjectedFeature, ris
     }
 }
 
-/// Bit in the identifier of a corner of an intersection. It distinguishes corners of the reference feature from those of the other feature.
+/// Bit in the identifier of a corner of an intersection. It is set for a disc's rim points inside a polygon, and for those of the reference
+/// disc inside another disc.
 const REFERENCE: u32 = 1 << 30;
 
 /// Buffers of [`overlay`] for the polygon before and after it is clipped by one edge.

@@ -234,8 +234,8 @@ fn triangle(w: &[V; 4], [i, j, k]: [usize; 3]) -> Best {
     let mut n = cross(u, v);
     let mut nn = dot(n, n);
     if nn < NARROW * NARROW * dot(u, u) * dot(v, v) {
-        // The cross product of two long edges of a narrow triangle has a large rounding error. That of the shortest edge and a long edge
-        // has a small one.
+        // The cross product of two long edges of a narrow triangle has a large rounding error. The cross product of the shortest edge and a
+        // long edge has a small error.
         let across = sub(w[k], w[j]);
         n = if dot(u, u) < dot(v, v) { cross(u, across) } else { cross(across, neg(v)) };
         nn = dot(n, n);

@@ -58,7 +58,7 @@ pub struct SoftContactLaw<S> {
 /// Constraint laws of all constraints of a model.
 #[derive(Clone, Debug)]
 pub struct CompiledSoftness<S> {
-    /// Shape of the friction cones.
+    /// Shape of the friction cones: elliptic or pyramidal.
     pub cone: Cone,
     /// Ratio of frictional to normal impedance (`impratio`).
     pub impratio: S,
@@ -66,11 +66,11 @@ pub struct CompiledSoftness<S> {
     pub noslip: Option<SlipEffort<S>>,
     /// Constraint laws of the contacts of every pair in the compiled model's list of pairs, in the same order.
     pub pairs: Vec<SoftContactLaw<S>>,
-    /// Constraint laws of the limits of hinge and slide joints, in the order of the compiled model.
+    /// Constraint laws of the limits of hinge and slide joints, in the order of the compiled model's `limits`.
     pub limits: Vec<SoftLaw<S>>,
-    /// Constraint laws of the dry friction rows, in the order of the compiled model.
+    /// Constraint laws of the dry friction rows, in the order of the compiled model's `frictions`.
     pub frictions: Vec<SoftLaw<S>>,
-    /// Constraint laws of the limits of ball joints, in the order of the compiled model.
+    /// Constraint laws of the limits of ball joints, in the order of the compiled model's `ball_limits`.
     pub ball_limits: Vec<SoftLaw<S>>,
     /// Constraint laws of each compiled tendon: of its limit, and of its dry friction.
     pub tendons: Vec<[SoftLaw<S>; 2]>,

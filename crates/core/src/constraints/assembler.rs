@@ -61,8 +61,8 @@ impl<R: Real> AssemblyInput<'_, R> {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
 
-    /// Part of the gap in slot `k` that may close in the step, m. It is that of [`AssemblyInput::gap`], or the whole gap if the gap is
-    /// wide.
+    /// Part of the gap in slot `k` that may close in the step, m. It equals the result of [`AssemblyInput::gap`], or the whole gap if the
+    /// gap is wide.
     ///
     /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. Because it is still very fast, the next step also
     /// evaluates contacts at its beginning, and finds the touching contact there. With [`AssemblyInput::gap`] the body could close only two

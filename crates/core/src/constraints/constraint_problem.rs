@@ -29,15 +29,15 @@ pub struct ConstraintProblem<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row.
     pub constrained: R::Mask,
-    /// Lanes with position errors, or with an impact by Euler's rule, which need the position solve of stage 8. Lanes with an impact by the
-    /// midpoint rule need it too, and are not included.
+    /// Lanes that need the position solve of stage 8 because of position errors, or because of an impact with Euler's rule. With the
+    /// midpoint rule, lanes with an impact need it too, but are not included.
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
     /// Lanes with an impact, if the integrator is Euler's rule; [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In
     /// these lanes the largest speed of the step bounds the position correction, instead of `max_correction_speed`.
     pub euler_impact_lanes: R::Mask,
-    /// Whether some rows may be immovable: no degree of freedom moves along them.
+    /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
     /// Impact of every contact, contacts with three rows first. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
@@ -81,7 +81,8 @@ pub(crate) struct DeferredContact<R: Real> {
     pub(crate) slot: usize,
     /// Lanes in which the solver leaves out the rows.
     pub(crate) lanes: R::Mask,
-    /// Lanes in which a doubtful collision of the predicted motion activated the rows.
+    /// Lanes in which a doubtful collision of the predicted motion activated the rows. A collision is doubtful if the error of the
+    /// prediction can cause its overlap.
     pub(crate) doubtful: R::Mask,
     /// Lanes in which the contact bounces, so that `bias` is the rebound velocity.
     pub(crate) bounces: R::Mask,

@@ -25,7 +25,7 @@ impl<R: Real> RowBuilder<R> {
     /// Computes the normal row of the contact in slot `k` in the lanes in which its surfaces are soft.
     ///
     /// `free` and `before` are the normal velocities without constraints and before the step, m/s. The first component of `column` must
-    /// have the half-solved normal row.
+    /// have the half-solved normal row, L^-T J^T.
     pub(crate) fn comply(
         &self,
         input: RowInput<'_, R>,

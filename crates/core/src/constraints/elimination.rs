@@ -251,7 +251,8 @@ impl<R: Real> RowBuilder<R> {
         )
     }
 
-    /// Adds the scales (sizes of the summed terms) that the last elimination subtracted to the scales of the first component of `column`.
+    /// Updates the scales of the first component of `column` after an elimination: adds the scales of the terms that were subtracted. The
+    /// scale of an entry is the size of the terms that it sums.
     #[inline(always)]
     pub(crate) fn add_removed_scales(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>) {
         let Self { coupled, projections, scales, .. } = self;

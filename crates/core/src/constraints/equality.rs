@@ -38,15 +38,15 @@ pub(crate) struct EqualityJacobian<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Sets the row builder's `support` to the degrees of freedom that the equality moves.
+    /// Sets the row builder's `support` to the degrees of freedom on which the equality acts.
     #[inline(always)]
     pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
 
-    /// Sets the row builder's `support` to the degrees of freedom of the equality's block. Sets `column` to zero at those that the equality
-    /// does not move.
+    /// Sets the row builder's `support` to the degrees of freedom of the equality's block. Sets `column` to zero at those on which the
+    /// equality does not act.
     #[inline(always)]
     fn use_block_support(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         let mut own = equality.support.iter().peekable();
@@ -298,7 +298,7 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds position corrections and curvature terms to the offsets of the rows of a block, from row `start` on. Before the call, the
     /// offsets are J v_free.
     ///
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed adds no
+    /// The work of a row's impulse is (t^2 - (J v)^2) / 2 G for the target velocity t = J v+. A target of at most the present speed adds no
     /// energy, even where a loop straightens and its curvature is unbounded. For a dependent row, an offset above the rounding error of its
     /// velocity remains, so that the residual contains it. `scales` is the index of the first row's velocity scale.
     #[inline(always)]

@@ -7,8 +7,8 @@
 //! t* = (-v - s) / a = 2 phi / (s - v),    s = sqrt(v^2 - 2 a phi),    where v(t*) = -s
 //! ```
 //!
-//! Newton's law applies at this time. For any impact times, and forces that are constant within the step, the work of the impulses lambda
-//! is lambda^T G lambda (1/2 - 1/(1 + e)). It is negative, so that impacts add no energy, and zero for e = 1.
+//! Newton's law of restitution applies at this time. For any impact times, and forces that are constant within the step, the work of the
+//! impulses lambda is lambda^T G lambda (1/2 - 1/(1 + e)). It is negative, so that impacts add no energy, and zero for e = 1.
 
 use stepper_real::{Mask, Real};
 

@@ -1,5 +1,5 @@
-//! Jacobians of rows: J^T of a row at the degrees of freedom that it moves (its support), and the half solve L^-T J^T with the factor L of
-//! the mass matrix.
+//! Jacobians of rows: J^T of a row at the degrees of freedom on which it acts (its support), and the half solve L^-T J^T with the factor L
+//! of the mass matrix.
 
 use stepper_real::{Mask, Real};
 

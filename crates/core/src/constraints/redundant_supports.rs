@@ -35,7 +35,8 @@ pub(crate) struct ContactGroups<R> {
     of_contact: Vec<usize>,
     /// Contacts of the cluster whose loads are being shared (groups that move a common coordinate).
     points: Vec<Point>,
-    /// Matrix of the load sharing. Its entries are the effects of a unit normal impulse of each contact (column) on each coordinate (row).
+    /// Matrix of the load sharing. Its entries are the effects of a unit normal impulse of each contact (column) on each coordinate of the
+    /// solver's velocity w (row).
     rows: Vec<f64>,
     /// Sum of the effects of all normal impulses on each coordinate, which load sharing must not change. It is scaled like `rows`.
     sums: Vec<f64>,
@@ -43,7 +44,7 @@ pub(crate) struct ContactGroups<R> {
     coordinates: Vec<u32>,
     /// Whether each row of `rows` has already been orthonormalised.
     done: Vec<bool>,
-    /// Index of a contact group that moves each coordinate. Groups with a common coordinate belong to the same cluster.
+    /// For each coordinate, index of a contact group that moves it. Groups with a common coordinate belong to the same cluster.
     owners: Vec<usize>,
     /// Velocities of all contacts of the problem, m/s.
     velocities: Vec<V3<R>>,
@@ -308,7 +309,7 @@ impl<R: Real> ContactGroups<R> {
 
     /// Computes `rows` and `sums` from the contacts in `points`.
     ///
-    /// Each coordinate that a free contact moves gets a row of unit length, and the effect of all normal impulses.
+    /// Each coordinate that a free contact moves gets a row of unit length in `rows`, and the effect of all normal impulses in `sums`.
     fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
         let Self { points, rows, sums, coordinates, .. } = self;
         coordinates.clear();

@@ -1,7 +1,7 @@
 //! Contacts that bounce: restitution by Newton's law.
 //!
-//! Euler's rule applies Newton's law to the free velocity, which is the recursion of textbooks. The midpoint rule applies it at the time t
-//! of the impact (see [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the rows are
+//! Euler's rule applies Newton's law to the free velocity, as in textbooks. The midpoint rule applies it at the time t of the impact (see
+//! [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the rows are
 //!
 //! ```text
 //! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-(t)
@@ -46,10 +46,10 @@ impl<R: Real> RowBuilder<R> {
 
 impl<R: Real> Assembler<'_, R> {
     /// Bias of a contact's normal row by Euler's rule, m/s, and the lanes of `exists` in which the row is needed. With the midpoint rule
-    /// both are returned unchanged.
+    /// the function returns `bias` and `exists` unchanged.
     ///
     /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed elastic contacts take part in
-    /// an impact with 0 <= lambda, complementary to v+ + e v- >= 0, even if v- separates. A contact that is slower than the threshold
+    /// an impact with 0 <= lambda, complementary to v+ + e v- >= 0, even those that v- opens. A contact that is slower than the threshold
     /// before the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
@@ -110,9 +110,9 @@ impl<R: Real> Assembler<'_, R> {
     /// Replaces the `offsets` of a contact that bounces within the step, by the midpoint rule. Returns the lanes of `exists` in which the
     /// rows are needed.
     ///
-    /// Only the midpoint rule calls it. `free` are the velocities of the rows without constraints, before equalities are eliminated.
-    /// `change` is the change of these velocities by the free motion in the step. After the elimination, the free velocity is `offsets`
-    /// minus the normal's `bias`. The function is compiled separately, as [`Assembler::add_curvature`] is.
+    /// Only steps by the midpoint rule call this function. `free` are the velocities of the rows without constraints, before equalities are
+    /// eliminated. `change` is the change of these velocities by the free motion in the step. After the elimination, the free velocity is
+    /// `offsets` minus the normal's `bias`. The function is compiled separately, as [`Assembler::add_curvature`] is.
     #[inline(never)]
     pub(crate) fn bounce_midpoint(
         &mut self,
@@ -165,10 +165,10 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, for a velocity change that acts only after their impacts. The
-    /// rows had included it.
+    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, for a velocity change that acts only after their impacts.
+    /// [`ConstraintProblem::shift`] has added the whole change to these offsets.
     ///
-    /// `change` is the scaled change of the velocity after the step.
+    /// `change` is the change of the velocity after the step, in the scaled coordinates of the solver.
     #[inline(always)]
     pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
         let Self { rows, impacts, resolves_impacts, .. } = self;

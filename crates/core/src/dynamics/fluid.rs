@@ -9,8 +9,8 @@
 //!
 //! Drag dissipates energy, but explicit drag on a mass m reverses the motion and adds energy if h b |v| > 2 m for a time step h. Drag is
 //! therefore linearised, and enters the mass matrix like joint damping. The linearisation is the secant B = a + b |v|, drag divided by
-//! velocity, at the velocity u before the step. Let f be the force, and v* the velocity at which forces are evaluated. The step applies
-//! f(v*) + B (v* - u), and the mass matrix the rest.
+//! velocity, at the velocity u before the step. Let f be the force, and v* the velocity at which forces are evaluated. The step applies the
+//! force f(v*) + B (v* - u). The linearised drag in the mass matrix adds the rest.
 
 use stepper_real::Real;
 
@@ -188,7 +188,8 @@ struct Projection<R> {
     along: V3<R>,
     /// Projected area, m^2.
     area: R,
-    /// Vector along the normal of the projected area, with the length area / (cosine of the angle between normal and velocity).
+    /// Vector along the normal of the ellipsoid's surface, see [`projection`]. Its length is the area times the cosine of the angle between
+    /// this normal and the velocity.
     normal: V3<R>,
 }
 

@@ -15,7 +15,7 @@ use crate::options::StepSettings;
 /// Panic message if a step is evaluated before it was solved.
 const UNSOLVED: &str = "a step is solved before it is evaluated";
 
-/// Visitor of the groups of a simulation. Several threads call it at once.
+/// Visitor of the groups of environments of a simulation. Several threads call it at once.
 pub trait GroupVisitor: Sync {
     /// Visits the group whose first environment is `first`. The visitor may change `step`; the states of the environments do not change.
     fn visit<R: Real<Scalar = f64>>(&self, step: &mut GroupStep<R>, first: usize);
@@ -129,7 +129,7 @@ impl<R: Real> GroupStep<R> {
     /// Evaluates the solved step again from the same state, with impulses from the solver. Passes every constraint problem and its solution
     /// to `rule`.
     ///
-    /// With MuJoCo's contact law the solver itself computes its response to displacements, and `rule` is not called.
+    /// With MuJoCo's contact law the solver itself computes how its solution changes with displacements. `rule` is then not called.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].

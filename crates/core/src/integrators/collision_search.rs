@@ -31,7 +31,7 @@ pub(crate) struct CollisionSearch<R: Real> {
     rates: Vec<(R, R::Mask)>,
     /// Candidate pairs: pairs whose linearised gap closes in some lane.
     pairs: Vec<CandidatePair<R>>,
-    /// Generalized velocity after the step by the predicted impulses, nv.
+    /// Generalized velocity after the step with the predicted impulses, nv.
     pub(crate) v_predicted: Vec<R>,
     /// Paths of candidate pairs in single lanes, which are tested together in the lanes of one SIMD register.
     packed: Vec<PackedPath<R::Scalar>>,
@@ -137,7 +137,7 @@ impl<R: Real> CandidatePair<R> {
         R::select(time.gt(self.before).and(time.lt(self.time)), time, self.before + span * half)
     }
 
-    /// Lanes in which the brackets prove that this pair touches more than `window` (s) before the pair `other`.
+    /// Lanes in which the brackets decide whether this pair touches more than `window` (s) before the pair `other`.
     #[inline(always)]
     fn order_is_decided(&self, other: &Self, window: R) -> R::Mask {
         self.time.lt(other.before - window).or(self.before.ge(other.time - window))
@@ -255,8 +255,8 @@ impl<R: Real> CollisionSearch<R> {
         !self.pairs.is_empty()
     }
 
-    /// Tests the path of each candidate pair. Its lanes become those in which it collides. Unless `ignores_order` is set, lanes in which
-    /// another pair of the same trees collides earlier are removed.
+    /// Tests the path of each candidate pair, and reduces the lanes of the candidate to those in which it collides. Unless `ignores_order`
+    /// is set, lanes in which another pair of the same trees collides earlier are removed.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let CollisionQuery { compiled, kinematics, collision, .. } = *query;

@@ -27,9 +27,9 @@ use crate::tuning::{
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
 ///
-/// An evaluation point within PLACEMENT_TOLERANCE of the impact does not move. `v_free` is the free velocity. `first` is true in the first
-/// call of a step. A contact that overlaps beyond the slop while its surfaces separate must have touched earlier. In the first call, its
-/// lane moves to the beginning of the step.
+/// An evaluation point within `PLACEMENT_TOLERANCE` of the impact does not move. `v_free` is the free velocity. `first` is true in the
+/// first call of a step. A contact that overlaps beyond the slop while its surfaces separate must have touched earlier. In the first call,
+/// its lane moves to the beginning of the step.
 pub(crate) fn move_to_first_impacts<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,
@@ -100,8 +100,8 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// Makes impacts inelastic whose friction would add energy by Newton's law. Returns the lanes with such an impact, which must be solved
-/// again.
+/// Makes those impacts inelastic whose friction would add energy with Newton's law of restitution. Returns the lanes with such an impact,
+/// which must be solved again.
 ///
 /// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the present solution. In the lanes `inelastic`, an earlier call
 /// already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the
@@ -207,8 +207,8 @@ pub(crate) fn correct_impact_forces<R: Real>(
 /// Lanes with an impact whose inertial forces must be recomputed, because `v_next` is not the velocity with which they were computed.
 /// `v_next` is the velocity after the step.
 ///
-/// If `first` is true, the inertial forces were evaluated at the mean velocity instead of half at each. Lanes in which constraints made the
-/// velocity jump then count too.
+/// If `first` is true, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the mean
+/// of the forces at these two velocities. Lanes in which constraints made the velocity jump then count too.
 fn lanes_with_impacts<R: Real>(
     context: StepContext<'_, R>,
     free: &FreeMotion<R>,

@@ -90,7 +90,7 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, it is exactly `state`.
+    /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, the result is exactly `state`.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         R::vectorize(
             #[inline(always)]

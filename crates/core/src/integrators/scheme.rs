@@ -35,7 +35,7 @@ pub(crate) struct Scheme<R> {
 impl<R: Real> Scheme<R> {
     /// Whether the step predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     ///
-    /// These are exactly the schemes with `implicit_forces`.
+    /// The schemes with `implicit_forces` do so, and no others.
     pub(crate) fn predicts(&self) -> bool {
         self.implicit_forces
     }
@@ -64,8 +64,8 @@ impl<R: Real> Scheme<R> {
         ImplicitServos { weights: self.weights, h: self.h, all: self.implicit_forces, predicted: false }
     }
 
-    /// Selection of [`Scheme::implicit_servos`], after the velocity after the step was predicted. Explicit forces then use a velocity
-    /// between that before and that after the step ([`Scheme::velocity_weight`]).
+    /// Same selection of servos as [`Scheme::implicit_servos`], for forces at the predicted velocity after the step. Explicit forces then
+    /// use a velocity between that before and that after the step ([`Scheme::velocity_weight`]).
     pub(crate) fn implicit_servos_at_prediction(&self) -> ImplicitServos<R> {
         ImplicitServos { predicted: true, ..self.implicit_servos() }
     }

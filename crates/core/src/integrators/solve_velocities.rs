@@ -56,8 +56,8 @@ pub(crate) fn solve_velocities<R: Real>(
             (lanes, inelastic, passes, impacts) = (problem.constrained, none, 0, 0);
         }
         let solved = probe.span(Span::Solve, || solve_lanes(context, lanes, problem, velocity));
-        // A new assembly resets the numbers of iterations in `outcome`. Another lane may have caused it, and a lane's record must not
-        // depend on other lanes.
+        // A new assembly resets the numbers of iterations in `outcome`. Another lane may have caused the assembly, and a lane's record must
+        // not depend on other lanes.
         if begins {
             outcome = solved;
         } else {
@@ -161,7 +161,7 @@ pub(crate) fn bound_velocities<R: Real>(
 /// Limits joint speeds in lanes whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with ambiguous
 /// energy, and all limited lanes.
 ///
-/// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits their energy after stage 8.
+/// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits the energy of these lanes after stage 8.
 #[inline(always)]
 fn limit_speed<R: Real>(
     context: StepContext<'_, R>,

@@ -169,9 +169,9 @@ impl<R: Real> StepResolution<R> {
     /// K(q+, v+) - K(q, v) - (v + v+) / 2 . (M (v+ - v) + h c),
     /// ```
     ///
-    /// whatever acts: actuators, damping, friction, contacts. The error in the work of gravity and springs is neglected: chains that gain
-    /// 98 J have 0.01 J of it. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain of up to
-    /// `negligible` does not count, J: constraints may hold bodies that would move fast without them, and the gain is then rounding error.
+    /// for all kinds of forces: of actuators, damping, friction and contacts. The error in the work of gravity and springs is neglected: in
+    /// chains that gain 98 J, it is 0.01 J. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain of up
+    /// to `negligible`, J, does not count. It may be rounding error, if constraints hold bodies that would move fast without them.
     ///
     /// The state before the step is (`q`, `v`); the state after it is `q_end` and `v_next`.
     pub(crate) fn gains_energy(

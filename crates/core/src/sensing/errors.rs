@@ -130,7 +130,7 @@ impl<S: Scalar> Errors<S> {
     /// errors).
     ///
     /// # Errors
-    /// The first number out of its range, with the sensor's name.
+    /// [`SensorError`] for the first number that is out of its range, with the sensor's name.
     pub fn new(model: &Model, transfers: &[Option<Transfer>], num_envs: usize, lanes: usize, h: f64) -> Result<Self, SensorError> {
         let addresses = model.sensor_addresses();
         let shared = transfers.iter().flatten().all(Transfer::is_shared);

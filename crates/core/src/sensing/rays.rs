@@ -1,8 +1,8 @@
 //! Intersections of rays with shapes, and tests whether points are inside simple shapes.
 //!
 //! The surface of a simple shape consists of parts of planes and quadrics, whose intersections with a line are roots of linear or quadratic
-//! equations. The result is the nearest root that is on its part and not behind the ray's origin. A ray that begins inside hits the point
-//! where it leaves. For meshes and height fields, the rays are cast lane by lane.
+//! equations. The result is the nearest root whose point is on the part of the surface, and not behind the ray's origin. A ray that begins
+//! inside hits the point where it leaves. For meshes and height fields, the rays are cast lane by lane.
 
 use stepper_geometry::{Pose, RaySurface};
 use stepper_real::{Mask, Real, Scalar};

@@ -1,4 +1,5 @@
-//! Effective mass matrix of a discrete step, M + h D + h^2 K, and its effect on constraint rows.
+//! Effective mass matrix of a discrete step, M + h D + h^2 K, and its effect on constraint rows. M is the mass matrix, D the damping, K the
+//! stiffness, and h the time step.
 
 use std::ops::Range;
 

@@ -158,7 +158,8 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Adds the row of a limit, whose force only pushes. The arguments include the limit's position error and its time derivative.
+    /// Adds the row of a limit, whose force only pushes. `error` is the limit's position error, and `rate` the time derivative of this
+    /// error.
     #[inline(always)]
     fn push_soft_limit(
         &mut self,

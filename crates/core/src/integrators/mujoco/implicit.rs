@@ -21,8 +21,8 @@ use crate::stages::s01_actuate::servo_damping;
 /// ImplicitFast also adds the derivative of the gyroscopic force of a single body on a free joint, in a separate system. Implicit adds the
 /// derivative of all Coriolis forces.
 ///
-/// D has the sparsity of MuJoCo's matrix. Tendons and actuators contribute the products of dofs on one branch. ImplicitFast has no entries
-/// between the dofs of a simple body, because MuJoCo's mass matrix has none.
+/// D has the sparsity of MuJoCo's matrix. Tendons and actuators contribute only entries between dofs on one branch. ImplicitFast has no
+/// entries between the dofs of a simple body, because MuJoCo's mass matrix has none.
 pub(super) fn integrate_velocity<R: Real>(
     input: StepInput<'_, R>,
     kinematics: &Kinematics<R>,

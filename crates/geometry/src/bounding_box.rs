@@ -20,7 +20,7 @@ pub struct BoundingBox<R> {
 impl<R: Real> BoundingBox<R> {
     /// Bounding box of a solid, which may have another size in every lane.
     ///
-    /// `size` is the size in MuJoCo's order, m: radius and half length, semi-axes, or half sizes. It has no effect on meshes and hulls.
+    /// `size` is the size in MuJoCo's order, m: radius and half length, semi-axes, or half sizes. `size` has no effect on meshes and hulls.
     /// `None` for half spaces, height fields and triangles.
     #[inline(always)]
     pub fn new(solid: &Solid, size: V3<R>) -> Option<Self> {

@@ -174,7 +174,8 @@ impl Clipper {
             return false;
         }
         self.faces(pair, axes, reference, prediction, out);
-        // The closest points, or points of equal depth, must be among them. They are not if the edge does not belong to the face.
+        // The closest points, or points of equal depth, must be among the added points. They are not if the edge does not belong to the
+        // face.
         if out.deepest() > facing.found.separation - pair.thickness() + EQUAL_DEPTH * pair.size {
             out.points.clear();
         }

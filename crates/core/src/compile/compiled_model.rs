@@ -104,7 +104,7 @@ pub struct ModelStructure<S: Scalar> {
     pub limits: Vec<CompiledLimit>,
     /// Dry friction (`frictionloss`) of degrees of freedom.
     pub frictions: Vec<CompiledFriction>,
-    /// Equalities of the model, grouped in blocks of equalities that are solved together.
+    /// Equalities of the model, grouped in blocks whose rows are assembled together.
     pub equalities: Vec<EqualityBlock<S>>,
     /// Limits of ball joints.
     pub ball_limits: Vec<CompiledBallLimit>,
@@ -115,7 +115,7 @@ pub struct ModelStructure<S: Scalar> {
     pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<CompiledActuator<S>>,
-    /// Servos: actuators whose force depends on their length or velocity.
+    /// Servos: actuators whose force depends on the length or velocity of the actuator.
     pub servos: Vec<CompiledServo<S>>,
     /// Bounds of the sum of actuator forces on one dof (`actuatorfrcrange`).
     pub actuator_force_ranges: Vec<CompiledForceRange<S>>,

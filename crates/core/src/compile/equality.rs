@@ -1,4 +1,4 @@
-//! Compiled equalities and tendons: parameters of their constraint rows, and blocks of equalities that are solved together.
+//! Compiled equalities and tendons: parameters of their constraint rows, and blocks of equalities whose rows are assembled together.
 
 use std::ops::Range;
 

@@ -216,7 +216,7 @@ pub enum Read<S> {
     /// Torque that the parent body exerts on a subtree, about the sensor's site. The index selects the subtree in
     /// [`CompiledSensing::carried`].
     Torque(usize),
-    /// Touch sensor: sum of the normal forces on the body with this index whose lines of action intersect the volume.
+    /// Touch sensor: sum of the normal forces on the body with this index. Only forces whose lines of action intersect the volume count.
     Touch(usize, Solid<S>),
     /// Rangefinder: distances along rays. The values are the sensor frame, the directions of the rays, the quantities in the reading, and
     /// the geoms that rays can hit.

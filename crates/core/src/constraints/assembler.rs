@@ -40,15 +40,15 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub h: R,
     /// Time from the configuration before the step to that of the rows, s.
     pub time_before: R,
-    /// Whether the step evaluates forces and contacts in its middle, and impacts at their times.
+    /// Whether the step evaluates forces and contacts in its middle, and impacts at their times (midpoint rule).
     pub in_the_middle: bool,
     /// Fraction of a contact gap that may close in the step.
     pub closing_fraction: R,
     /// Lanes that evaluate contacts at the beginning of the step because their bodies are very fast. Lanes with an impact within the step
     /// are not included.
     pub very_fast: R::Mask,
-    /// Overlaps in the solution of the step that is differentiated; `None` in a normal step. They decide which rows correct an overlap, so
-    /// that all displaced states have the same corrections.
+    /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. They decide which rows
+    /// correct an overlap, so that all these evaluations have the same corrections.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
     /// Lanes that hold an environment.
     pub alive: R::Mask,

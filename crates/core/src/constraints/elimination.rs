@@ -6,10 +6,10 @@
 //! y' = y - sum_k a_k e_k,    g' = g - sum_k a_k g_k,    a_k = y . e_k / |e_k|^2
 //! ```
 //!
-//! is the same velocity for every allowed w, and an impulse along y' does not change the equalities. This is the Schur complement of their
-//! block of G (Golub & Van Loan 2013, section 3.2). The equalities are solved once, exactly, and the impulses of the other rows keep their
-//! meaning. Without elimination, Gauss-Seidel iterations alternate between the coupling of a leg and the contact of its foot, and need two
-//! to five times as many.
+//! is the same velocity for every allowed w, and an impulse along y' does not change the equalities. G of the rows y' is the Schur
+//! complement of the equalities' block in G of all rows (Golub & Van Loan 2013, section 3.2). The equalities are solved once, exactly, and
+//! the impulses of the other rows keep their meaning. Without elimination, Gauss-Seidel iterations alternate between the coupling of a leg
+//! and the contact of its foot, and need two to five times as many.
 //!
 //! The code keeps a row as `column`: a row times L^-1, without the factor D^-1/2 of the mass matrix L^T D L.
 
@@ -53,8 +53,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Finds the blocks of eliminated equalities that have a degree of freedom in the set `words`. Most scenes have none, so that this code
-    /// is not inlined.
+    /// Finds the blocks of eliminated equalities that have a degree of freedom in the set `words`. Most scenes have no such blocks, so that
+    /// this code is not inlined.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Newton's law of restitution applies at this time. For any impact times, and forces that are constant within the step, the work of the
-//! impulses lambda is lambda^T G lambda (1/2 - 1/(1 + e)). It is negative, so that impacts add no energy, and zero for e = 1.
+//! impulses lambda is lambda^T G lambda (1/2 - 1/(1 + e)). This work is negative, so that impacts add no energy, and zero for e = 1.
 
 use stepper_real::{Mask, Real};
 
@@ -35,7 +35,8 @@ pub struct Flight<R> {
 pub struct ImpactPrediction<R: Real> {
     /// Lanes in which the contact collides fast enough to bounce.
     pub collides: R::Mask,
-    /// Lanes in which the contact touches and separates. It is solved together with the impacts, because an impact elsewhere may close it.
+    /// Lanes in which the contact touches and separates. Such a contact is solved together with the impacts, because an impact elsewhere
+    /// may close it.
     pub separates: R::Mask,
     /// Lanes in which the contact touches or is about to touch, and does not bounce.
     pub rests: R::Mask,

@@ -307,7 +307,8 @@ impl<R: Real> ImpactStep<'_, R> {
     /// Sets the offset of the normal row of contact `i` in the position solve to (gap at the end of the step) / h, in the lanes `lanes`.
     ///
     /// Positions move by time_after v+ + h correction after the evaluation of contacts. The end gap is therefore gap + h v_position - (h -
-    /// time_after) v_n+. For a contact that overlaps, the offset does not change. `impulses` are those of the velocity solution.
+    /// time_after) v_n+. For a contact that overlaps by more than the slop, the offset does not change. `impulses` are those of the
+    /// velocity solution.
     #[inline(always)]
     fn set_end_gap_offset(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, time_after, .. } = *self;
@@ -434,8 +435,8 @@ fn max_twice_energy<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free
     before.max(after)
 }
 
-/// Shrinks a vector of squared length `square` to a bound: returns the lanes of `lanes` in which `square` exceeds `most`, and the factor to
-/// apply there.
+/// Lanes of `lanes` in which the squared length `square` of a vector exceeds `most`, and the factor that shrinks the vector to this bound
+/// there.
 #[inline(always)]
 pub(crate) fn shrink_factor<R: Real>(square: R, most: R, lanes: R::Mask) -> (R::Mask, R) {
     let lanes = lanes.and(square.gt(most));
@@ -459,7 +460,7 @@ fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask
     }
 }
 
-/// Factor of a velocity change in the correction of an impact's offsets, for a change that acts only after the impact.
+/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts only after the impact.
 ///
 /// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
 #[inline(always)]
@@ -467,8 +468,8 @@ fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Factor of a velocity change in the correction of an impact's offsets, for a change that acts before the impact. The change is given as
-/// that of the velocity after the step.
+/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts before the impact. The change is that of
+/// the velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction

@@ -31,8 +31,8 @@ use crate::model::JointKind;
 /// only 1e-8 of this error.
 const ITERATIONS: usize = 8;
 
-/// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies to the discrete midpoint rule. `v` is
-/// the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
+/// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies so that they follow the discrete
+/// midpoint rule. `v` is the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
 ///
 /// `times` are two durations, s: from the beginning of the step to its evaluation point (the time at which forces are evaluated), and from
 /// there to the end.

@@ -151,8 +151,7 @@ impl<R: Real> GroupStep<R> {
 
     /// Evaluates stages 1 to 8 at the displaced state with impulses from `rule`. Afterwards the state before the solved step is restored.
     ///
-    /// Returns whether contacts and rows were recomputed for the displaced configuration. Otherwise those of the last evaluation are still
-    /// valid.
+    /// Returns whether contacts and all rows were recomputed. Otherwise the contacts of the last evaluation are still valid.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -171,9 +170,11 @@ impl<R: Real> GroupStep<R> {
         (self.functions().change)(self.nominal(), &self.compiled, &self.workspace, out);
     }
 
-    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits).
+    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits). With hard contact,
+    /// only contacts and limits with an impulse in the solved step count, and the result is `lanes`.
     ///
-    /// Returns a subset of these lanes. In the returned lanes, the evaluation has every contact that overlaps in the solved step.
+    /// With MuJoCo's contact law, the result is a subset of these lanes. In its lanes, the evaluation has every contact that overlaps in
+    /// the solved step.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].

@@ -84,8 +84,8 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// Converts a vector from the axes of a slot to the standard axes, in which contacts are stored. These are the normal, and tangents that
-/// depend only on the normal.
+/// Converts a vector from the axes of a slot to the standard axes, in which contacts are stored. The standard axes are the normal, and
+/// tangents that depend only on the normal.
 #[inline(always)]
 fn in_standard_frame<R: Real>(slot: &Slot<R>, [x, a, b]: V3<R>) -> V3<R> {
     let [n, t1, t2] = contact_frame(slot.point.normal);

@@ -55,8 +55,8 @@ impl<R: Real> EffectiveMass<R> {
         self.arms.clear();
     }
 
-    /// Adds the matrix w (arms)(arms)^T. `parts` are pairs of degree of freedom and arm. A single degree of freedom goes to `entries` of
-    /// the mass matrix, several become a coupling.
+    /// Adds the matrix w (arms)(arms)^T. `parts` are pairs of degree of freedom and arm. With a single degree of freedom, the matrix is
+    /// added to `entries`, the entries of the mass matrix. With several, it becomes a coupling.
     #[inline(always)]
     pub(crate) fn add(&mut self, compiled: &LaneModel<R>, parts: impl Iterator<Item = (usize, R)>, w: R, entries: &mut [R]) {
         let start = self.dofs.len();

@@ -29,7 +29,7 @@ impl<R: Real> ConstraintProblem<R> {
         sweeps
     }
 
-    /// Determines the order in which noslip iterations visit the contacts that push, and writes it to `order`.
+    /// Determines the order in which noslip iterations visit the contacts of the problem, and writes it to `order`.
     fn order_contacts(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, order: &mut VisitOrder<R>) {
         let VisitOrder { visits, places, keyed, order } = order;
         let slots = contacts.slots();

@@ -82,8 +82,8 @@
 //!   runs the fastest level of the machine, with the same bits. `default-features = false` compiles the baseline alone, which builds
 //!   faster.
 //! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries,
-//!   contact forces in world axes. Builders take its vectors, points, rotations and isometries. The feature also exports nalgebra, so that
-//!   a user has the same version.
+//!   contact forces in world axes. Builders take its vectors, points, rotations and isometries. The feature also exports nalgebra, in the
+//!   version that the crate uses.
 //! - `internals` (off by default) adds the module `internals` for the benches and tests of this workspace. It changes without notice.
 //!
 //! serde, postcard and sha2 are not optional. Models and states are bytes with a checksum. Every state has the digest of its model, so that

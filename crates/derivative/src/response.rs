@@ -118,7 +118,7 @@ impl<R: Real> HardResponse<R> {
         // A position correction at its bound depends only on its fastest joint, and has no response.
         let lanes = rule.lanes & !bouncing & correction.lt(R::of(1.0 - BOUND_DISTANCE)).bits();
         let Some(Prediction { drives_forces, solved, difference, motion }) = prediction else { return lanes };
-        // If the nominal step predicted another velocity, the prediction is not a solution of its rows, and has no response.
+        // If the solved step predicted another velocity, the prediction is not a solution of its rows, and has no response.
         let has_expected = |weight: R| is_solved(&settings, difference * weight.min(R::one())).bits();
         // At rest, the prediction uses the impulses of the last step.
         if drives_forces {

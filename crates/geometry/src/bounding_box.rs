@@ -88,8 +88,9 @@ impl<R: Real> BoundingBox<R> {
 
     /// Lanes in which a face of one of two boxes separates them by more than `reach`, m.
     ///
-    /// `apart` is the vector from the origin of this box's frame to that of the other, in the world, m. `mats` are the orientations of both
-    /// frames. The test uses the separating axes of Gottschalk, Lin & Manocha (1996) without the nine that are perpendicular to two edges.
+    /// `apart` is the vector from the origin of this box's frame to the origin of the other box's frame, in the world, m. `mats` are the
+    /// orientations of both frames. The test uses the separating axes of Gottschalk, Lin & Manocha (1996) without the nine that are
+    /// perpendicular to two edges.
     #[inline(always)]
     pub fn is_beyond(&self, other: &Self, apart: V3<R>, mats: [&M3<R>; 2], reach: R) -> R::Mask {
         let d = sub(rotate_back(mats[0], add(apart, rotate(mats[1], other.centre))), self.centre);

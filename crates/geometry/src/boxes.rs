@@ -28,7 +28,7 @@ fn graze(faces: &[(f64, V); 6]) -> bool {
 }
 
 /// Ratio of the overlap along a common perpendicular of two edges to the overlap along a face normal. Below this ratio the contact normal
-/// is that of the edges, as in ODE and MuJoCo 4.
+/// is the common perpendicular, as in ODE and MuJoCo 4.
 ///
 /// The overlap along a face normal is measured at a corner. Near an edge of the other box, this corner may have nothing below it. The
 /// overlap of edges is therefore smaller wherever faces are inclined.

@@ -22,7 +22,7 @@ struct Simplex {
 /// Result of a GJK search: the point of the Minkowski difference A - B that is nearest to the origin, and its simplex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
-    /// Nearest point, m: the vector from the closest point of B to that of A. It is 0 if the sets overlap.
+    /// Nearest point, m: the vector from the closest point of B to the closest point of A. It is 0 if the sets overlap.
     v: V,
     /// Simplex that contains the point of A - B nearest to the origin.
     simplex: Simplex,

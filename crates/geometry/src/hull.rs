@@ -37,7 +37,7 @@ pub enum HullError {
     /// The volume of the hull is not finite.
     #[error("its volume is not finite")]
     TooLarge,
-    /// The given surface is not that of the convex hull of the points.
+    /// The given surface is not the surface of the convex hull of the points.
     #[error("the surface kept as its convex hull is not that of its vertices")]
     OtherSurface,
 }
@@ -353,7 +353,7 @@ impl Hull {
     }
 }
 
-/// Number of cells along an edge of the cube whose cells are the entries of [`Hull::start`].
+/// Number of cells along an edge of a cube. Each cell of the cube's surface has an entry in [`Hull::start`].
 const CELLS: usize = 16;
 
 /// Index of the cell of a cube's surface that contains the direction `d`, see [`Hull::start`].
@@ -434,7 +434,7 @@ fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, f64, V) {
     (sum / 6.0, area, add_scaled(origin, moment, 1.0 / sum))
 }
 
-/// Vector along the normal of a triangle whose length is twice the area, m^2.
+/// Normal vector of a triangle, with a length of twice the triangle's area, m^2.
 ///
 /// The vector is computed from the two shorter edges, because two long edges of a narrow triangle have a large rounding error.
 fn area_of(corners: [V; 3]) -> V {

@@ -51,8 +51,8 @@
 //! The crate uses parry's tree of bounding boxes (`Bvh`), which finds the triangles of a mesh near a box or along a ray. Everything else is
 //! implemented here, for three reasons:
 //!
-//! - A step must have the same bits whatever ran before. parry's contact manifolds start from those of the previous step. Here the contacts
-//!   depend on the poses alone, and stored results only save time.
+//! - A step must have the same bits whatever ran before. parry's contact manifolds start from the manifolds of the previous step. Here the
+//!   contacts depend on the poses alone, and stored results only save time.
 //! - Finite differences and small gaps need distances and normals that are exact up to rounding. parry's distances of cylinders have errors
 //!   of up to 1e-5 m. The module `parry` of the tests compares distances, normals, closest points and depths of every pair of shapes.
 //! - Pairs of simple shapes are computed over lanes, with the same instructions for all environments.

@@ -1,7 +1,7 @@
 //! Compiled model: the numbers that the step reads, and only those that this scene needs.
 //!
 //! Bodies that cannot move relative to their parent are merged into one *link*. A *frame* is anything to which a geom can be fixed: frame 0
-//! is the world, frames `1..=links` the links, the rest mocap bodies. Pairs that can never collide are left out.
+//! is the world, frames `1..=links` are the links, and the other frames are mocap bodies. Pairs that can never collide are left out.
 
 use std::ops::Deref;
 

@@ -38,7 +38,7 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
-    /// Time from the configuration before the step to that of the rows, s.
+    /// Time from the configuration before the step to the configuration at which the rows are evaluated, s.
     pub time_before: R,
     /// Whether the step evaluates forces and contacts in its middle, and impacts at their times (midpoint rule).
     pub in_the_middle: bool,
@@ -61,8 +61,8 @@ impl<R: Real> AssemblyInput<'_, R> {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
 
-    /// Part of the gap in slot `k` that may close in the step, m. It equals the result of [`AssemblyInput::gap`], or the whole gap if the
-    /// gap is wide.
+    /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It equals the result of
+    /// [`AssemblyInput::gap`], or the whole gap if the gap is wide.
     ///
     /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. Because it is still very fast, the next step also
     /// evaluates contacts at its beginning, and finds the touching contact there. With [`AssemblyInput::gap`] the body could close only two

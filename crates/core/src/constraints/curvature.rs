@@ -83,7 +83,8 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Curvature term kappa of the contact in slot `k`, in the lanes `lanes` (bits), m/s^2; see the formula of the module.
+/// Curvature term kappa of the contacts in slot `k` (one contact per lane), in the lanes `lanes` (bits), m/s^2; see the formula of the
+/// module.
 #[inline(always)]
 fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
     let RowInput { compiled, kinematics, .. } = input;

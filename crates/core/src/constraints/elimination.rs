@@ -1,15 +1,16 @@
 //! Elimination of hard equalities from all other rows. The solver then works within the motions that the equalities allow.
 //!
-//! The eliminated rows e_k are orthogonal and require e_k . w + g_k = 0. For another row y . w + g,
+//! The eliminated rows e_k are orthogonal and require e_k . w + g_k = 0. Here w is the velocity change by the impulses in scaled
+//! coordinates, and g_k the offset of the row. For another row y . w + g,
 //!
 //! ```text
 //! y' = y - sum_k a_k e_k,    g' = g - sum_k a_k g_k,    a_k = y . e_k / |e_k|^2
 //! ```
 //!
 //! is the same velocity for every allowed w, and an impulse along y' does not change the equalities. G of the rows y' is the Schur
-//! complement of the equalities' block in G of all rows (Golub & Van Loan 2013, section 3.2). The equalities are solved once, exactly, and
-//! the impulses of the other rows keep their meaning. Without elimination, Gauss-Seidel iterations alternate between the coupling of a leg
-//! and the contact of its foot, and need two to five times as many.
+//! complement of the equalities' block in G of all rows, where G is the Delassus matrix (Golub & Van Loan 2013, section 3.2). The
+//! equalities are solved once, exactly, and the impulses of the other rows keep their meaning. Without elimination, Gauss-Seidel iterations
+//! alternate between the coupling of a leg and the contact of its foot, and two to five times as many are needed.
 //!
 //! The code keeps a row as `column`: a row times L^-1, without the factor D^-1/2 of the mass matrix L^T D L.
 

@@ -24,7 +24,7 @@ pub struct PositionSolution<R: Real> {
     pub(crate) reference: Reference<R>,
     /// Islands: sets of kinematic trees that constraint rows connect.
     pub(crate) islands: Islands,
-    /// Free velocity of the position solve, nv.
+    /// Free velocity (velocity without impulses) of the position solve, nv.
     pub(crate) v_free: Vec<R>,
     /// Displacement by impacts divided by the time step, nv. It is added to `v_free`.
     pub(crate) impact_displacement: Vec<R>,

@@ -25,7 +25,7 @@ use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN
 /// Contact groups of all lanes: sets of contacts between the same two bodies, at least one of which floats freely.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactGroups<R> {
-    /// Slots of the contacts of all groups, group by group.
+    /// Slots of the contacts of all groups in the contact set, group by group. A slot has up to one contact per lane.
     slots: Vec<usize>,
     /// Contact groups of all lanes, lane by lane.
     groups: Vec<ContactGroup>,

@@ -1,7 +1,8 @@
 //! Contacts that bounce: restitution by Newton's law.
 //!
-//! Euler's rule applies Newton's law to the free velocity, as in textbooks. The midpoint rule applies it at the time t of the impact (see
-//! [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the rows are
+//! Euler's rule applies Newton's law to the free velocity (after the step, without constraints), as in textbooks. The midpoint rule applies
+//! it at the time t of the impact (see [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the
+//! rows are
 //!
 //! ```text
 //! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-(t)
@@ -152,8 +153,8 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Changes the `offsets` of the torsional and rolling rows of the last added contact to those at the time of its impact. `change` is
-    /// the change of the rows' velocities by the free motion.
+    /// Changes the `offsets` of the torsional and rolling rows of the last added contact to the offsets at the time of the contact's
+    /// impact. `change` is the change of the rows' velocities by the free motion.
     #[inline(always)]
     pub(crate) fn shift_rotation_to_impact(&self, change: V3<R>, rotation_offsets: &mut Offsets<R>) {
         if let Some(impact) = self.problem.impacts.last() {

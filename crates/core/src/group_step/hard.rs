@@ -57,7 +57,7 @@ pub(super) struct HardNominal<R: Real> {
 pub(super) enum Pass {
     /// Evaluation at the nominal state: the state from which the solved step started. The solver computes the impulses again.
     Nominal,
-    /// Evaluation at a state near the solved one, of which one coordinate is displaced. The caller's [`ImpulseRule`] sets the impulses.
+    /// Evaluation at a displaced state: the nominal state with one coordinate displaced. The caller's [`ImpulseRule`] sets the impulses.
     Displaced,
 }
 

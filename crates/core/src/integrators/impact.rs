@@ -1,7 +1,7 @@
 //! Impacts: jumps of the velocity within the step.
 //!
-//! The step evaluates a bouncing contact at the time of its impact. Its normal, its lever arms and the velocity in Newton's law are those
-//! at this time (see [`crate::constraints::impact_time`]).
+//! The step evaluates a bouncing contact at the time of its impact. The contact's normal, its lever arms and the velocity in Newton's law
+//! are evaluated at this time too (see [`crate::constraints::impact_time`]).
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Iterate;
@@ -27,9 +27,9 @@ use crate::tuning::{
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
 ///
-/// An evaluation point within `PLACEMENT_TOLERANCE` of the impact does not move. `v_free` is the free velocity. `first` is true in the
-/// first call of a step. A contact that overlaps beyond the slop while its surfaces separate must have touched earlier. In the first call,
-/// its lane moves to the beginning of the step.
+/// An evaluation point within `PLACEMENT_TOLERANCE` of the impact does not move. `v_free` is the velocity after the step without
+/// constraints. `first` is true in the first call of a step. A contact that overlaps beyond the slop (the overlap that position correction
+/// leaves) while its surfaces separate must have touched earlier. In the first call, its lane moves to the beginning of the step.
 pub(crate) fn move_to_first_impacts<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,

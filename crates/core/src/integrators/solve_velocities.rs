@@ -28,8 +28,8 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact
 /// that collides becomes active. (2) Inertial forces were evaluated at the mean of the velocities before and after the step. If an impact
 /// changed the velocity, they are recomputed, at most three times. (3) Newton's law of impact has a plausible solution. If not, the impact
-/// becomes inelastic. (4) The active bounds of stiff servos are those of the solution. If not, the mass matrix changes, so that the problem
-/// is assembled and solved again, at most four times.
+/// becomes inelastic. (4) The active bounds that were assumed for stiff servos are active in the solution. If not, the mass matrix changes,
+/// so that the problem is assembled and solved again, at most four times.
 ///
 /// The second result has the lanes in which assumption 4 still fails, and those with an impact that became inelastic. In these lanes the
 /// energy may be wrong; a shorter time step helps.
@@ -46,7 +46,7 @@ pub(crate) fn solve_velocities<R: Real>(
     let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = context;
     let none = R::Mask::splat(false);
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    // Each assembly resets the variables of this line.
+    // Each assembly resets the variables of the next line.
     let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
     let (mut begins, mut reassemblies) = (true, 0);
     let disagrees = loop {
@@ -92,8 +92,8 @@ pub(crate) fn solve_velocities<R: Real>(
     (outcome, inelastic.or(disagrees))
 }
 
-/// Updates the assumed active bounds of servos (none, a force bound, or the torque-speed curve) to those of the solution. Returns the lanes
-/// in which any of them changed.
+/// Updates the assumed active bounds of servos (none, a force bound, or the torque-speed curve) to the bounds that are active in the
+/// solution. Returns the lanes in which any of them changed.
 ///
 /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
 fn update_active_bounds<R: Real>(

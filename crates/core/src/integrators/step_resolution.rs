@@ -31,8 +31,8 @@ use crate::tuning::{
 
 /// Lanes in which the corrector has not converged, and lanes that need an energy balance.
 ///
-/// `v` and `v_free` are the velocity before the step and the free velocity; `change` is the change of `v_free` by the corrector. All are
-/// generalized velocities.
+/// `v` is the velocity before the step, and `v_free` the velocity after it without constraints; `change` is the change of `v_free` by the
+/// corrector. All are generalized velocities.
 pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
     R::vectorize(
         #[inline(always)]
@@ -257,8 +257,8 @@ impl<R: Real> StepResolution<R> {
 
     /// Scales the velocity `v` after the step down, in the lanes `lanes`, until the energy bound holds. Writes it to `v_limited`.
     ///
-    /// The allowed kinetic energy is that of the state `before` plus the work of forces in the step, with the mass matrix of `middle`.
-    /// Constraints changed `v_free` to `v`; their work counts only if it is negative. States are (q, v).
+    /// The allowed kinetic energy is the kinetic energy of the state `before` plus the work of forces in the step, with the mass matrix of
+    /// `middle`. Constraints changed `v_free` to `v`; their work counts only if it is negative. States are (q, v).
     pub fn limit_energy(
         &mut self,
         compiled: &LaneModel<R>,

@@ -25,7 +25,7 @@ pub use crate::sensing::errors::observe::{Slots, Work};
 pub use crate::sensing::errors::transfer::Transfer;
 use crate::sensing::errors::transfer::any;
 
-/// Parameter of a sensor's transfer function that may differ between environments. The order is that of the parameter table.
+/// Parameter of a sensor's transfer function that may differ between environments. The variants are in the order of the parameter table.
 #[derive(Clone, Copy)]
 enum Number {
     Scale,

@@ -12,7 +12,7 @@ use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-/// Parameters of MuJoCo's contact law for the contacts in one slot, per lane.
+/// Parameters of MuJoCo's contact law for the contacts in one slot (one contact per lane).
 struct ContactLaw<R: Real> {
     /// Stiffness K times impedance d, 1/s^2, and damping B, 1/s, of the normal row.
     spring: [R; 2],

@@ -118,8 +118,8 @@ impl<R: Real> EffectiveMass<R> {
     }
 }
 
-/// Weight D of a row for the effective mass matrix. `weight` is that of the row's law, and `mobility` the ratio of the row's inverse
-/// inertia to that in the law.
+/// Weight D of a row for the effective mass matrix. `weight` is the weight D of the row's law. `mobility` is the ratio of the row's inverse
+/// inertia with the effective mass matrix to that with M.
 #[inline(always)]
 pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
     (weight / mobility).min(R::of(1.0 / MIN_MOBILITY))

@@ -1,4 +1,4 @@
-//! Tangents of contacts whose choice in MuJoCo does not follow from the normal alone.
+//! Tangents of those contacts for which MuJoCo does not derive them from the normal alone.
 
 use stepper_real::{Mask, Real};
 

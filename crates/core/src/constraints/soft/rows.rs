@@ -182,8 +182,8 @@ pub(super) fn row_law<R: Real>(law: &SoftLaw<R::Scalar>, input: SoftInput<'_, R>
     law_at(law, input.effective, law.impedance(error), [error, rate, R::zero()], active)
 }
 
-/// End of a range that is nearer to `x`: direction from it into the range (1 or -1), and signed distance of `x` from it. The distance is
-/// negative outside the range.
+/// Direction from the nearer end of a range into the range (1 or -1), and signed distance of `x` from this end. The distance is negative
+/// outside the range.
 #[inline(always)]
 fn nearer_end<R: Real>(x: R, lowest: R, highest: R) -> (R, R) {
     let (below, above) = (x - lowest, highest - x);

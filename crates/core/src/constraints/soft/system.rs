@@ -32,8 +32,8 @@ pub struct SoftSystem<R: Real> {
 impl<R: Real> SoftSystem<R> {
     /// Workspace for a compiled model; `None` with hard contact.
     ///
-    /// `slots` is the capacity of contact slots, `contacts` that of contacts in the problem, and `support` the largest number of degrees of
-    /// freedom of a row.
+    /// `slots` is the capacity of contact slots, `contacts` the capacity of contacts in the problem, and `support` the largest number of
+    /// degrees of freedom of a row.
     pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
         let zeros = || vec![R::zero(); compiled.nv];

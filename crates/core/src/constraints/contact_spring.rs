@@ -22,7 +22,7 @@ pub(crate) struct CompliantRow<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Computes the normal row of the contacts in slot `k` (one contact per lane), in the lanes in which their surfaces are soft.
+    /// Computes the normal row of the contacts in slot `k` (one per lane), in the lanes in which their surfaces are soft.
     ///
     /// `free` and `before` are the normal velocities without constraints and before the step, m/s. The first component of `column` must
     /// have the half-solved normal row, L^-T J^T.

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Newton's law of restitution applies at this time. For any impact times, and forces that are constant within the step, the work of the
-//! impulses lambda is lambda^T G lambda (1/2 - 1/(1 + e)), with the Delassus matrix G and the coefficient of restitution e. This work is
+//! impulses lambda is lambda^T G lambda (1/2 - 1/(1 + e)). Here G is the Delassus matrix and e the coefficient of restitution. This work is
 //! negative, so that impacts add no energy, and zero for e = 1.
 
 use stepper_real::{Mask, Real};

@@ -23,7 +23,7 @@ pub enum Error {
         /// Range of the option, in words.
         must: &'static str,
     },
-    /// Integrator of a model file that stepper does not have.
+    /// Integrator in a model file, which stepper does not have.
     #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator")]
     SourceIntegrator {
         /// Name of the integrator in the file.
@@ -169,7 +169,7 @@ pub enum Error {
     /// Bytes that are not a saved state, or are of another format version, cut off or damaged.
     #[error("not a state: {0}")]
     NotAState(String),
-    /// Saved state of another model. The digests are those of [`Model::digest`](crate::Model::digest).
+    /// Saved state of another model. The digests are from [`Model::digest`](crate::Model::digest).
     #[error(
         "this state belongs to another model, {}; this one is \"{name}\", {}: give a state of the same model",
         abbreviated(state),
@@ -183,7 +183,7 @@ pub enum Error {
         /// Name of this simulation's model.
         name: String,
     },
-    /// Saved state whose precision differs from that of the simulation.
+    /// Saved state whose precision differs from the precision of the simulation.
     #[error("this state does not fit: it has numbers in {found:?}, this stepper in {must:?}")]
     StatePrecision {
         /// Precision of the state.

@@ -105,7 +105,7 @@ impl<R: Real> StepDerivative<R> {
     /// Computes the first derivatives of the impulses with respect to displacements of the state, in the lanes `solved` (bits).
     ///
     /// As a check, the function evaluates the step with these impulses at the undisplaced state. It returns the lanes in which the result
-    /// equals that of the solved step.
+    /// equals the result of the solved step.
     fn prepare_response(&mut self, step: &mut GroupStep<R>, solved: u32) -> u32 {
         let sound = if self.is_hard { self.response.prepare(step, solved) } else { solved };
         let sound = self.evaluate(step, Recomputed::Configuration, sound, &mut |_| {});

@@ -107,7 +107,7 @@ fn slopes_are_those_of_differences_of_whole_steps() {
         };
         for (i, (ahead, behind)) in side(h).iter().zip(side(-h)).enumerate() {
             let difference = (ahead - behind) / (2.0 * h);
-            // Curvature and rounding of central differences of 1e-5: 1e-10 and 1e-11, each times second derivatives of up to a hundred.
+            // Errors of central differences of 1e-5: 1e-10 times a third derivative, and about 1e-11 by rounding.
             assert!((found.slopes[i * 7 + c] - difference).abs() < 1e-7, "row {i}, column {c}: {} {difference}", found.slopes[i * 7 + c]);
         }
     }
@@ -117,8 +117,8 @@ fn slopes_are_those_of_differences_of_whole_steps() {
 fn a_box_that_rests_keeps_no_velocity_and_is_near_the_kink_of_its_gap() {
     let mut sim = simulation(&arm_and_box(), 1, 1);
     let found = derivative(&mut sim, &[0.3], 1e-6).unwrap();
-    // Derivative of the box's velocity after the step with respect to that before. The contact stops the box, so that it is zero up to
-    // rounding.
+    // Derivative of the box's velocity after the step with respect to the velocity before the step. The contact stops the box, so that it
+    // is zero up to rounding.
     assert!(found.slopes[5 * 7 + 5].abs() < 1e-12);
     assert!(found.distance[0] <= 1.0);
     assert_eq!(found.causes[2] & kink::GAP, kink::GAP);

@@ -39,7 +39,7 @@ const CLEARLY_LESS: f64 = 0.95;
 /// `ha` and `hb` are the half sizes, m. The result is `None` if the boxes are farther apart, or if they only touch in a sliver (see
 /// [`SLIVER`]). It is `Some(None)` if two edges or corners are closest: no axis then has the exact distance.
 ///
-/// Faces are preferred to edges (see [`CLEARLY_LESS`]), and faces of the first box to those of the second, unless the difference exceeds
+/// Faces are preferred to edges (see [`CLEARLY_LESS`]), and faces of the first box to faces of the second, unless the difference exceeds
 /// rounding. The choice for boxes at rest therefore stays the same.
 pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Option<Option<Separation>> {
     let r = &pair.mat;

@@ -53,8 +53,8 @@ pub(super) fn behind(reference: &ProjectedFeature, other: &ProjectedFeature, ris
     }
 }
 
-/// Bit in the identifier of a corner of an intersection. It is set for a disc's rim points in the intersection with a polygon, and for
-/// those of the reference disc inside another disc.
+/// Bit in the identifier of a corner of an intersection. It is set for a disc's rim points in the intersection with a polygon, and for rim
+/// points of the reference disc inside another disc.
 const REFERENCE: u32 = 1 << 30;
 
 /// Buffers of [`overlay`] for the polygon before and after it is clipped by one edge.

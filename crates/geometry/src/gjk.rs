@@ -1,7 +1,8 @@
 //! Distance of two convex sets: the distance of the origin from their Minkowski difference A - B.
 //!
-//! The method is that of Gilbert, Johnson & Keerthi (1988). The nearest point of a simplex follows from barycentric coordinates. Every face
-//! with the origin on its outer side is tried. A degenerate simplex needs no special case, because all of its faces are tried.
+//! The method is from Gilbert, Johnson & Keerthi (1988). The nearest point of a simplex follows from barycentric coordinates. Every face
+//! with the origin on its outer side is tried. All faces of a degenerate simplex are tried, because rounding would decide on which side of
+//! them the origin is.
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;

@@ -28,7 +28,7 @@ pub enum HullError {
     /// Fewer than four points.
     #[error("fewer than four points")]
     TooFew,
-    /// All points are on one plane, line or point, up to rounding.
+    /// All points are on one plane or line, or at one place, up to rounding.
     #[error("its points lie on one plane")]
     Flat,
     /// A coordinate of a point is not finite.
@@ -64,7 +64,7 @@ pub struct Hull {
     faces: Vec<Face>,
     /// Indices of the faces that meet at each vertex.
     around: Vec<Vec<u32>>,
-    /// Edges that start at each vertex. Those of vertex v are in `rings[first[v]..first[v + 1]]`.
+    /// Edges that start at each vertex. The edges of vertex v are in `rings[first[v]..first[v + 1]]`.
     rings: Vec<Ring>,
     /// For each vertex, index in `rings` of its first ring; the last entry is the number of rings.
     first: Vec<u32>,
@@ -104,8 +104,8 @@ impl Hull {
         Self::from_triangles(points, corners, triangles, &neighbours)
     }
 
-    /// Convex hull of points, m, whose [`Hull::surface`] is known. The result has the same bits as that of [`Hull::new`] and takes less
-    /// time.
+    /// Convex hull of points, m, whose [`Hull::surface`] is known. The result has the same bits as the result of [`Hull::new`], and is
+    /// found in less time.
     ///
     /// If the check of the surface fails, the hull is computed from the points and compared.
     ///
@@ -339,8 +339,8 @@ impl Hull {
 
     /// Calls `visit` with normals of faces that may separate the hull from a shape at the point `towards`.
     ///
-    /// For a hull of few faces these are all normals. For a larger hull they are those at the vertex farthest along `towards`, and at the
-    /// vertices farthest along the axes.
+    /// For a hull of few faces these are the normals of all faces. For a larger hull they are the normals of the faces that meet at the
+    /// vertex farthest along `towards`, and at the vertices farthest along the axes.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
         if self.faces.len() <= FEW {
             self.faces.iter().for_each(|f| visit(f.normal));

@@ -59,11 +59,11 @@
 //!
 //! # Method
 //!
-//! Every shape consists of the points within a radius of its *core*. The core of a ball is a point, that of a capsule a segment. All other
-//! shapes have radius 0. The contact normal is the direction of the largest separation of the cores,
+//! Every shape consists of the points within a radius of its *core*. The core of a ball is a point, and the core of a capsule is a segment.
+//! All other shapes have radius 0. The contact normal is the direction of the largest separation of the cores,
 //!
 //! ```text
-//! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors,
+//! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors.
 //! ```
 //!
 //! The largest separation is the distance of the cores. If they overlap, it is minus the smallest translation that separates them

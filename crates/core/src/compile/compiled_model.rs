@@ -131,7 +131,7 @@ pub struct ModelStructure<S: Scalar> {
     pub lossy: bool,
     /// Sensors of the model.
     pub sensing: CompiledSensing<S>,
-    /// Whether the scene has pairs without a plane, whose geoms may pass through each other within a step.
+    /// Whether the scene has pairs of geoms without a plane. Such geoms may pass through each other within a step.
     pub can_tunnel: bool,
     /// Upper bound of the number of contacts of an environment.
     pub contact_points: usize,

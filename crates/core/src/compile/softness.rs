@@ -203,13 +203,13 @@ fn power<R: Real>(x: R, p: R::Scalar) -> R {
     R::select(some, (R::splat(p) * R::select(some, x, R::one()).ln()).exp(), R::zero())
 }
 
-/// Solref with both numbers in one format: both positive or both negative. If their signs differ, it is MuJoCo's default.
+/// Solref with both numbers in one format: both positive or both negative. If their signs differ, the result is MuJoCo's default.
 fn in_one_format(solref: [f64; 2]) -> [f64; 2] {
     if (solref[0] > 0.0) == (solref[1] > 0.0) { solref } else { Softness::default().solref }
 }
 
 impl LawMaker {
-    /// Stiffness K, 1/s^2, and damping B, 1/s, of a constraint with the parameters `solref`. `largest` is its largest impedance.
+    /// Stiffness K, 1/s^2, and damping B, 1/s, of a constraint with the parameters `solref` and the largest impedance `largest`.
     fn spring(self, solref: [f64; 2], largest: f64) -> [f64; 2] {
         let [mut time, ratio] = in_one_format(solref);
         if time <= 0.0 {

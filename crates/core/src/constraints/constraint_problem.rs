@@ -73,7 +73,7 @@ pub(crate) struct Impact<R: Real> {
     pub(crate) rebound: R,
 }
 
-/// Deferred contact: in some lanes the solver leaves out its rows.
+/// Deferred contact: a contact whose rows the solver leaves out in some lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DeferredContact<R: Real> {
     /// Index of the contact in the problem. Contacts with three rows come first, then those with six.

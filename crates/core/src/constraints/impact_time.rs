@@ -49,7 +49,8 @@ impl<R: Real> Flight<R> {
     /// Predicts the behaviour of the contact in the lanes `lanes`. `e` is the coefficient of restitution, and `gravity` the magnitude of
     /// gravity, m/s^2.
     ///
-    /// A contact that would fly for less than a step counts as resting. This neglects heights of (a h^2) / 8, which are of second order.
+    /// A contact that would fly for less than a step counts as resting. This neglects bounces of up to a height of a h^2 / 8, which is of
+    /// second order.
     #[inline(always)]
     pub fn predict(&self, options: &StepSettings, gravity: R, e: R, lanes: R::Mask) -> ImpactPrediction<R> {
         let Self { gap, before, free, time_before, h } = *self;

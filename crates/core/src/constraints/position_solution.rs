@@ -59,7 +59,7 @@ impl<R: Real> PositionSolution<R> {
         }
     }
 
-    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
+    /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
         let Self { q, act, v_free, impact_displacement, correction, q_corrected, .. } = self;
         [q, act, v_free, impact_displacement, correction, q_corrected].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));

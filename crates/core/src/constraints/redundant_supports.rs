@@ -7,9 +7,9 @@
 //!
 //! The contacts between two bodies form a contact group. Groups that act on a common degree of freedom form a cluster, whose loads are
 //! shared together. Example: a box between two fingers has two groups in one cluster. Among all nonnegative normal impulses with the same
-//! effect on the joints, those of least norm are used. Friction of a slipping contact is recomputed as mu times the normal impulse, against
-//! the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque changes, and the solver
-//! continues from the shared loads.
+//! effect on the joints, the impulses of least norm are used. Friction of a slipping contact is recomputed as mu times the normal impulse,
+//! against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque changes, and the
+//! solver continues from the shared loads.
 
 use std::ops::Range;
 
@@ -159,8 +159,7 @@ impl<R: Real> ContactGroups<R> {
 
     /// Lanes with a contact group that has no impulse yet and closes in this step, so that it takes up load for the first time.
     ///
-    /// The first impulses of such a group must be those of least norm. Gauss-Seidel iterations would load the contacts that they visit
-    /// first.
+    /// The first impulses of such a group must have the least norm. Gauss-Seidel iterations would load the contacts that they visit first.
     pub(crate) fn newly_loaded_lanes(
         &self,
         contacts: &Contacts<R>,

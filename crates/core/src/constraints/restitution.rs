@@ -308,7 +308,7 @@ impl<R: Real> ImpactStep<'_, R> {
     /// Sets the offset of the normal row of contact `i` in the position solve to (gap at the end of the step) / h, in the lanes `lanes`.
     ///
     /// Positions move by time_after v+ + h correction after the evaluation of contacts. The end gap is therefore gap + h v_position - (h -
-    /// time_after) v_n+. For a contact that overlaps by more than the slop, the offset does not change. `impulses` are those of the
+    /// time_after) v_n+. For a contact that overlaps by more than the slop, the offset does not change. `impulses` are the impulses of the
     /// velocity solution.
     #[inline(always)]
     fn set_end_gap_offset(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
@@ -359,7 +359,7 @@ impl<R: Real> ImpactStep<'_, R> {
 impl<R: Real> PositionSolution<R> {
     /// Removes the impulses of impacts from the position solve in the lanes `lanes`.
     ///
-    /// `impulses` are those of the velocity solution. The function writes the displacement by the impulses, divided by h, to
+    /// `impulses` are the impulses of the velocity solution. The function writes the displacement by the impulses, divided by h, to
     /// `impact_displacement`: (1 + (time_before - t) / h) dv for an impact at time t. The term with t can be enormous if large impulses at
     /// different times cancel. Its speed is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the largest speed, in the metric of the
     /// kinetic energy.
@@ -469,8 +469,8 @@ fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts before the impact. The change is that of
-/// the velocity after the step.
+/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts before the impact. The factor is for a
+/// change of the velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction

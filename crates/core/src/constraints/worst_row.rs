@@ -42,7 +42,7 @@ impl ConstraintCode {
     }
 }
 
-/// Row with the largest residual of each lane that a solve left unsolved.
+/// For each lane that a solve left unsolved, the row with the largest residual.
 #[derive(Clone, Debug)]
 pub struct WorstRows<R: Real> {
     /// Lanes that have a stored row.

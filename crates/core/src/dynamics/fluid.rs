@@ -119,7 +119,7 @@ fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize)
 }
 
 /// Velocity of a body relative to the fluid, in body axes. `motion` is the link's spatial velocity at the reference point of its tree,
-/// `mat` the body's rotation matrix, and `arm` its centre relative to this point.
+/// `mat` the body's rotation matrix, and `arm` the body's centre relative to this point.
 #[inline(always)]
 fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
     let velocity = sub(velocity_at(motion, arm), splat(compiled.wind));
@@ -148,7 +148,8 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
 /// Drag matrices of a body at the reference point of its kinematic tree: torque per angular velocity, torque per linear velocity, and force
 /// per linear velocity.
 ///
-/// `drag` is the drag divided by velocity per body axis, `mat` the body's rotation matrix, and `arm` its centre relative to the point.
+/// `drag` is the drag divided by velocity per body axis, `mat` the body's rotation matrix, and `arm` the body's centre relative to the
+/// point.
 #[inline(always)]
 fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     let (spin, slide) = (turned(angular(drag), mat), turned(linear(drag), mat));

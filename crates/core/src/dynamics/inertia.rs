@@ -117,7 +117,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Replaces the entries of M by those of its factors L and D.
+    /// Replaces the entries of M by the entries of its factors L and D.
     ///
     /// The loop proceeds from the leaves, row by row, with up to eight columns at a time. It sums the subtractions of all rows below in
     /// registers.

@@ -183,7 +183,7 @@ impl<R: Real> GroupStep<R> {
     }
 
     /// Ends the evaluations near the solved step. In later steps, constraint rows use the distances of contacts and limits at the present
-    /// configuration again, instead of those in the solved step.
+    /// configuration again, instead of the distances in the solved step.
     pub fn finish(&mut self) {
         if let Some(nominal) = &mut self.nominal {
             nominal.overlaps.release(&mut self.workspace);

@@ -90,7 +90,7 @@ impl<R: Real> Nominal<R> {
         self.overlaps.hold(compiled, s);
     }
 
-    /// Makes the step and stores its solution as the nominal one.
+    /// Makes the step and stores its solution as the nominal solution.
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, settings: &StepSettings, s: &mut Workspace<R>) -> SolvedStep<R> {
         self.store_beginning(s);
         let elapsed = s.state.elapsed;

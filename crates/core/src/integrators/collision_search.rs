@@ -100,8 +100,8 @@ impl<R: Real> CandidatePair<R> {
         self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
     }
 
-    /// Stores the first touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::store_touch`], but the values of `touch`
-    /// are those in its lane `packed_lane`.
+    /// Stores the first touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::store_touch`], but the values are in the
+    /// lane `packed_lane` of `touch`.
     #[inline(always)]
     fn store_touch_in_lane(&mut self, touch: &Touch<R>, packed_lane: usize, error: R, lane: usize) {
         let own = R::Mask::from_bits(1 << lane);
@@ -165,8 +165,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     /// Lanes to search.
     pub(crate) lanes: R::Mask,
-    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is that at
-    /// the end of the path if the gap closed at its initial rate.
+    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is the
+    /// overlap at the end of the path if the gap closed at its initial rate.
     ///
     /// The margin is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
     pub(crate) margin: f64,
@@ -189,7 +189,7 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Fills the buffers that a step must compute before it reads them with NaN, for tests.
+    /// Fills with NaN, for tests, the buffers that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
         self.v_predicted.fill(R::of(f64::NAN));
     }

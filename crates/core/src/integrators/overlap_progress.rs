@@ -88,8 +88,8 @@ fn penalty(options: &StepSettings, x: f64) -> f64 {
     x - x0 * (x / x0).ln_1p()
 }
 
-/// Adds the penalty of the deepest overlap of every pair of geoms to the islands of its bodies. The penalty is that of the overlap beyond
-/// the slop, the overlap that position correction leaves. `pose` selects the sum: 0 before the correction, 1 after it.
+/// Adds the penalty of the deepest overlap of every pair of geoms to the islands of its bodies. The penalty is computed from the overlap
+/// beyond the slop (the overlap that position correction leaves). `pose` selects the sum: 0 before the correction, 1 after it.
 fn add_overlaps<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     options: &StepSettings,

@@ -60,7 +60,7 @@ impl<R: Real> Rk4<R> {
 
     /// Makes one step of `h` seconds from `state` = (q, v, act). The result is in (q, v, act) of this workspace.
     ///
-    /// The poses of mocap bodies are those in `kinematics`.
+    /// The poses of mocap bodies are in `kinematics`.
     pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];

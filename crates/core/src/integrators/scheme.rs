@@ -65,7 +65,7 @@ impl<R: Real> Scheme<R> {
     }
 
     /// Same selection of servos as [`Scheme::implicit_servos`], for forces at the predicted velocity after the step. Explicit forces then
-    /// use a velocity between that before and that after the step ([`Scheme::velocity_weight`]).
+    /// use a velocity between the velocities before and after the step ([`Scheme::velocity_weight`]).
     pub(crate) fn implicit_servos_at_prediction(&self) -> ImplicitServos<R> {
         ImplicitServos { predicted: true, ..self.implicit_servos() }
     }

@@ -5,8 +5,8 @@
 //! overflow.
 //!
 //! Such a step omits the inertial forces and sets status UNRESOLVED. In addition, the velocity is scaled down so that two bounds hold. The
-//! kinetic energy is at most that before the step plus the work of all other forces, without positive work of contacts. No joint except a
-//! slide leaves the step with more than one radian per step.
+//! kinetic energy is at most the kinetic energy before the step plus the work of all other forces, without positive work of contacts. No
+//! joint except a slide leaves the step with more than one radian per step.
 //!
 //! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The whip of a chain may gain
 //! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
@@ -225,12 +225,12 @@ impl<R: Real> StepResolution<R> {
         )
     }
 
-    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
+    /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
         [&mut self.q_end, &mut self.v_limited, &mut self.force_velocity].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Sets the poses of mocap bodies to those in `middle`, the poses in the middle of the step.
+    /// Sets the poses of mocap bodies to their poses in `middle`, in the middle of the step.
     fn place_mocap(&mut self, compiled: &LaneModel<R>, middle: &Kinematics<R>) {
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];

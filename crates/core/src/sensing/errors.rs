@@ -233,7 +233,7 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Number of random numbers that the sensor needs in a step, and number of normally distributed ones among them.
+    /// Number of normally distributed random numbers that the sensor needs in a step, and number of all its random numbers.
     ///
     /// The normal numbers come first: those for the drift, then those for Gaussian noise. Two uniform numbers for dropout and jitter
     /// follow, then those for uniform noise. If `sampling` is false, the sensor takes no sample in this step and needs no numbers for

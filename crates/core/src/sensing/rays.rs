@@ -70,7 +70,7 @@ impl<R: Real> Roots<R> {
     }
 }
 
-/// Distance along the ray to the plane on which coordinate `k` equals `level`, m. Returns also the lanes in which the plane is not behind
+/// Distance along the ray to the plane on which coordinate `k` equals `level`, m. Also returns the lanes in which the plane is not behind
 /// the origin of the ray. `o` is this origin, and `d` the direction.
 #[inline(always)]
 fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
@@ -181,7 +181,7 @@ pub(crate) struct Placed<'a, R: Real> {
 }
 
 impl<'a, R: Real> Placed<'a, R> {
-    /// Creates the ray target at the poses in `kinematics`.
+    /// Places the geom `target` at its pose in `kinematics`.
     #[inline(always)]
     pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
         Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }

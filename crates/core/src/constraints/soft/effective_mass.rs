@@ -102,8 +102,8 @@ impl<R: Real> EffectiveMass<R> {
         !self.couplings.is_empty()
     }
 
-    /// Ratio of the inverse inertia of a row with the effective mass matrix to that with M, approximated from the diagonals. `support`
-    /// lists the row's degrees of freedom, and `of` returns the Jacobian entry of a degree of freedom.
+    /// Inverse inertia of a row with the effective mass matrix, divided by its inverse inertia with M. The diagonals of both matrices give
+    /// an approximation. `support` lists the row's degrees of freedom, and `of` returns the Jacobian entry of a degree of freedom.
     #[inline(always)]
     pub(super) fn mobility(&self, support: &[u32], of: impl Fn(usize) -> R) -> R {
         let (mut own, mut bare) = (R::zero(), R::zero());
@@ -118,8 +118,8 @@ impl<R: Real> EffectiveMass<R> {
     }
 }
 
-/// Weight D of a row for the effective mass matrix. `weight` is the weight D of the row's law. `mobility` is the ratio of the row's inverse
-/// inertia with the effective mass matrix to that with M.
+/// Weight D of a row for the effective mass matrix. `weight` is the weight D of the row's law. `mobility` is the row's inverse inertia with
+/// the effective mass matrix, divided by its inverse inertia with M.
 #[inline(always)]
 pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
     (weight / mobility).min(R::of(1.0 / MIN_MOBILITY))

@@ -1,4 +1,4 @@
-//! Tangents of those contacts for which MuJoCo does not derive them from the normal alone.
+//! Contact tangents that MuJoCo does not derive from the normal alone.
 
 use stepper_real::{Mask, Real};
 

@@ -109,8 +109,9 @@ fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R])
 
 /// Solves the six equations of a single body on a free joint, including the derivative of its gyroscopic force.
 ///
-/// The matrix is unsymmetric, so that the factors of the mass matrix cannot represent it (MuJoCo's `mjd_freeMhat`). `entries` are those of
-/// M, and those of M + h D. `x` is the right side at degrees of freedom `first` to `first` + 5, and receives the solution.
+/// The matrix is unsymmetric, so that the factors of the mass matrix cannot represent it (MuJoCo's `mjd_freeMhat`). `entries` has the
+/// entries of M, then the entries of M + h D. `x` is the right side at degrees of freedom `first` to `first` + 5, and receives the
+/// solution.
 #[inline(always)]
 pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
     let mut a = [[R::zero(); 6]; 6];

@@ -67,11 +67,11 @@
 //!
 //! # Errors and panics
 //!
-//! Invalid input is an [`Error`], which changes nothing; an invalid model is a [`ModelError`]. Both name the thing, the value and the
-//! remedy, and have a variant for every case. An unsolved step is no error: its environment gets a [`Status`]. An environment that diverges
-//! keeps its last finite state and flags it. The others continue.
+//! Invalid input is an [`Error`], which changes nothing; an invalid model is a [`ModelError`]. Both name the element or argument, the value
+//! and the remedy, and have a variant for every case. An unsolved step is no error: its environment gets a [`Status`]. An environment that
+//! diverges keeps its last finite state, with [`Status::NON_FINITE`]. The other environments continue.
 //!
-//! A control that is not finite is no error: it would end the steps of all other environments too. See [`StepInputs::ctrl`].
+//! A control that is not finite is no error, because an error would end the steps of all other environments too. See [`StepInputs::ctrl`].
 //!
 //! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does. Their pages list
 //! it. Any other panic is a defect.

@@ -5,7 +5,7 @@
 //!
 //! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a, then q+ = q (+) h v+. Here a is the acceleration of the constrained motion, and B is
 //!   the damping of the joints.
-//! * implicitfast (`mj_implicit`): Euler's rule with the damping of tendons, actuators and the medium.
+//! * implicitfast (`mj_implicit`): Euler's rule, in which B also has the damping of tendons, actuators and the medium.
 //! * implicit: implicitfast with the derivative of Coriolis forces.
 //! * discrete: springs, dampers, servos and constraint rows at the end of the step, in one problem.
 //! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.

@@ -23,7 +23,7 @@ pub enum Error {
         /// Range of the option, in words.
         must: &'static str,
     },
-    /// Integrator of a model file that stepper does not have.
+    /// Integrator in a model file, which stepper does not have.
     #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator")]
     SourceIntegrator {
         /// Name of the integrator in the file.
@@ -83,7 +83,7 @@ pub enum Error {
     /// Index of an element of the model that does not exist.
     #[error("{element} is {found}, must be below {count}")]
     Element {
-        /// Kind of element: "body", "site".
+        /// Kind of element, such as "body" or "site".
         element: &'static str,
         /// Index that was given.
         found: usize,
@@ -103,7 +103,7 @@ pub enum Error {
     /// Geom of a ray query whose mesh or height field the model does not contain.
     #[error("geom {geom:?} is a {shape} whose form the model does not have, as nothing can touch it; leave it out of the geoms of rays")]
     NoForm {
-        /// Name of the geom, or its index as "#3".
+        /// Name of the geom. A geom without a name has its index, such as "#3".
         geom: String,
         /// Name of the shape in MJCF.
         shape: &'static str,
@@ -111,7 +111,7 @@ pub enum Error {
     /// Number that is not finite.
     #[error("{place} of environment {env} is {value}, must be finite")]
     NotFinite {
-        /// Name of the array and index: `qpos[3]`, `time`.
+        /// Name of the array with the index, such as `qpos[3]`; or `time`.
         place: String,
         /// Index of the environment.
         env: usize,
@@ -121,7 +121,7 @@ pub enum Error {
     /// Number that is too large for 32 bits, in a simulation of that precision.
     #[error("{place} of environment {env} is {value:e}, must be at most {:e} in 32 bits", f32::MAX)]
     TooLarge {
-        /// Name of the array and index: `qpos[3]`.
+        /// Name of the array with the index, such as `qpos[3]`.
         place: String,
         /// Index of the environment.
         env: usize,
@@ -144,7 +144,7 @@ pub enum Error {
     Quaternion {
         /// Index of the environment.
         env: usize,
-        /// Name of the joint, or its index as "#3".
+        /// Name of the joint. A joint without a name has its index, such as "#3".
         joint: String,
         /// Address of the quaternion in qpos.
         address: usize,
@@ -169,7 +169,7 @@ pub enum Error {
     /// Bytes that are not a saved state, or are of another format version, cut off or damaged.
     #[error("not a state: {0}")]
     NotAState(String),
-    /// Saved state of another model. The digests are those of [`Model::digest`](crate::Model::digest).
+    /// Saved state of another model. The digests are from [`Model::digest`](crate::Model::digest).
     #[error(
         "this state belongs to another model, {}; this one is \"{name}\", {}: give a state of the same model",
         abbreviated(state),
@@ -183,7 +183,7 @@ pub enum Error {
         /// Name of this simulation's model.
         name: String,
     },
-    /// Saved state whose precision differs from that of the simulation.
+    /// Saved state whose precision differs from the precision of the simulation.
     #[error("this state does not fit: it has numbers in {found:?}, this stepper in {must:?}")]
     StatePrecision {
         /// Precision of the state.

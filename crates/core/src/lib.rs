@@ -67,11 +67,11 @@
 //!
 //! # Errors and panics
 //!
-//! Invalid input is an [`Error`], which changes nothing; an invalid model is a [`ModelError`]. Both name the thing, the value and the
-//! remedy, and have a variant for every case. An unsolved step is no error: its environment gets a [`Status`]. An environment that diverges
-//! keeps its last finite state and flags it. The others continue.
+//! Invalid input is an [`Error`], which changes nothing; an invalid model is a [`ModelError`]. Both name the element or argument, the value
+//! and the remedy, and have a variant for every case. An unsolved step is no error: its environment gets a [`Status`]. An environment that
+//! diverges keeps its last finite state, with [`Status::NON_FINITE`]. The other environments continue.
 //!
-//! A control that is not finite is no error: it would end the steps of all other environments too. See [`StepInputs::ctrl`].
+//! A control that is not finite is no error, because an error would end the steps of all other environments too. See [`StepInputs::ctrl`].
 //!
 //! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does. Their pages list
 //! it. Any other panic is a defect.
@@ -82,8 +82,8 @@
 //!   runs the fastest level of the machine, with the same bits. `default-features = false` compiles the baseline alone, which builds
 //!   faster.
 //! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries,
-//!   contact forces in world axes. Builders take its vectors, points, rotations and isometries. The feature also exports nalgebra, so that
-//!   a user has the same version.
+//!   contact forces in world axes. Builders take its vectors, points, rotations and isometries. The feature also exports nalgebra, in the
+//!   version that the crate uses.
 //! - `internals` (off by default) adds the module `internals` for the benches and tests of this workspace. It changes without notice.
 //!
 //! serde, postcard and sha2 are not optional. Models and states are bytes with a checksum. Every state has the digest of its model, so that
@@ -100,7 +100,7 @@
 //! opt-level = 3
 //! ```
 
-// The workspace is linted with the feature; without it, most of what is public to benches and tests is not to others.
+// Lints run with the feature `internals`. Without it, most items that are public for benches and tests cannot be reached from outside.
 #![cfg_attr(not(feature = "internals"), allow(unreachable_pub))]
 
 mod actuation;

@@ -12,7 +12,8 @@ use stepper_solve::newton::{Response, Switch, SwitchDistance};
 /// At such a residual the contact modes (open, sticking, slipping) are certain, and the error of the response is of the same order.
 const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of the prediction error per rad or m of motion within the step, in the test whether a step has a response; at most 1.
+/// Weight of the prediction error in the test whether a step has a response, per rad or m of motion within the step. The weight is at most
+/// 1.
 ///
 /// The prediction error is the difference between the velocity that the solved step predicted and the velocity of a second prediction at
 /// the same state. Errors of slow motion count less, because inertial forces are quadratic in velocities.
@@ -114,10 +115,10 @@ impl<R: Real> HardResponse<R> {
         let mut ignore = |_| {};
         let mut rule = self.rule(&settings, lanes, &mut ignore);
         let NominalEvaluation { bouncing, correction, prediction } = step.evaluate_nominal(&mut rule);
-        // A correction at its bounds depends only on its fastest joint, and has no response.
+        // A position correction at its bound depends only on its fastest joint, and has no response.
         let lanes = rule.lanes & !bouncing & correction.lt(R::of(1.0 - BOUND_DISTANCE)).bits();
         let Some(Prediction { drives_forces, solved, difference, motion }) = prediction else { return lanes };
-        // If the nominal step predicted another velocity, the prediction is not a solution of its rows, and has no response.
+        // If the solved step predicted another velocity, the prediction is not a solution of its rows, and has no response.
         let has_expected = |weight: R| is_solved(&settings, difference * weight.min(R::one())).bits();
         // At rest, the prediction uses the impulses of the last step.
         if drives_forces {

@@ -14,7 +14,8 @@ use crate::rows::{DerivativeQuery, DerivativeRows};
 /// Largest relative difference of two slopes, per unit of displacement, that counts as curvature. A larger difference is a kink. The slopes
 /// are difference quotients from the nominal state to two displaced states of a coordinate.
 const CURVATURE: f64 = 1e4;
-/// Largest relative difference of these two slopes that counts as curvature for large displacements, where [`CURVATURE`] allows more.
+/// Largest relative difference of the two slopes that counts as curvature, however large the displacement. For large displacements
+/// [`CURVATURE`] alone would allow more.
 const LARGEST_BEND: f64 = 0.1;
 
 /// Smallest divisor of a difference of slopes when the relative difference is computed, SI units.
@@ -23,8 +24,9 @@ const LARGEST_BEND: f64 = 0.1;
 /// where there are none.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Largest difference that counts as rounding between the result of the solved step and its evaluation with the first-order response at the
-/// same state. It is relative to the largest velocity. A larger difference means that the response does not model a part of the step.
+/// Largest difference, relative to the largest velocity, that counts as rounding. It is the difference between the solved step and its
+/// evaluation at the same state, with impulses from the first-order response. A larger difference means that the response does not model a
+/// part of the step.
 const FAITHFUL: f64 = 1e-8;
 
 /// Workspace for the derivatives of the step of a SIMD group of environments.
@@ -102,8 +104,8 @@ impl<R: Real> StepDerivative<R> {
 
     /// Computes the first derivatives of the impulses with respect to displacements of the state, in the lanes `solved` (bits).
     ///
-    /// As a check, evaluates the step with them at the undisplaced state. Returns the lanes in which this repeats the result of the solved
-    /// step.
+    /// As a check, the function evaluates the step with these impulses at the undisplaced state. It returns the lanes in which the result
+    /// equals the result of the solved step.
     fn prepare_response(&mut self, step: &mut GroupStep<R>, solved: u32) -> u32 {
         let sound = if self.is_hard { self.response.prepare(step, solved) } else { solved };
         let sound = self.evaluate(step, Recomputed::Configuration, sound, &mut |_| {});

@@ -49,7 +49,7 @@ fn derivative(sim: &mut Simulation, ctrl: &[f64], width: f64) -> Result<Derivati
     Ok(out)
 }
 
-/// A double pendulum with a motor, and a box on a vertical slide that rests on a floor.
+/// Model of a double pendulum with a motor, and a box on a vertical slide that rests on a floor.
 fn arm_and_box() -> Arc<Model> {
     let mut scene = Model::builder("arm and box");
     scene.timestep(0.005).geom(WORLD, GeomBuilder::plane("floor"));
@@ -94,7 +94,7 @@ fn slopes_are_those_of_differences_of_whole_steps() {
     assert_eq!((found.sound[0], found.status[0]), (1, 0));
     let h = 1e-5;
     for c in 0..7 {
-        // The last coordinate of the box is the one that touches: its differences cross the kink where the gap closes.
+        // Columns 2 and 5 are position and velocity of the box. Their differences cross the kink where its gap closes.
         if c == 2 || c == 5 {
             continue;
         }
@@ -107,7 +107,7 @@ fn slopes_are_those_of_differences_of_whole_steps() {
         };
         for (i, (ahead, behind)) in side(h).iter().zip(side(-h)).enumerate() {
             let difference = (ahead - behind) / (2.0 * h);
-            // Curvature and rounding of central differences of 1e-5: 1e-10 and 1e-11, each times second derivatives of up to a hundred.
+            // Errors of central differences of 1e-5: 1e-10 times a third derivative, and about 1e-11 by rounding.
             assert!((found.slopes[i * 7 + c] - difference).abs() < 1e-7, "row {i}, column {c}: {} {difference}", found.slopes[i * 7 + c]);
         }
     }
@@ -117,7 +117,8 @@ fn slopes_are_those_of_differences_of_whole_steps() {
 fn a_box_that_rests_keeps_no_velocity_and_is_near_the_kink_of_its_gap() {
     let mut sim = simulation(&arm_and_box(), 1, 1);
     let found = derivative(&mut sim, &[0.3], 1e-6).unwrap();
-    // The velocity of the box after the step, by its velocity before: the contact takes all of it, to rounding.
+    // Derivative of the box's velocity after the step with respect to the velocity before the step. The contact stops the box, so that it
+    // is zero up to rounding.
     assert!(found.slopes[5 * 7 + 5].abs() < 1e-12);
     assert!(found.distance[0] <= 1.0);
     assert_eq!(found.causes[2] & kink::GAP, kink::GAP);

@@ -13,7 +13,7 @@
 //!
 //! for all u = v + w x r that a contact may have. All vectors r are in a ball, because contacts are halfway between the bodies.
 //!
-//! The contact normal may be that of a face whose separation is smaller by up to e (`prefer_face` in `separation.rs`). Such a normal
+//! The contact normal may be the normal of a face whose separation is smaller by up to e (`prefer_face` in `separation.rs`). Such a normal
 //! differs from n' by at most (2 e / g)^(1/2), so that 2 c h grows by at most 2 h |u| times this. Once n' is known, no contact is added if
 //!
 //! ```text

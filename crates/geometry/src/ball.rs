@@ -27,7 +27,7 @@ pub(super) struct Ball<'a> {
 pub(super) enum TriangleTest {
     /// The test of ball and triangle is complete, with or without a contact.
     Complete,
-    /// No contact, because the closest point of the triangle belongs to a neighbour. The separation of triangle and ball is attached.
+    /// No contact, because the closest point of the triangle belongs to a neighbour. The value is the separation of triangle and ball.
     LeftToNeighbour(Facing),
     /// The centre of the ball is too close to the triangle for the closed form. The general search must decide.
     Unclear,

@@ -20,7 +20,7 @@ pub struct BoundingBox<R> {
 impl<R: Real> BoundingBox<R> {
     /// Bounding box of a solid, which may have another size in every lane.
     ///
-    /// `size` is the size in MuJoCo's order, m: radius and half length, semi-axes, or half sizes. It has no effect on meshes and hulls.
+    /// `size` is the size in MuJoCo's order, m: radius and half length, semi-axes, or half sizes. `size` has no effect on meshes and hulls.
     /// `None` for half spaces, height fields and triangles.
     #[inline(always)]
     pub fn new(solid: &Solid, size: V3<R>) -> Option<Self> {
@@ -53,7 +53,7 @@ impl<R: Real> BoundingBox<R> {
     }
 
     /// Bounding box of a convex solid along the axes of the world: centre relative to the origin of the solid's frame, and half sizes, m.
-    /// `None` for solids without bounds.
+    /// `None` for other solids.
     ///
     /// `mat` is the orientation of the solid. Only its last axis is used for capsules, and none for balls. `size` is the size of the solid
     /// in MuJoCo's order, m, as in [`Self::new`].
@@ -88,8 +88,9 @@ impl<R: Real> BoundingBox<R> {
 
     /// Lanes in which a face of one of two boxes separates them by more than `reach`, m.
     ///
-    /// `apart` is the vector from the origin of this box's frame to that of the other, in the world, m. `mats` are the orientations of both
-    /// frames. The test uses the separating axes of Gottschalk, Lin & Manocha (1996) without the nine that are perpendicular to two edges.
+    /// `apart` is the vector from the origin of this box's frame to the origin of the other box's frame, in the world, m. `mats` are the
+    /// orientations of both frames. The test uses the separating axes of Gottschalk, Lin & Manocha (1996) without the nine that are
+    /// perpendicular to two edges.
     #[inline(always)]
     pub fn is_beyond(&self, other: &Self, apart: V3<R>, mats: [&M3<R>; 2], reach: R) -> R::Mask {
         let d = sub(rotate_back(mats[0], add(apart, rotate(mats[1], other.centre))), self.centre);

@@ -28,7 +28,7 @@ fn graze(faces: &[(f64, V); 6]) -> bool {
 }
 
 /// Ratio of the overlap along a common perpendicular of two edges to the overlap along a face normal. Below this ratio the contact normal
-/// is that of the edges, as in ODE and MuJoCo 4.
+/// is the common perpendicular, as in ODE and MuJoCo 4.
 ///
 /// The overlap along a face normal is measured at a corner. Near an edge of the other box, this corner may have nothing below it. The
 /// overlap of edges is therefore smaller wherever faces are inclined.
@@ -39,7 +39,7 @@ const CLEARLY_LESS: f64 = 0.95;
 /// `ha` and `hb` are the half sizes, m. The result is `None` if the boxes are farther apart, or if they only touch in a sliver (see
 /// [`SLIVER`]). It is `Some(None)` if two edges or corners are closest: no axis then has the exact distance.
 ///
-/// Faces are preferred to edges (see [`CLEARLY_LESS`]), and faces of the first box to those of the second, unless the difference exceeds
+/// Faces are preferred to edges (see [`CLEARLY_LESS`]), and faces of the first box to faces of the second, unless the difference exceeds
 /// rounding. The choice for boxes at rest therefore stays the same.
 pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Option<Option<Separation>> {
     let r = &pair.mat;
@@ -124,7 +124,7 @@ fn edge_points(pair: &Pair<'_>, ha: V, hb: V, n: V, [i, j]: [usize; 2]) -> [V; 2
     let mut e = [0.0; 3];
     e[i] = 1.0;
     let u = column(&pair.mat, j);
-    // x + s e and y + t u: both derivatives of the distance vanish.
+    // The points are x + s e and y + t u. At the closest points, the derivatives of the distance with respect to s and t vanish.
     let d = sub(y, x);
     let (de, du, eu) = (dot(d, e), dot(d, u), dot(e, u));
     let determinant = 1.0 - eu * eu;

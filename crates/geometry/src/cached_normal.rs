@@ -7,7 +7,7 @@ use crate::vectors::V;
 pub struct CachedNormal {
     /// Unit normal from the first hull to the second, in the frame of the first.
     pub(super) normal: V,
-    /// Edge of each hull to which the normal was perpendicular, as the numbers of its two vertices. If both numbers are equal, the normal
+    /// Edge of each hull to which the normal was perpendicular, as the indices of its two vertices. If both indices are equal, the normal
     /// was found at this vertex. `None` if only the normal is known.
     pub(super) edges: Option<[[u32; 2]; 2]>,
 }

@@ -26,7 +26,7 @@ fn crossing(a: u32, b: u32) -> u32 {
 /// The two edges (0 to 2) of a triangle that meet at the corner `id` of its intersection with the feature `other`. The triangle is the
 /// reference of [`overlay`].
 ///
-/// If an edge of the triangle crosses `other` at the corner, both are this edge. `None` if the corner is one of `other`.
+/// If an edge of the triangle crosses `other` at the corner, both results are this edge. `None` if the corner is a corner of `other`.
 pub(super) fn edges_of_triangle(other: &ProjectedFeature, id: u32) -> Option<[usize; 2]> {
     let disc = other.kind == Kind::Disc;
     if id >> 31 == 0 {
@@ -35,8 +35,8 @@ pub(super) fn edges_of_triangle(other: &ProjectedFeature, id: u32) -> Option<[us
     }
     let [a, b] = [id >> 15 & 0xffff, id & 0x7fff];
     let own = |name: u32| (name >= EDGES).then(|| (name - EDGES) as usize);
-    // A crossing with a disc's rim has the triangle's edge first. A crossing with a polygon or segment has it among the edges of the
-    // reference, from [`EDGES`] on.
+    // A crossing with a disc's rim has the triangle's edge first. A crossing with a polygon or segment has the triangle's edge among the
+    // edges of the reference, whose numbers start at [`EDGES`].
     if disc { Some([a as usize; 2]) } else { own(b).map(|edge| [own(a).unwrap_or(edge), edge]) }
 }
 
@@ -53,7 +53,8 @@ pub(super) fn behind(reference: &ProjectedFeature, other: &ProjectedFeature, ris
     }
 }
 
-/// Bit in the identifier of a corner of an intersection. It distinguishes corners of the reference feature from those of the other feature.
+/// Bit in the identifier of a corner of an intersection. It is set for a disc's rim points in the intersection with a polygon, and for rim
+/// points of the reference disc inside another disc.
 const REFERENCE: u32 = 1 << 30;
 
 /// Buffers of [`overlay`] for the polygon before and after it is clipped by one edge.
@@ -217,8 +218,8 @@ fn chord(disc: &ProjectedFeature, segment: &ProjectedFeature, tolerance: f64, ou
 
 /// Corners of the intersection of two discs.
 ///
-/// If one disc is inside the other, they are the rim points of the inner disc. Otherwise they are the two crossings of the rims and, on
-/// each rim, the point that is deepest inside the other disc.
+/// If one disc is inside the other, the corners are the rim points of the inner disc. Otherwise the corners are the two crossings of the
+/// rims and, on each rim, the point that is deepest inside the other disc.
 fn discs(reference: &ProjectedFeature, other: &ProjectedFeature, tolerance: f64, out: &mut Vec<Shared>) {
     let mut add = |x: f64, y: f64, id: u32| out.push(Shared { x, y, h: [reference.height(x, y), other.height(x, y)], id });
     let d = [other.centre[0] - reference.centre[0], other.centre[1] - reference.centre[1]];

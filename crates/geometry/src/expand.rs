@@ -14,7 +14,7 @@ use crate::vectors::V;
 
 /// Largest number of vertices that the expanding polytope algorithm adds.
 const GROWTHS: usize = 160;
-/// Distance by which the polytope's nearest face must grow for the search to continue, relative to the size of the pair of shapes.
+/// Distance of the next vertex from the polytope's nearest face up to which the search ends, relative to the size of the pair of shapes.
 const ENOUGH: f64 = 1e-13;
 /// Rounding error of a vertex's position, relative to the longest edge of a face: a few units in the last place.
 const ROUNDING: f64 = 1e-15;

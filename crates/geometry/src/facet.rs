@@ -89,7 +89,7 @@ impl Facet {
 
     /// Whether a shape may be above or below the triangle, in the direction of the triangle's normal. True means that it is possible.
     ///
-    /// Of a ball the centre counts, of a capsule the axis. Other shapes always give true.
+    /// For a ball, the position of its centre counts; for a capsule, the position of its axis. Other shapes always give true.
     ///
     /// The shape is the second one of `pair`, and `rises` is from [`Facet::rises`]. In a valley, a shape beyond an edge also counts if it
     /// is behind the planes of the triangle and of the neighbour at this edge.

@@ -1,7 +1,8 @@
 //! Distance of two convex sets: the distance of the origin from their Minkowski difference A - B.
 //!
-//! The method is that of Gilbert, Johnson & Keerthi (1988). The nearest point of a simplex follows from barycentric coordinates. Every face
-//! with the origin on its outer side is tried. A degenerate simplex needs no special case, because all of its faces are tried.
+//! The method is from Gilbert, Johnson & Keerthi (1988). The nearest point of a simplex follows from barycentric coordinates. Every face
+//! with the origin on its outer side is tried. All faces of a degenerate simplex are tried, because rounding would decide on which side of
+//! them the origin is.
 
 use crate::facing::Separation;
 use crate::linear_algebra::*;
@@ -22,7 +23,7 @@ struct Simplex {
 /// Result of a GJK search: the point of the Minkowski difference A - B that is nearest to the origin, and its simplex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
-    /// Nearest point, m: the vector from the closest point of B to that of A. It is 0 if the sets overlap.
+    /// Nearest point, m: the vector from the closest point of B to the closest point of A. It is 0 if the sets overlap.
     v: V,
     /// Simplex that contains the point of A - B nearest to the origin.
     simplex: Simplex,
@@ -234,8 +235,8 @@ fn triangle(w: &[V; 4], [i, j, k]: [usize; 3]) -> Best {
     let mut n = cross(u, v);
     let mut nn = dot(n, n);
     if nn < NARROW * NARROW * dot(u, u) * dot(v, v) {
-        // The cross product of two long edges of a narrow triangle has a large rounding error. That of the shortest edge and a long edge
-        // has a small one.
+        // The cross product of two long edges of a narrow triangle has a large rounding error. The cross product of the shortest edge and a
+        // long edge has a small error.
         let across = sub(w[k], w[j]);
         n = if dot(u, u) < dot(v, v) { cross(u, across) } else { cross(across, neg(v)) };
         nn = dot(n, n);

@@ -28,7 +28,7 @@ pub enum HullError {
     /// Fewer than four points.
     #[error("fewer than four points")]
     TooFew,
-    /// All points are on one plane, line or point, up to rounding.
+    /// All points are on one plane or line, or at one place, up to rounding.
     #[error("its points lie on one plane")]
     Flat,
     /// A coordinate of a point is not finite.
@@ -37,7 +37,7 @@ pub enum HullError {
     /// The volume of the hull is not finite.
     #[error("its volume is not finite")]
     TooLarge,
-    /// The given surface is not that of the convex hull of the points.
+    /// The given surface is not the surface of the convex hull of the points.
     #[error("the surface kept as its convex hull is not that of its vertices")]
     OtherSurface,
 }
@@ -64,7 +64,7 @@ pub struct Hull {
     faces: Vec<Face>,
     /// Indices of the faces that meet at each vertex.
     around: Vec<Vec<u32>>,
-    /// Edges that start at each vertex. Those of vertex v are in `rings[first[v]..first[v + 1]]`.
+    /// Edges that start at each vertex. The edges of vertex v are in `rings[first[v]..first[v + 1]]`.
     rings: Vec<Ring>,
     /// For each vertex, index in `rings` of its first ring; the last entry is the number of rings.
     first: Vec<u32>,
@@ -104,8 +104,8 @@ impl Hull {
         Self::from_triangles(points, corners, triangles, &neighbours)
     }
 
-    /// Convex hull of points, m, whose [`Hull::surface`] is known. The result has the same bits as that of [`Hull::new`] and takes less
-    /// time.
+    /// Convex hull of points, m, whose [`Hull::surface`] is known. The result has the same bits as the result of [`Hull::new`], and is
+    /// found in less time.
     ///
     /// If the check of the surface fails, the hull is computed from the points and compared.
     ///
@@ -339,8 +339,8 @@ impl Hull {
 
     /// Calls `visit` with normals of faces that may separate the hull from a shape at the point `towards`.
     ///
-    /// For a hull of few faces these are all normals. For a larger hull they are those at the vertex farthest along `towards`, and at the
-    /// vertices farthest along the axes.
+    /// For a hull of few faces these are the normals of all faces. For a larger hull they are the normals of the faces that meet at the
+    /// vertex farthest along `towards`, and at the vertices farthest along the axes.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
         if self.faces.len() <= FEW {
             self.faces.iter().for_each(|f| visit(f.normal));
@@ -353,7 +353,7 @@ impl Hull {
     }
 }
 
-/// Number of cells along an edge of the cube whose cells are the entries of [`Hull::start`].
+/// Number of cells along an edge of a cube. Each cell of the cube's surface has an entry in [`Hull::start`].
 const CELLS: usize = 16;
 
 /// Index of the cell of a cube's surface that contains the direction `d`, see [`Hull::start`].
@@ -434,7 +434,7 @@ fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, f64, V) {
     (sum / 6.0, area, add_scaled(origin, moment, 1.0 / sum))
 }
 
-/// Vector along the normal of a triangle whose length is twice the area, m^2.
+/// Normal vector of a triangle, with a length of twice the triangle's area, m^2.
 ///
 /// The vector is computed from the two shorter edges, because two long edges of a narrow triangle have a large rounding error.
 fn area_of(corners: [V; 3]) -> V {

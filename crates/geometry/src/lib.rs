@@ -51,19 +51,19 @@
 //! The crate uses parry's tree of bounding boxes (`Bvh`), which finds the triangles of a mesh near a box or along a ray. Everything else is
 //! implemented here, for three reasons:
 //!
-//! - A step must have the same bits whatever ran before. parry's contact manifolds start from those of the previous step. Here the contacts
-//!   depend on the poses alone, and stored results only save time.
+//! - A step must have the same bits whatever ran before. parry's contact manifolds start from the manifolds of the previous step. Here the
+//!   contacts depend on the poses alone, and stored results only save time.
 //! - Finite differences and small gaps need distances and normals that are exact up to rounding. parry's distances of cylinders have errors
 //!   of up to 1e-5 m. The module `parry` of the tests compares distances, normals, closest points and depths of every pair of shapes.
 //! - Pairs of simple shapes are computed over lanes, with the same instructions for all environments.
 //!
 //! # Method
 //!
-//! Every shape consists of the points within a radius of its *core*. The core of a ball is a point, that of a capsule a segment. All other
-//! shapes have radius 0. The contact normal is the direction of the largest separation of the cores,
+//! Every shape consists of the points within a radius of its *core*. The core of a ball is a point, and the core of a capsule is a segment.
+//! All other shapes have radius 0. The contact normal is the direction of the largest separation of the cores,
 //!
 //! ```text
-//! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors,
+//! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors.
 //! ```
 //!
 //! The largest separation is the distance of the cores. If they overlap, it is minus the smallest translation that separates them

@@ -86,9 +86,9 @@ pub(super) struct Clipper {
     work: Work,
 }
 
-/// Largest value of 1 - cos(angle) between the normal of a face and that of the contact at which the two are equal up to rounding.
+/// Largest value of 1 - cos(angle) at which the normal of a face equals the contact normal up to rounding.
 const FLAT: f64 = 1e-12;
-/// Largest value of 1 - cos(angle) between the normal of a face and that of the contact at which the face counts as level, see [`ALONG`].
+/// Largest value of 1 - cos(angle) between the normal of a face and the contact normal at which the face counts as level, see [`ALONG`].
 pub(super) const LEVEL: f64 = 0.5 * ALONG * ALONG;
 /// Sine of an angle up to which two directions count as parallel, and cosine of an angle up to which they count as perpendicular.
 const ALONG: f64 = 1e-2;
@@ -174,7 +174,8 @@ impl Clipper {
             return false;
         }
         self.faces(pair, axes, reference, prediction, out);
-        // The closest points, or points of equal depth, must be among them. They are not if the edge does not belong to the face.
+        // The closest points, or points of equal depth, must be among the added points. They are not if the edge does not belong to the
+        // face.
         if out.deepest() > facing.found.separation - pair.thickness() + EQUAL_DEPTH * pair.size {
             out.points.clear();
         }
@@ -383,9 +384,9 @@ fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
 
 /// Indices, ascending, and number of contact points that span nearly the area of all points.
 ///
-/// They are the deepest of the `count` points (smallest `h[1]`), the point farthest from the deepest one, and the two that add most area on
-/// either side. Of points that are equal up to rounding the first is chosen, so that the choice does not change from step to step. `size`
-/// is the size of the pair, m.
+/// The first is the deepest of the `count` points (smallest `h[1]`), the second the point farthest from it. The third is the point farthest
+/// from the line through these two, and the fourth adds most area to the triangle of the three. Of points that are equal up to rounding,
+/// the first in the list is chosen, so that the choice does not change from step to step. `size` is the size of the pair, m.
 fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize; KEPT], usize) {
     let (tie, tie_area) = (EQUAL_DEPTH * size, 1e-6 * size * size);
     let mut kept = [0; KEPT];

@@ -1,7 +1,7 @@
 //! Compiled model: the numbers that the step reads, and only those that this scene needs.
 //!
 //! Bodies that cannot move relative to their parent are merged into one *link*. A *frame* is anything to which a geom can be fixed: frame 0
-//! is the world, frames `1..=links` the links, the rest mocap bodies. Pairs that can never collide are left out.
+//! is the world, frames `1..=links` are the links, and the other frames are mocap bodies. Pairs that can never collide are left out.
 
 use std::ops::Deref;
 
@@ -54,7 +54,7 @@ pub struct ModelStructure<S: Scalar> {
     pub wind: [S; 3],
     /// Bodies and geoms on which the surrounding fluid exerts forces.
     pub fluid: Vec<CompiledFluid<S>>,
-    /// Spinners: links alone on a free or ball joint. Their gyroscopic torque is integrated separately.
+    /// Spinners: links on a free or ball joint that are alone in their kinematic tree. Their gyroscopic torque is integrated separately.
     pub spinners: Vec<CompiledSpinner<S>>,
     /// Gravity compensation forces (`gravcomp`).
     pub compensation: Vec<GravityCompensation>,
@@ -85,8 +85,9 @@ pub struct ModelStructure<S: Scalar> {
     /// Listed pairs: pairs of geoms that can collide, that have a collision function, and that are not in `dynamic_pairs`. Their order is
     /// fixed.
     pub pairs: Vec<CompiledPair<S>>,
-    /// For every pair in `pairs`, number of its contact group. A contact group consists of all pairs that join the same two frames. The
-    /// list is empty if no pair belongs to a group.
+    /// For every pair in `pairs`, number of its contact group; `NO_CONTACT_GROUP` without a group. A contact group consists of at least two
+    /// pairs that join the same two frames. They have at most sliding friction and no contact springs. The list is empty if no pair belongs
+    /// to a group.
     pub contact_groups: Vec<u32>,
     /// Whether any pair has contact springs.
     pub has_contact_springs: bool,
@@ -94,7 +95,8 @@ pub struct ModelStructure<S: Scalar> {
     pub dynamic_pairs: Option<DynamicPairs<S>>,
     /// Static pairs: pairs of a moving geom and a geom that is fixed to the world.
     pub static_pairs: StaticPairs,
-    /// For each link, whether it is alone on a free joint, without other links in its tree. The list is empty if no link is.
+    /// For each link, whether it is alone on a free joint, without other links in its tree. The list is empty if no link is alone on a free
+    /// joint.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
     pub has_rolling_friction: bool,
@@ -102,18 +104,18 @@ pub struct ModelStructure<S: Scalar> {
     pub limits: Vec<CompiledLimit>,
     /// Dry friction (`frictionloss`) of degrees of freedom.
     pub frictions: Vec<CompiledFriction>,
-    /// Equalities of the model, grouped in blocks of equalities that are solved together.
+    /// Equalities of the model, grouped in blocks whose rows are assembled together.
     pub equalities: Vec<EqualityBlock<S>>,
     /// Limits of ball joints.
     pub ball_limits: Vec<CompiledBallLimit>,
     /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<CompiledTendon<S>>,
-    /// Length of the list of impulses of scalar constraint rows. The list begins with joint limits, followed by dry friction. The elements
-    /// with an `impulse_index` come last.
+    /// Length of the list of impulses of scalar constraint rows. The list begins with joint limits, followed by dry friction. Ball limits,
+    /// equalities and tendons come last, each from its `impulse_index` on.
     pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<CompiledActuator<S>>,
-    /// Servos: actuators whose force depends on their length or velocity.
+    /// Servos: actuators whose force depends on the length or velocity of the actuator.
     pub servos: Vec<CompiledServo<S>>,
     /// Bounds of the sum of actuator forces on one dof (`actuatorfrcrange`).
     pub actuator_force_ranges: Vec<CompiledForceRange<S>>,
@@ -121,15 +123,15 @@ pub struct ModelStructure<S: Scalar> {
     pub explicit_damping: bool,
     /// Whether any servo's force is bounded, directly or by the sum of forces on its joint.
     pub servos_are_bounded: bool,
-    /// Number of moment arms of all actuators on sites, and number of these actuators.
+    /// Number of moment arms of all actuators on sites, one for each degree of freedom on which they act; and number of these actuators.
     pub wrench_arms: [usize; 2],
-    /// Number of actuator dynamics that act within a step.
+    /// Number of actuators with actuator dynamics that act within a step: a continuous servo, motor, force limits or friction losses.
     pub num_actuator_dynamics: usize,
     /// Whether any actuator dynamics have friction losses.
     pub lossy: bool,
     /// Sensors of the model.
     pub sensing: CompiledSensing<S>,
-    /// Whether the scene has pairs that can pass through each other. These are all pairs without a plane or a height field.
+    /// Whether the scene has pairs of geoms without a plane. Such geoms may pass through each other within a step.
     pub can_tunnel: bool,
     /// Upper bound of the number of contacts of an environment.
     pub contact_points: usize,

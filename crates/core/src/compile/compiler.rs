@@ -105,7 +105,7 @@ impl<S: Scalar> CompiledModel<S> {
         Self { structure: ModelStructure { static_pairs, ..structure }, params }
     }
 
-    /// Finds the links that are alone on a free or ball joint.
+    /// Finds the spinners: links on a free or ball joint that are alone in their kinematic tree.
     fn spinners(links: &[Link<S>], joints: &[CompiledJoint<S>]) -> Vec<CompiledSpinner<S>> {
         let alone = |l: usize| links[l].is_root && !links.iter().any(|other| !other.is_root && other.parent == l + 1);
         let spinner = |l: usize| {

@@ -1,4 +1,4 @@
-//! Compiled equalities and tendons: parameters of their constraint rows, and blocks of equalities that are solved together.
+//! Compiled equalities and tendons: parameters of their constraint rows, and blocks of equalities whose rows are assembled together.
 
 use std::ops::Range;
 
@@ -96,7 +96,7 @@ pub struct CompiledEquality<S> {
     pub active: bool,
     /// Parameters of the equality's constraint rows.
     pub rows: EqualityRows<S>,
-    /// Degrees of freedom that the equality moves, and all their ancestors, ascending.
+    /// Degrees of freedom on which the equality acts, and all their ancestors, ascending.
     pub support: Vec<u32>,
     /// Spring of a soft equality; `None` for a hard equality.
     pub spring: Option<Spring<S>>,
@@ -122,7 +122,7 @@ impl<S> CompiledEquality<S> {
 pub struct EqualityBlock<S> {
     /// Equalities of the block.
     pub equalities: Vec<CompiledEquality<S>>,
-    /// Degrees of freedom that any equality of the block moves, with their ancestors, ascending.
+    /// Degrees of freedom on which any equality of the block acts, with their ancestors, ascending.
     pub support: Vec<u32>,
     /// Number of constraint rows of the block.
     pub rows: usize,
@@ -142,7 +142,7 @@ pub struct CompiledTendon<S> {
     pub index: usize,
     /// Length of the tendon as a combination of joints.
     pub length: Combination<S>,
-    /// Degrees of freedom that the tendon moves, with their ancestors, ascending.
+    /// Degrees of freedom of the tendon's joints, with their ancestors, ascending.
     pub support: Vec<u32>,
     /// Lowest and highest length, m or rad; `None` if the tendon has no limit.
     pub range: Option<[S; 2]>,

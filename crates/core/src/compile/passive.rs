@@ -76,7 +76,7 @@ pub struct GravityCompensation {
 pub struct CompiledSurface<S> {
     /// Index of the geom in the compiled model.
     pub geom: usize,
-    /// Index among the mocap bodies of the one that carries the surface. `None` for other surfaces.
+    /// Index, in the list of mocap bodies, of the body that carries the surface. `None` if no mocap body carries it.
     pub mocap: Option<usize>,
     /// Velocity of a conveyor in the frame's axes: linear at the geom's origin, m/s, and angular, rad/s. `None` if the surface is no
     /// conveyor.
@@ -112,8 +112,8 @@ pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledFl
     found
 }
 
-/// Viscous and quadratic drag coefficients of a body's equivalent inertia box (MuJoCo's documentation, "Inertia model"). Rotation comes
-/// before translation.
+/// Viscous and quadratic drag coefficients of a body's equivalent inertia box (MuJoCo's documentation, "Inertia model"). Each of the two
+/// arrays has three coefficients of rotation, then three of translation.
 pub(super) fn inertia_box(&Body { mass, inertia: [ix, iy, iz], .. }: &Body, medium: &Medium) -> [[f64; 6]; 2] {
     let side = |sum: f64| (sum.max(TINY) / mass * 6.0).sqrt();
     let b = [side(iy + iz - ix), side(ix + iz - iy), side(ix + iy - iz)];

@@ -15,7 +15,7 @@ use crate::model::{
     Shape, Transmission,
 };
 
-/// Compiled sensors of a model, with the elements and results of a step that they read.
+/// Compiled sensors of a model, with the objects and the quantities of a step that they read.
 #[derive(Clone, Debug)]
 pub struct CompiledSensing<S> {
     /// Sensors in the model's order.
@@ -32,8 +32,8 @@ pub struct CompiledSensing<S> {
     pub needs: Needs,
     /// Subtrees whose mass or motion sensors read: a body with all its descendants.
     pub subtrees: Vec<Subtree>,
-    /// Subtrees at whose joint to the parent body force and torque sensors measure. Each tuple has the frame of the sensor's site, and the
-    /// index of the subtree in `subtrees`.
+    /// Subtrees of the force and torque sensors, which measure between a subtree and its parent body. Each tuple has the frame of the
+    /// sensor's site, and the index of the subtree in `subtrees`.
     pub carried: Vec<(SensorFrame<S>, usize)>,
     /// Frame and pose of each geom of the model.
     pub geoms: Vec<SensorFrame<S>>,
@@ -216,7 +216,7 @@ pub enum Read<S> {
     /// Torque that the parent body exerts on a subtree, about the sensor's site. The index selects the subtree in
     /// [`CompiledSensing::carried`].
     Torque(usize),
-    /// Touch sensor: sum of the normal forces on the body with this index whose lines of action intersect the volume.
+    /// Touch sensor: sum of the normal forces on the body with this index. Only forces whose lines of action intersect the volume count.
     Touch(usize, Solid<S>),
     /// Rangefinder: distances along rays. The values are the sensor frame, the directions of the rays, the quantities in the reading, and
     /// the geoms that rays can hit.

@@ -68,8 +68,8 @@ impl<S: Scalar> CompiledModel<S> {
     }
 }
 
-/// Order of the degrees of freedom in the solver's matrix, of which the solver eliminates the last one first. The order goes tree by tree,
-/// and the largest tree comes first.
+/// Order of the degrees of freedom in the solver's matrix: tree by tree, the largest tree first. The solver eliminates them from the last
+/// to the first.
 ///
 /// A large tree has contacts with many other trees. If it were eliminated early, all these trees would be coupled with each other. The
 /// order depends only on the model, so that all environments share it.

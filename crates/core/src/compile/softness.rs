@@ -58,7 +58,7 @@ pub struct SoftContactLaw<S> {
 /// Constraint laws of all constraints of a model.
 #[derive(Clone, Debug)]
 pub struct CompiledSoftness<S> {
-    /// Shape of the friction cones.
+    /// Shape of the friction cones: elliptic or pyramidal.
     pub cone: Cone,
     /// Ratio of frictional to normal impedance (`impratio`).
     pub impratio: S,
@@ -66,11 +66,11 @@ pub struct CompiledSoftness<S> {
     pub noslip: Option<SlipEffort<S>>,
     /// Constraint laws of the contacts of every pair in the compiled model's list of pairs, in the same order.
     pub pairs: Vec<SoftContactLaw<S>>,
-    /// Constraint laws of the limits of hinge and slide joints, in the order of the compiled model.
+    /// Constraint laws of the limits of hinge and slide joints, in the order of the compiled model's `limits`.
     pub limits: Vec<SoftLaw<S>>,
-    /// Constraint laws of the dry friction rows, in the order of the compiled model.
+    /// Constraint laws of the dry friction rows, in the order of the compiled model's `frictions`.
     pub frictions: Vec<SoftLaw<S>>,
-    /// Constraint laws of the limits of ball joints, in the order of the compiled model.
+    /// Constraint laws of the limits of ball joints, in the order of the compiled model's `ball_limits`.
     pub ball_limits: Vec<SoftLaw<S>>,
     /// Constraint laws of each compiled tendon: of its limit, and of its dry friction.
     pub tendons: Vec<[SoftLaw<S>; 2]>,
@@ -203,13 +203,13 @@ fn power<R: Real>(x: R, p: R::Scalar) -> R {
     R::select(some, (R::splat(p) * R::select(some, x, R::one()).ln()).exp(), R::zero())
 }
 
-/// Solref with both numbers in one format: both positive or both negative. If their signs differ, it is MuJoCo's default.
+/// Solref with both numbers in one format: both positive or both negative. If their signs differ, the result is MuJoCo's default.
 fn in_one_format(solref: [f64; 2]) -> [f64; 2] {
     if (solref[0] > 0.0) == (solref[1] > 0.0) { solref } else { Softness::default().solref }
 }
 
 impl LawMaker {
-    /// Stiffness K, 1/s^2, and damping B, 1/s, of a constraint with the parameters `solref`. `largest` is its largest impedance.
+    /// Stiffness K, 1/s^2, and damping B, 1/s, of a constraint with the parameters `solref` and the largest impedance `largest`.
     fn spring(self, solref: [f64; 2], largest: f64) -> [f64; 2] {
         let [mut time, ratio] = in_one_format(solref);
         if time <= 0.0 {

@@ -17,7 +17,7 @@ const NONE: u32 = u32::MAX;
 pub struct StaticGeom {
     /// Index of the static geom in the compiled model.
     pub geom: usize,
-    /// Largest margin of the static pairs with this geom, m.
+    /// Upper bound of the margins of the static pairs with this geom, m.
     pub margin: f64,
     /// Index of the row of this static geom in the table [`StaticPairs::numbers`]; [`NONE`] if none of its pairs is in the compiled model's
     /// list of pairs.

@@ -63,7 +63,7 @@ pub struct Dof {
     pub chain: usize,
     /// Length of the chain of the degree of freedom, which contains it and its ancestors.
     pub depth: usize,
-    /// Whether the dof's body is simple, so that MuJoCo stores a diagonal mass matrix for it.
+    /// Whether the dof's body is simple (`body_simple`): MuJoCo stores a diagonal mass matrix for such a body.
     pub is_simple: bool,
     /// Range of the descendants of the degree of freedom in the list of descendants.
     pub descendants: std::ops::Range<usize>,
@@ -79,7 +79,7 @@ pub struct Descendant {
     pub entry: u32,
 }
 
-/// Spinner: a link alone on a free or ball joint, whose gyroscopic torque is integrated separately.
+/// Spinner: a link on a free or ball joint that is alone in its kinematic tree. Its gyroscopic torque is integrated separately.
 #[derive(Clone, Debug)]
 pub struct CompiledSpinner<S> {
     /// Index of the link.

@@ -38,17 +38,17 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
-    /// Time from the configuration before the step to that of the rows, s.
+    /// Time from the configuration before the step to the configuration at which the rows are evaluated, s.
     pub time_before: R,
-    /// Whether the step evaluates forces and contacts in its middle, and impacts at their times.
+    /// Whether the step evaluates forces and contacts in its middle, and impacts at their times (midpoint rule).
     pub in_the_middle: bool,
     /// Fraction of a contact gap that may close in the step.
     pub closing_fraction: R,
     /// Lanes that evaluate contacts at the beginning of the step because their bodies are very fast. Lanes with an impact within the step
     /// are not included.
     pub very_fast: R::Mask,
-    /// Overlaps in the solution of the step that is differentiated; `None` in a normal step. They decide which rows correct an overlap, so
-    /// that all displaced states have the same corrections.
+    /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. They decide which rows
+    /// correct an overlap, so that all these evaluations have the same corrections.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
     /// Lanes that hold an environment.
     pub alive: R::Mask,
@@ -61,8 +61,8 @@ impl<R: Real> AssemblyInput<'_, R> {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
 
-    /// Part of the gap in slot `k` that may close in the step, m. It is that of [`AssemblyInput::gap`], or the whole gap if the gap is
-    /// wide.
+    /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It equals the result of
+    /// [`AssemblyInput::gap`], or the whole gap if the gap is wide.
     ///
     /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. Because it is still very fast, the next step also
     /// evaluates contacts at its beginning, and finds the touching contact there. With [`AssemblyInput::gap`] the body could close only two

@@ -12,8 +12,8 @@ use crate::math::spatial::*;
 /// Constraint problem of a step, with the model element of each row.
 ///
 /// The rows do not change after stage 4 has assembled them. A step later changes two things. It updates the offsets g of the rows, which
-/// contain the free velocity ([`ConstraintProblem::shift`]). And it activates deferred contacts, whose rows the solver left out at first
-/// ([`ConstraintProblem::activate`]).
+/// contain the free velocity, without constraints ([`ConstraintProblem::shift`]). And it activates deferred contacts, whose rows the solver
+/// left out at first ([`ConstraintProblem::activate`]).
 #[derive(Clone, Debug)]
 pub struct ConstraintProblem<R: Real> {
     /// Rows of the problem, as input of the solver.
@@ -22,22 +22,23 @@ pub struct ConstraintProblem<R: Real> {
     ///
     /// [`VelocitySolution::scalar_impulse`]: crate::constraints::velocity_solution::VelocitySolution::scalar_impulse
     pub impulse_indices: Vec<usize>,
-    /// Contacts with three rows (sliding friction): index of the slot in the contact set, and lanes in which the contact exists.
+    /// Contacts with three rows (sliding friction): index of the slot in the contact set, and lanes in which the contact exists. A slot has
+    /// up to one contact per lane.
     pub slots: Vec<(usize, R::Mask)>,
     /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes in which the contact exists.
     /// The lengths, m, scale the three rotation rows.
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row.
     pub constrained: R::Mask,
-    /// Lanes with position errors, or with an impact by Euler's rule, which need the position solve of stage 8. Lanes with an impact by the
-    /// midpoint rule need it too, and are not included.
+    /// Lanes that need the position solve of stage 8 because of position errors, or because of an impact with Euler's rule. With the
+    /// midpoint rule, lanes with an impact need it too, but are not included.
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes with an impact, if the integrator is Euler's rule; [`Self::midpoint_impact_lanes`] returns those of the midpoint rule. In
-    /// these lanes the largest speed of the step bounds the position correction, instead of `max_correction_speed`.
+    /// Lanes with an impact, if the integrator is Euler's rule. In them the largest speed of the step bounds the position correction,
+    /// instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns the lanes with an impact.
     pub euler_impact_lanes: R::Mask,
-    /// Whether some rows may be immovable: no degree of freedom moves along them.
+    /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
     /// Impact of every contact, contacts with three rows first. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
@@ -49,7 +50,7 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) deferred: Vec<DeferredContact<R>>,
     /// Curvature terms that the offsets of friction rows contain.
     pub(crate) curvature_terms: Vec<CurvatureTerms<R>>,
-    /// Time from the rows' evaluation point to that of the next step, within which a gap may close, s.
+    /// Time from the rows' evaluation point to the evaluation point of the next step, s. A gap may close within this time.
     pub(crate) closing_time: R,
     /// Lanes in which each equality of the model is active.
     pub(crate) active_equalities: ActiveEqualities<R>,
@@ -72,7 +73,7 @@ pub(crate) struct Impact<R: Real> {
     pub(crate) rebound: R,
 }
 
-/// Deferred contact: in some lanes the solver leaves out its rows.
+/// Deferred contact: a contact whose rows the solver leaves out in some lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DeferredContact<R: Real> {
     /// Index of the contact in the problem. Contacts with three rows come first, then those with six.
@@ -81,7 +82,8 @@ pub(crate) struct DeferredContact<R: Real> {
     pub(crate) slot: usize,
     /// Lanes in which the solver leaves out the rows.
     pub(crate) lanes: R::Mask,
-    /// Lanes in which a doubtful collision of the predicted motion activated the rows.
+    /// Lanes in which a doubtful collision of the predicted motion activated the rows. A collision is doubtful if the error of the
+    /// prediction can cause its overlap.
     pub(crate) doubtful: R::Mask,
     /// Lanes in which the contact bounces, so that `bias` is the rebound velocity.
     pub(crate) bounces: R::Mask,

@@ -1,4 +1,4 @@
-//! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step like those of equalities.
+//! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step like the springs and dampers of equalities.
 //!
 //! The contact remains a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + P R >= 0. R is the compliance and P R the
 //! target velocity of [`spring_law`], so that a spring pushes and never pulls. A gap closes as between rigid surfaces. Only an overlap at
@@ -22,10 +22,10 @@ pub(crate) struct CompliantRow<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Computes the normal row of the contact in slot `k` in the lanes in which its surfaces are soft.
+    /// Computes the normal row of the contacts in slot `k` (one per lane), in the lanes in which their surfaces are soft.
     ///
     /// `free` and `before` are the normal velocities without constraints and before the step, m/s. The first component of `column` must
-    /// have the half-solved normal row.
+    /// have the half-solved normal row, L^-T J^T.
     pub(crate) fn comply(
         &self,
         input: RowInput<'_, R>,

@@ -83,8 +83,8 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Curvature term kappa of the contact in slot `k`, in the lanes `lanes` (bits), m/s^2. It is the acceleration due to the motion of the
-/// contact point.
+/// Curvature term kappa of the contacts in slot `k` (one contact per lane), in the lanes `lanes` (bits), m/s^2; see the formula of the
+/// module.
 #[inline(always)]
 fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
     let RowInput { compiled, kinematics, .. } = input;

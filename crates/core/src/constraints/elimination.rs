@@ -1,15 +1,16 @@
 //! Elimination of hard equalities from all other rows. The solver then works within the motions that the equalities allow.
 //!
-//! The eliminated rows e_k are orthogonal and require e_k . w + g_k = 0. For another row y . w + g,
+//! The eliminated rows e_k are orthogonal and require e_k . w + g_k = 0. Here w is the velocity change by the impulses in scaled
+//! coordinates, and g_k the offset of the row. Another row y . w + g becomes y' . w + g' with
 //!
 //! ```text
 //! y' = y - sum_k a_k e_k,    g' = g - sum_k a_k g_k,    a_k = y . e_k / |e_k|^2
 //! ```
 //!
-//! is the same velocity for every allowed w, and an impulse along y' does not change the equalities. This is the Schur complement of their
-//! block of G (Golub & Van Loan 2013, section 3.2). The equalities are solved once, exactly, and the impulses of the other rows keep their
-//! meaning. Without elimination, Gauss-Seidel iterations alternate between the coupling of a leg and the contact of its foot, and need two
-//! to five times as many.
+//! The new row has the same velocity for every allowed w, and an impulse along y' does not change the equalities. G of the rows y' is the
+//! Schur complement of the equalities' block in G of all rows, where G is the Delassus matrix (Golub & Van Loan 2013, section 3.2). The
+//! equalities are solved once, exactly, and the impulses of the other rows keep their meaning. Without elimination, Gauss-Seidel iterations
+//! alternate between the coupling of a leg and the contact of its foot, and two to five times as many are needed.
 //!
 //! The code keeps a row as `column`: a row times L^-1, without the factor D^-1/2 of the mass matrix L^T D L.
 
@@ -53,8 +54,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Finds the blocks of eliminated equalities that have a degree of freedom in the set `words`. Most scenes have none, so that this code
-    /// is not inlined.
+    /// Finds the blocks of eliminated equalities that have a degree of freedom in the set `words`. Most scenes have no such blocks, so that
+    /// this code is not inlined.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;
@@ -251,7 +252,8 @@ impl<R: Real> RowBuilder<R> {
         )
     }
 
-    /// Adds the scales (sizes of the summed terms) that the last elimination subtracted to the scales of the first component of `column`.
+    /// Updates the scales of the first component of `column` after an elimination: adds the scales of the terms that were subtracted. The
+    /// scale of an entry is the size of the terms that it sums.
     #[inline(always)]
     pub(crate) fn add_removed_scales(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>) {
         let Self { coupled, projections, scales, .. } = self;
@@ -361,7 +363,7 @@ impl<R: Real> RowBuilder<R> {
     }
 }
 
-/// Ratio of a row's squared length after elimination to that before, below which the row is projected a second time.
+/// Squared length of a row after elimination, relative to its squared length before, below which the row is projected a second time.
 ///
 /// In 32 bits, one projection then leaves an error of 1e-6 along the equalities. That error moves a light body relative to the heavy one to
 /// which it is coupled.
@@ -379,14 +381,14 @@ pub(crate) struct SquaredLengths<R, const N: usize> {
 }
 
 impl<R: Real, const N: usize> SquaredLengths<R, N> {
-    /// Ratio of the sum of the squared lengths (trace of G) before the elimination to that after; see [`trace_ratio`].
+    /// Sum of the squared lengths (trace of G) before the elimination, divided by the sum after it; see [`trace_ratio`].
     #[inline(always)]
     pub(crate) fn trace_ratio(self) -> R {
         trace_ratio(&self.before, &self.after)
     }
 }
 
-/// Ratio of trace(G) before the elimination of equalities to that after it, from the squared lengths of the rows.
+/// Trace(G) before the elimination of equalities, divided by trace(G) after it, from the squared lengths of the rows.
 ///
 /// The ratio is 1 if nothing is left, and exactly 1 if nothing was eliminated.
 #[inline(always)]

@@ -1,7 +1,7 @@
 //! Rows of equalities: J v = 0 along the whole step, so that closed loops stay closed.
 //!
 //! Let e(q) be the position error and J its Jacobian. The curvature term kappa = J' v is the acceleration along the rows at zero joint
-//! acceleration (J' is the time derivative of J). To third order in h, a step changes the error as follows:
+//! acceleration (J' is the time derivative of J). Up to terms of third order in h, a step changes the error as follows:
 //!
 //! ```text
 //! Euler (q+ = q + h v+, rows at q):                             e+ = e + h J v+ + h^2/2 kappa
@@ -31,22 +31,23 @@ pub(crate) struct EqualityJacobian<R: Real> {
     pub(crate) error: V3<R>,
     /// Velocity-dependent acceleration J' v of the rows.
     pub(crate) kappa: V3<R>,
-    /// Sum of squared terms whose differences are the entries of each row. Entries far smaller than these terms are rounding errors.
+    /// Sum of the squared terms of each row. The entries of a row are differences of these terms, and entries far smaller than them are
+    /// rounding errors.
     size: R,
-    /// Inverse inertia of the two bodies along the rows if no other constraint acted, for rows of points, 1/kg.
+    /// For rows of points, inverse inertia of the two bodies along the rows if no other constraint acted, 1/kg. 0 for other rows.
     bodies: R,
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Sets the row builder's `support` to the degrees of freedom that the equality moves.
+    /// Sets the row builder's `support` to the degrees of freedom on which the equality acts.
     #[inline(always)]
     pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
 
-    /// Sets the row builder's `support` to the degrees of freedom of the equality's block. Sets `column` to zero at those that the equality
-    /// does not move.
+    /// Sets the row builder's `support` to the degrees of freedom of the equality's block. Sets `column` to zero at those on which the
+    /// equality does not act.
     #[inline(always)]
     fn use_block_support(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         let mut own = equality.support.iter().peekable();
@@ -60,7 +61,7 @@ impl<R: Real> RowBuilder<R> {
         self.support.extend_from_slice(&block.support);
     }
 
-    /// Computes the Jacobian of two points that must coincide into `column`; the error is p0 - p1 (MuJoCo's `mjEQ_CONNECT`).
+    /// Computes, into `column`, the Jacobian of two points that must coincide. The error is p0 - p1 (MuJoCo's `mjEQ_CONNECT`).
     ///
     /// A joint that moves both frames rotates the error and keeps its length. With `relative`, the entries of such a joint are zero;
     /// otherwise they are that rotation, as in MuJoCo. Hard equalities need `relative`. Without it an open planar loop on an arm would hold
@@ -101,7 +102,7 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: sub(points[0], points[1]), kappa, size, bodies }
     }
 
-    /// Computes the Jacobian of two orientations that must agree into `column`.
+    /// Computes, into `column`, the Jacobian of two orientations that must agree.
     ///
     /// The error is the rotation vector from the second to the first orientation in world axes, times `weight` (m/rad). MuJoCo's
     /// `mjEQ_WELD` uses the sine of half its length; both are zero at the same configurations.
@@ -131,7 +132,7 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
     }
 
-    /// Computes the Jacobian of x - x_ref = polynomial(y - y_ref) into `column` (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`).
+    /// Computes, into `column`, the Jacobian of x - x_ref = polynomial(y - y_ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`).
     #[inline(always)]
     pub(crate) fn couple_joints(
         &mut self,
@@ -298,7 +299,7 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds position corrections and curvature terms to the offsets of the rows of a block, from row `start` on. Before the call, the
     /// offsets are J v_free.
     ///
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed adds no
+    /// The work of a row's impulse is (t^2 - (J v)^2) / 2 G for the target velocity t = J v+. A target of at most the present speed adds no
     /// energy, even where a loop straightens and its curvature is unbounded. For a dependent row, an offset above the rounding error of its
     /// velocity remains, so that the residual contains it. `scales` is the index of the first row's velocity scale.
     #[inline(always)]

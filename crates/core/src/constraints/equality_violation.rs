@@ -17,7 +17,7 @@ use crate::math::spatial::*;
 /// With hard contact an equality of finite stiffness is a spring, and its stretch is no violation. With MuJoCo's contact law every equality
 /// counts. An inactive equality has no violation.
 ///
-/// `mocap` has the trajectories of mocap bodies, `elapsed` is the time since the beginning of the call, s.
+/// `mocap` has the trajectories of mocap bodies, `elapsed` is the time since the beginning of the call of `step`, s.
 pub(crate) fn max_equality_violation<R: Real>(
     compiled: &LaneModel<R>,
     active: &ActiveEqualities<R>,

@@ -7,8 +7,9 @@
 //! t* = (-v - s) / a = 2 phi / (s - v),    s = sqrt(v^2 - 2 a phi),    where v(t*) = -s
 //! ```
 //!
-//! Newton's law applies at this time. For any impact times, and forces that are constant within the step, the work of the impulses lambda
-//! is lambda^T G lambda (1/2 - 1/(1 + e)). It is negative, so that impacts add no energy, and zero for e = 1.
+//! Newton's law of restitution applies at this time. For any impact times, and forces that are constant within the step, the work of the
+//! impulses lambda is lambda^T G lambda (1/2 - 1/(1 + e)). Here G is the Delassus matrix and e the coefficient of restitution. This work is
+//! negative, so that impacts add no energy, and zero for e = 1.
 
 use stepper_real::{Mask, Real};
 
@@ -35,7 +36,8 @@ pub struct Flight<R> {
 pub struct ImpactPrediction<R: Real> {
     /// Lanes in which the contact collides fast enough to bounce.
     pub collides: R::Mask,
-    /// Lanes in which the contact touches and separates. It is solved together with the impacts, because an impact elsewhere may close it.
+    /// Lanes in which the contact touches and separates. Such a contact is solved together with the impacts, because an impact elsewhere
+    /// may close it.
     pub separates: R::Mask,
     /// Lanes in which the contact touches or is about to touch, and does not bounce.
     pub rests: R::Mask,
@@ -47,7 +49,8 @@ impl<R: Real> Flight<R> {
     /// Predicts the behaviour of the contact in the lanes `lanes`. `e` is the coefficient of restitution, and `gravity` the magnitude of
     /// gravity, m/s^2.
     ///
-    /// A contact that would fly for less than a step counts as resting. This neglects heights of (a h^2) / 8, which are of second order.
+    /// A contact that would fly for less than a step counts as resting. This neglects bounces of up to a height of a h^2 / 8, which is of
+    /// second order.
     #[inline(always)]
     pub fn predict(&self, options: &StepSettings, gravity: R, e: R, lanes: R::Mask) -> ImpactPrediction<R> {
         let Self { gap, before, free, time_before, h } = *self;

@@ -7,7 +7,7 @@ use crate::compile::ModelStructure;
 
 /// Islands of one lane as disjoint sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984).
 ///
-/// Each island has a maximum and two sums of penalties, for which callers choose the values.
+/// Each island has a maximum of values, and two sums of penalties. Callers supply the values and the penalties.
 #[derive(Clone, Debug)]
 pub(crate) struct Islands {
     above: Vec<u32>,

@@ -1,5 +1,5 @@
-//! Jacobians of rows: J^T of a row at the degrees of freedom that it moves (its support), and the half solve L^-T J^T with the factor L of
-//! the mass matrix.
+//! Jacobians of rows: J^T of a row at the degrees of freedom on which it acts (its support), and the half solve L^-T J^T with the factor L
+//! of the mass matrix.
 
 use stepper_real::{Mask, Real};
 
@@ -74,9 +74,10 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Sets `support` to the degrees of freedom that move a geom in slot `k` in any lane, or that equalities couple to them, ascending.
+    /// Sets `support` to the degrees of freedom, ascending, that move a geom of the contacts in slot `k` (one contact per lane). Degrees of
+    /// freedom that equalities couple to them are included.
     ///
-    /// For each degree of freedom, `signs` gets the lanes in which it moves the second geom, and those in which it moves the first.
+    /// For each degree of freedom, `signs` gets the lanes in which it moves the second geom, and the lanes in which it moves the first.
     #[inline(always)]
     pub(crate) fn gather_support(
         &mut self,

@@ -24,7 +24,7 @@ pub struct PositionSolution<R: Real> {
     pub(crate) reference: Reference<R>,
     /// Islands: sets of kinematic trees that constraint rows connect.
     pub(crate) islands: Islands,
-    /// Free velocity of the position solve, nv.
+    /// Free velocity (velocity without impulses) of the position solve, nv.
     pub(crate) v_free: Vec<R>,
     /// Displacement by impacts divided by the time step, nv. It is added to `v_free`.
     pub(crate) impact_displacement: Vec<R>,
@@ -59,7 +59,7 @@ impl<R: Real> PositionSolution<R> {
         }
     }
 
-    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
+    /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
         let Self { q, act, v_free, impact_displacement, correction, q_corrected, .. } = self;
         [q, act, v_free, impact_displacement, correction, q_corrected].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));

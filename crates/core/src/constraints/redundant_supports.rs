@@ -7,9 +7,9 @@
 //!
 //! The contacts between two bodies form a contact group. Groups that act on a common degree of freedom form a cluster, whose loads are
 //! shared together. Example: a box between two fingers has two groups in one cluster. Among all nonnegative normal impulses with the same
-//! effect on the joints, those of least norm are used. Friction of a slipping contact is recomputed as mu times the normal impulse, against
-//! the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque changes, and the solver
-//! continues from the shared loads.
+//! effect on the joints, the impulses of least norm are used. Friction of a slipping contact is recomputed as mu times the normal impulse,
+//! against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque changes, and the
+//! solver continues from the shared loads.
 
 use std::ops::Range;
 
@@ -25,7 +25,7 @@ use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN
 /// Contact groups of all lanes: sets of contacts between the same two bodies, at least one of which floats freely.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactGroups<R> {
-    /// Slots of the contacts of all groups, group by group.
+    /// Slots of the contacts of all groups in the contact set, group by group. A slot has up to one contact per lane.
     slots: Vec<usize>,
     /// Contact groups of all lanes, lane by lane.
     groups: Vec<ContactGroup>,
@@ -35,7 +35,8 @@ pub(crate) struct ContactGroups<R> {
     of_contact: Vec<usize>,
     /// Contacts of the cluster whose loads are being shared (groups that move a common coordinate).
     points: Vec<Point>,
-    /// Matrix of the load sharing. Its entries are the effects of a unit normal impulse of each contact (column) on each coordinate (row).
+    /// Matrix of the load sharing. Its entries are the effects of a unit normal impulse of each contact (column) on each coordinate of the
+    /// solver's velocity w (row).
     rows: Vec<f64>,
     /// Sum of the effects of all normal impulses on each coordinate, which load sharing must not change. It is scaled like `rows`.
     sums: Vec<f64>,
@@ -43,7 +44,7 @@ pub(crate) struct ContactGroups<R> {
     coordinates: Vec<u32>,
     /// Whether each row of `rows` has already been orthonormalised.
     done: Vec<bool>,
-    /// Index of a contact group that moves each coordinate. Groups with a common coordinate belong to the same cluster.
+    /// For each coordinate, index of a contact group that moves it. Groups with a common coordinate belong to the same cluster.
     owners: Vec<usize>,
     /// Velocities of all contacts of the problem, m/s.
     velocities: Vec<V3<R>>,
@@ -158,8 +159,7 @@ impl<R: Real> ContactGroups<R> {
 
     /// Lanes with a contact group that has no impulse yet and closes in this step, so that it takes up load for the first time.
     ///
-    /// The first impulses of such a group must be those of least norm. Gauss-Seidel iterations would load the contacts that they visit
-    /// first.
+    /// The first impulses of such a group must have the least norm. Gauss-Seidel iterations would load the contacts that they visit first.
     pub(crate) fn newly_loaded_lanes(
         &self,
         contacts: &Contacts<R>,
@@ -308,7 +308,7 @@ impl<R: Real> ContactGroups<R> {
 
     /// Computes `rows` and `sums` from the contacts in `points`.
     ///
-    /// Each coordinate that a free contact moves gets a row of unit length, and the effect of all normal impulses.
+    /// Each coordinate that a free contact moves gets a row of unit length in `rows`, and the effect of all normal impulses in `sums`.
     fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
         let Self { points, rows, sums, coordinates, .. } = self;
         coordinates.clear();

@@ -1,7 +1,8 @@
 //! Contacts that bounce: restitution by Newton's law.
 //!
-//! Euler's rule applies Newton's law to the free velocity, which is the recursion of textbooks. The midpoint rule applies it at the time t
-//! of the impact (see [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the rows are
+//! Euler's rule applies Newton's law to the free velocity (after the step, without constraints), as in textbooks. The midpoint rule applies
+//! it at the time t of the impact (see [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the
+//! rows are
 //!
 //! ```text
 //! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-(t)
@@ -46,10 +47,10 @@ impl<R: Real> RowBuilder<R> {
 
 impl<R: Real> Assembler<'_, R> {
     /// Bias of a contact's normal row by Euler's rule, m/s, and the lanes of `exists` in which the row is needed. With the midpoint rule
-    /// both are returned unchanged.
+    /// the function returns `bias` and `exists` unchanged.
     ///
     /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed elastic contacts take part in
-    /// an impact with 0 <= lambda, complementary to v+ + e v- >= 0, even if v- separates. A contact that is slower than the threshold
+    /// an impact with 0 <= lambda, complementary to v+ + e v- >= 0, even those that v- opens. A contact that is slower than the threshold
     /// before the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
@@ -110,9 +111,9 @@ impl<R: Real> Assembler<'_, R> {
     /// Replaces the `offsets` of a contact that bounces within the step, by the midpoint rule. Returns the lanes of `exists` in which the
     /// rows are needed.
     ///
-    /// Only the midpoint rule calls it. `free` are the velocities of the rows without constraints, before equalities are eliminated.
-    /// `change` is the change of these velocities by the free motion in the step. After the elimination, the free velocity is `offsets`
-    /// minus the normal's `bias`. The function is compiled separately, as [`Assembler::add_curvature`] is.
+    /// Only steps by the midpoint rule call this function. `free` are the velocities of the rows without constraints, before equalities are
+    /// eliminated. `change` is the change of these velocities by the free motion in the step. After the elimination, the free velocity is
+    /// `offsets` minus the normal's `bias`. The function is compiled separately, as [`Assembler::add_curvature`] is.
     #[inline(never)]
     pub(crate) fn bounce_midpoint(
         &mut self,
@@ -152,8 +153,8 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Changes the `offsets` of the torsional and rolling rows of the last added contact to those at the time of its impact. `change` is
-    /// the change of the rows' velocities by the free motion.
+    /// Changes the `offsets` of the torsional and rolling rows of the last added contact to the offsets at the time of the contact's
+    /// impact. `change` is the change of the rows' velocities by the free motion.
     #[inline(always)]
     pub(crate) fn shift_rotation_to_impact(&self, change: V3<R>, rotation_offsets: &mut Offsets<R>) {
         if let Some(impact) = self.problem.impacts.last() {
@@ -165,10 +166,10 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, for a velocity change that acts only after their impacts. The
-    /// rows had included it.
+    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, for a velocity change that acts only after their impacts.
+    /// [`ConstraintProblem::shift`] has added the whole change to these offsets.
     ///
-    /// `change` is the scaled change of the velocity after the step.
+    /// `change` is the change of the velocity after the step, in the scaled coordinates of the solver.
     #[inline(always)]
     pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
         let Self { rows, impacts, resolves_impacts, .. } = self;
@@ -307,7 +308,8 @@ impl<R: Real> ImpactStep<'_, R> {
     /// Sets the offset of the normal row of contact `i` in the position solve to (gap at the end of the step) / h, in the lanes `lanes`.
     ///
     /// Positions move by time_after v+ + h correction after the evaluation of contacts. The end gap is therefore gap + h v_position - (h -
-    /// time_after) v_n+. For a contact that overlaps, the offset does not change. `impulses` are those of the velocity solution.
+    /// time_after) v_n+. For a contact that overlaps by more than the slop, the offset does not change. `impulses` are the impulses of the
+    /// velocity solution.
     #[inline(always)]
     fn set_end_gap_offset(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, time_after, .. } = *self;
@@ -357,7 +359,7 @@ impl<R: Real> ImpactStep<'_, R> {
 impl<R: Real> PositionSolution<R> {
     /// Removes the impulses of impacts from the position solve in the lanes `lanes`.
     ///
-    /// `impulses` are those of the velocity solution. The function writes the displacement by the impulses, divided by h, to
+    /// `impulses` are the impulses of the velocity solution. The function writes the displacement by the impulses, divided by h, to
     /// `impact_displacement`: (1 + (time_before - t) / h) dv for an impact at time t. The term with t can be enormous if large impulses at
     /// different times cancel. Its speed is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the largest speed, in the metric of the
     /// kinetic energy.
@@ -434,8 +436,8 @@ fn max_twice_energy<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free
     before.max(after)
 }
 
-/// Shrinks a vector of squared length `square` to a bound: returns the lanes of `lanes` in which `square` exceeds `most`, and the factor to
-/// apply there.
+/// Lanes of `lanes` in which the squared length `square` of a vector exceeds `most`, and the factor that shrinks the vector to this bound
+/// there.
 #[inline(always)]
 pub(crate) fn shrink_factor<R: Real>(square: R, most: R, lanes: R::Mask) -> (R::Mask, R) {
     let lanes = lanes.and(square.gt(most));
@@ -459,7 +461,7 @@ fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask
     }
 }
 
-/// Factor of a velocity change in the correction of an impact's offsets, for a change that acts only after the impact.
+/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts only after the impact.
 ///
 /// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
 #[inline(always)]
@@ -467,8 +469,8 @@ fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Factor of a velocity change in the correction of an impact's offsets, for a change that acts before the impact. The change is given as
-/// that of the velocity after the step.
+/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts before the impact. The factor is for a
+/// change of the velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction

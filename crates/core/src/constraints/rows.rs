@@ -9,7 +9,8 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the initial impulse of a scalar row to the solution, in the lanes `active`. In the other lanes it clears the stored impulse.
+    /// Adds the initial impulse of a scalar row to the solution, in the lanes `active`. In the other lanes the function clears the stored
+    /// impulse.
     #[inline(always)]
     pub(crate) fn warm_start(&mut self, impulse_index: usize, active: R::Mask) {
         let kept = R::select(active, self.velocity.scalar_impulse[impulse_index], R::zero());

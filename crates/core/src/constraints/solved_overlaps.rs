@@ -35,8 +35,8 @@ impl<R: Real> SolvedOverlaps<R> {
         }
     }
 
-    /// Distance, in the solution, of the contact in slot `k` of a displaced state, m. It is infinite for contacts that the solution does
-    /// not have.
+    /// Distance, in the solution, of the contacts in slot `k` of a displaced state (one contact per lane), m. It is infinite for contacts
+    /// that the solution does not have.
     #[inline(never)]
     pub(crate) fn distance(&self, contacts: &Contacts<R>, k: usize) -> R {
         let mut distance = R::of(f64::INFINITY);

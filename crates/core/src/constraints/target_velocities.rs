@@ -1,7 +1,7 @@
 //! Target velocities of rows, computed from their distance or overlap.
 //!
-//! A row is Y^T w + g >= 0 (for equalities = 0). Its offset g is its free velocity plus its bias. The bias is minus the target velocity at
-//! the end of the step.
+//! A row is Y^T w + g >= 0 (for equalities = 0), where w is the velocity change by the impulses in scaled coordinates. Its offset g is its
+//! free velocity (without impulses) plus its bias. The bias is minus the target velocity at the end of the step.
 
 use stepper_real::{Mask, Real};
 
@@ -22,7 +22,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Biases of the row of a limit at the distance `phi`, in the velocity solve and in the position solve, m/s or rad/s. A bias is minus
     /// the target velocity.
     ///
-    /// With split stabilisation, a limit is corrected faster than a contact overlap, because position corrections add no energy.
+    /// With split stabilisation (positions are corrected in a separate solve), a limit is corrected faster than a contact overlap, because
+    /// position corrections add no energy.
     #[inline(always)]
     pub(crate) fn limit_biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
         let split = options.stabilization == Stabilization::Split;

@@ -77,7 +77,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 
     /// Lanes in which a limit can be reached within the step; `None` if there are none. `phi` is the distance to the limit, m or rad, and
-    /// `free` the free velocity.
+    /// `free` its time derivative without constraints.
     ///
     /// The other results are the limit's biases in the velocity solve and in the position solve.
     #[inline(always)]

@@ -27,7 +27,7 @@ pub struct VelocitySolution<R: Real> {
     pub(crate) saved_impulses: Snapshot<R>,
     /// Newton's method and its workspace, which stage 8 also uses.
     pub newton: Newton,
-    /// Row with the largest residual of each unsolved lane.
+    /// For each unsolved lane, the row with the largest residual.
     pub worst: WorstRows<R>,
     /// Request to save the constraint problem of a lane, and the saved problem.
     pub(crate) capture: Capture,

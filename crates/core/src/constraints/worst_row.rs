@@ -7,12 +7,12 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
-/// Number that encodes a constraint in a saved state. 0 means none. The numbers of scalar rows follow by the index of their impulse, then
-/// those of contacts by their pair.
+/// Number that encodes a constraint in a saved state. 0 means none. Scalar rows have the numbers from 1 on, by the index of their impulse.
+/// Contacts have the numbers from 2^32 on, by the index of their pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);
 
-/// Smallest code of a contact, that of pair 0.
+/// Smallest code of a contact: the code of pair 0.
 const CONTACTS: u64 = 1 << 32;
 
 /// Constraint that a [`ConstraintCode`] represents.
@@ -42,7 +42,7 @@ impl ConstraintCode {
     }
 }
 
-/// Row with the largest residual of each lane that a solve left unsolved.
+/// For each lane that a solve left unsolved, the row with the largest residual.
 #[derive(Clone, Debug)]
 pub struct WorstRows<R: Real> {
     /// Lanes that have a stored row.

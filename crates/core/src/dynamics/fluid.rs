@@ -9,8 +9,8 @@
 //!
 //! Drag dissipates energy, but explicit drag on a mass m reverses the motion and adds energy if h b |v| > 2 m for a time step h. Drag is
 //! therefore linearised, and enters the mass matrix like joint damping. The linearisation is the secant B = a + b |v|, drag divided by
-//! velocity, at the velocity u before the step. Let f be the force, and v* the velocity at which forces are evaluated. The step applies
-//! f(v*) + B (v* - u), and the mass matrix the rest.
+//! velocity, at the velocity u before the step. Let f be the force, and v* the velocity at which forces are evaluated. The step applies the
+//! force f(v*) + B (v* - u). The linearised drag in the mass matrix adds the rest.
 
 use stepper_real::Real;
 
@@ -119,7 +119,7 @@ fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize)
 }
 
 /// Velocity of a body relative to the fluid, in body axes. `motion` is the link's spatial velocity at the reference point of its tree,
-/// `mat` the body's rotation matrix, and `arm` its centre relative to this point.
+/// `mat` the body's rotation matrix, and `arm` the body's centre relative to this point.
 #[inline(always)]
 fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
     let velocity = sub(velocity_at(motion, arm), splat(compiled.wind));
@@ -148,7 +148,8 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
 /// Drag matrices of a body at the reference point of its kinematic tree: torque per angular velocity, torque per linear velocity, and force
 /// per linear velocity.
 ///
-/// `drag` is the drag divided by velocity per body axis, `mat` the body's rotation matrix, and `arm` its centre relative to the point.
+/// `drag` is the drag divided by velocity per body axis, `mat` the body's rotation matrix, and `arm` the body's centre relative to the
+/// point.
 #[inline(always)]
 fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     let (spin, slide) = (turned(angular(drag), mat), turned(linear(drag), mat));
@@ -188,7 +189,8 @@ struct Projection<R> {
     along: V3<R>,
     /// Projected area, m^2.
     area: R,
-    /// Vector along the normal of the projected area, with the length area / (cosine of the angle between normal and velocity).
+    /// Vector along the normal of the ellipsoid's surface, see [`projection`]. Its length is the area times the cosine of the angle between
+    /// this normal and the velocity.
     normal: V3<R>,
 }
 

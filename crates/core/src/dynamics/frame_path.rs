@@ -10,8 +10,9 @@ use crate::model::JointKind;
 
 /// Pose of the frame at the end of a path, relative to the frame at its start.
 ///
-/// The result equals the pose from [`Kinematics::update`](crate::dynamics::kinematics::Kinematics::update). `mocap` has the trajectories
-/// of mocap bodies, `elapsed` is the time since the beginning of the call, s.
+/// For a path from the world or a mocap body, the result equals the pose from
+/// [`Kinematics::update`](crate::dynamics::kinematics::Kinematics::update). `mocap` has the trajectories of mocap bodies, `elapsed` is the
+/// time since the beginning of the call of `step`, s.
 #[inline(always)]
 pub fn follow_path<R: Real>(
     compiled: &LaneModel<R>,

@@ -27,12 +27,12 @@ use crate::model::JointKind;
 /// Number of fixed-point iterations for the gyroscopic motion of a single body.
 ///
 /// Evidence, at a rotation of 0.1 rad in half a step: the corrector of inertial forces leaves an error of about 1e-4 of the angular
-/// velocity. It computes inertial forces a second time, at the predicted velocity. The last iteration here changes the angular velocity by
-/// only 1e-8 of this error.
+/// velocity. (The corrector computes inertial forces a second time, at the predicted velocity.) The last iteration here changes the angular
+/// velocity by only 1e-8 of this error.
 const ITERATIONS: usize = 8;
 
-/// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies to the discrete midpoint rule. `v` is
-/// the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
+/// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies so that they follow the discrete
+/// midpoint rule. `v` is the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
 ///
 /// `times` are two durations, s: from the beginning of the step to its evaluation point (the time at which forces are evaluated), and from
 /// there to the end.

@@ -77,8 +77,8 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds to M the added inertia a a^T of each servo with the moment a. A moment may act on several branches of a kinematic tree. The
-    /// function then adds a diagonal upper bound of this matrix instead.
+    /// Adds to M, for each servo with the moment a, its added inertia times a a^T. A moment may act on several branches of a kinematic
+    /// tree. The function then adds a diagonal upper bound of this matrix instead.
     #[inline(always)]
     pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
@@ -103,8 +103,8 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds to M the added inertia a a^T of each servo with the moment a. It leaves out entries whose two degrees of freedom are on
-    /// different branches of a kinematic tree.
+    /// Adds to M, for each servo with the moment a, its added inertia times a a^T. The function leaves out entries whose two degrees of
+    /// freedom are on different branches of a kinematic tree.
     #[inline(always)]
     pub fn add_servos_within_branches(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
@@ -117,7 +117,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Replaces the entries of M by those of its factors L and D.
+    /// Replaces the entries of M by the entries of its factors L and D.
     ///
     /// The loop proceeds from the leaves, row by row, with up to eight columns at a time. It sums the subtractions of all rows below in
     /// registers.

@@ -180,8 +180,8 @@ fn hinges<S: Scalar>(compiled: &ModelStructure<S>) -> impl Iterator<Item = &Comp
     compiled.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
 }
 
-/// Axis of a hinge in the world, and rotation matrix of the frame after the rotation about the axis. `mat` is the matrix before it, and
-/// `sin` and `cos` are of the hinge angle.
+/// Axis of a hinge in the world, and rotation matrix of the frame after the rotation about the axis. `mat` is the matrix before the
+/// rotation, and `sin` and `cos` are the sine and cosine of the hinge angle.
 #[inline(always)]
 pub(super) fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let Some((k, backwards)) = joint.principal else {

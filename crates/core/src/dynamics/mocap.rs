@@ -1,4 +1,4 @@
-//! Trajectories of mocap bodies during a call, from one pose to the next.
+//! Trajectories of mocap bodies during a call of `step`, which may make several steps. A trajectory leads from one pose to the next.
 //!
 //! A mocap body moves to its new pose along a straight line, with a constant angular velocity. Contacts therefore have a moving surface: it
 //! pushes bodies before it overlaps them, and friction depends on its speed. In the first call after a reset there is no previous pose, and

@@ -15,7 +15,7 @@ use crate::options::StepSettings;
 /// Panic message if a step is evaluated before it was solved.
 const UNSOLVED: &str = "a step is solved before it is evaluated";
 
-/// Visitor of the groups of a simulation. Several threads call it at once.
+/// Visitor of the groups of environments of a simulation. Several threads call it at once.
 pub trait GroupVisitor: Sync {
     /// Visits the group whose first environment is `first`. The visitor may change `step`; the states of the environments do not change.
     fn visit<R: Real<Scalar = f64>>(&self, step: &mut GroupStep<R>, first: usize);
@@ -129,7 +129,7 @@ impl<R: Real> GroupStep<R> {
     /// Evaluates the solved step again from the same state, with impulses from the solver. Passes every constraint problem and its solution
     /// to `rule`.
     ///
-    /// With MuJoCo's contact law the solver itself computes its response to displacements, and `rule` is not called.
+    /// With MuJoCo's contact law the solver itself computes how its solution changes with displacements. `rule` is then not called.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -151,8 +151,7 @@ impl<R: Real> GroupStep<R> {
 
     /// Evaluates stages 1 to 8 at the displaced state with impulses from `rule`. Afterwards the state before the solved step is restored.
     ///
-    /// Returns whether contacts and rows were recomputed for the displaced configuration. Otherwise those of the last evaluation are still
-    /// valid.
+    /// Returns whether contacts and all rows were recomputed. Otherwise the contacts of the last evaluation are still valid.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -171,9 +170,11 @@ impl<R: Real> GroupStep<R> {
         (self.functions().change)(self.nominal(), &self.compiled, &self.workspace, out);
     }
 
-    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits).
+    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits). With hard contact,
+    /// only contacts and limits with an impulse in the solved step count, and the result is `lanes`.
     ///
-    /// Returns a subset of these lanes. In the returned lanes, the evaluation has every contact that overlaps in the solved step.
+    /// With MuJoCo's contact law, the result is a subset of these lanes. In its lanes, the evaluation has every contact that overlaps in
+    /// the solved step.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].
@@ -182,7 +183,7 @@ impl<R: Real> GroupStep<R> {
     }
 
     /// Ends the evaluations near the solved step. In later steps, constraint rows use the distances of contacts and limits at the present
-    /// configuration again, instead of those in the solved step.
+    /// configuration again, instead of the distances in the solved step.
     pub fn finish(&mut self) {
         if let Some(nominal) = &mut self.nominal {
             nominal.overlaps.release(&mut self.workspace);

@@ -30,10 +30,10 @@ use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
 
-/// Solved (nominal) step with hard contact, near which other steps are evaluated.
+/// Solved step with hard contact, near which other steps are evaluated.
 #[derive(Clone, Debug)]
 pub(super) struct HardNominal<R: Real> {
-    /// Contacts of the nominal step.
+    /// Contacts of the solved step.
     contacts: Contacts<R>,
     /// Gaps of the joint limits in the solved step, rad or m, negative for a joint outside its range. NaN for limits without an impulse.
     limits: Vec<R>,
@@ -55,9 +55,9 @@ pub(super) struct HardNominal<R: Real> {
 /// Kind of evaluation of a step, which determines the source of the impulses.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// Evaluation at the nominal state, from which the solved step started. The solver computes the impulses again.
+    /// Evaluation at the nominal state: the state from which the solved step started. The solver computes the impulses again.
     Nominal,
-    /// Evaluation at a state near the solved one, of which one coordinate is displaced. The caller's [`ImpulseRule`] sets the impulses.
+    /// Evaluation at a displaced state: the nominal state with one coordinate displaced. The caller's [`ImpulseRule`] sets the impulses.
     Displaced,
 }
 
@@ -174,7 +174,7 @@ impl<R: Real> HardNominal<R> {
             advance(&free.v, &self.v_free, -R::one(), &mut self.change);
             shift_offsets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
         } else {
-            // Stage 4, with those contacts active that the nominal step has.
+            // Stage 4, with those contacts active that the solved step has.
             assemble_problem(context, free, problem, velocity, builder, NoProbe);
             problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }

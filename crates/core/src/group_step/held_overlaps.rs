@@ -1,5 +1,5 @@
-//! Overlaps of contacts and limits in the solved step. Evaluations at displaced states use these overlaps instead of those at the displaced
-//! configuration.
+//! Overlaps of contacts and limits in the solved step. Evaluations at displaced states use these overlaps instead of the overlaps at the
+//! displaced configuration.
 
 use stepper_real::Real;
 

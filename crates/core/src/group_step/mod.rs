@@ -7,7 +7,7 @@
 //! 2. [`GroupStep::evaluate_nominal`] runs stages 1 to 8 again at the nominal state, and shows every problem with its solution to an
 //!    [`ImpulseRule`].
 //! 3. [`GroupStep::displace`] changes one coordinate of the state. [`GroupStep::evaluate`] runs stages 1 to 8 there, with impulses that the
-//!    rule sets in place of the solver, and [`GroupStep::change`] returns the difference of the outcome.
+//!    rule sets in place of the solver. [`GroupStep::change`] computes the difference from the outcome of the solved step.
 //! 4. [`GroupStep::finish`] ends the evaluations.
 //!
 //! Only `solve` repeats parts of the step until they are consistent. In an evaluation, exactly the contacts of the solved step are active.

@@ -90,7 +90,7 @@ impl<R: Real> Nominal<R> {
         self.overlaps.hold(compiled, s);
     }
 
-    /// Makes the step and stores its solution as the nominal one.
+    /// Makes the step and stores its solution as the nominal solution.
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, settings: &StepSettings, s: &mut Workspace<R>) -> SolvedStep<R> {
         self.store_beginning(s);
         let elapsed = s.state.elapsed;
@@ -121,7 +121,7 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Evaluates the step at the displaced state in the workspace. Returns whether contacts and rows were recomputed.
+    /// Evaluates the step at the displaced state in the workspace. Returns whether contacts and all rows were recomputed.
     pub(super) fn evaluate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -195,8 +195,10 @@ impl<R: Real> Nominal<R> {
         )
     }
 
-    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits). Returns a subset
-    /// of these lanes. In the returned lanes, the evaluation has every contact that overlaps in the solved step.
+    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits).
+    ///
+    /// With MuJoCo's contact law, the result is a subset of these lanes. In its lanes, the evaluation has every contact that overlaps in
+    /// the solved step. With hard contact, the result is `lanes`.
     pub(super) fn gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut dyn FnMut(Gap)) -> u32 {
         let mut pair = |is_limit: bool, nominal: R, displaced: R, lanes: u32| {
             for lane in each_of(lanes) {

@@ -112,8 +112,8 @@ pub struct NominalEvaluation<R: Real> {
     pub bouncing: u32,
     /// Speed of the position correction as a fraction of its upper bound; 0 in lanes without a correction.
     pub correction: R,
-    /// Comparison of the velocities after the step that the solved step and its evaluation predict. `None` if no force of the step depends
-    /// on a predicted velocity.
+    /// Comparison of the predicted velocities after the step: in the solved step, and in its evaluation. `None` if no force of the step
+    /// depends on a predicted velocity.
     pub prediction: Option<Prediction<R>>,
 }
 

@@ -31,7 +31,7 @@ pub(crate) struct CollisionSearch<R: Real> {
     rates: Vec<(R, R::Mask)>,
     /// Candidate pairs: pairs whose linearised gap closes in some lane.
     pairs: Vec<CandidatePair<R>>,
-    /// Generalized velocity after the step by the predicted impulses, nv.
+    /// Generalized velocity after the step with the predicted impulses, nv.
     pub(crate) v_predicted: Vec<R>,
     /// Paths of candidate pairs in single lanes, which are tested together in the lanes of one SIMD register.
     packed: Vec<PackedPath<R::Scalar>>,
@@ -100,8 +100,8 @@ impl<R: Real> CandidatePair<R> {
         self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
     }
 
-    /// Stores the first touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::store_touch`], but the values of `touch`
-    /// are those in its lane `packed_lane`.
+    /// Stores the first touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::store_touch`], but the values are in the
+    /// lane `packed_lane` of `touch`.
     #[inline(always)]
     fn store_touch_in_lane(&mut self, touch: &Touch<R>, packed_lane: usize, error: R, lane: usize) {
         let own = R::Mask::from_bits(1 << lane);
@@ -137,7 +137,7 @@ impl<R: Real> CandidatePair<R> {
         R::select(time.gt(self.before).and(time.lt(self.time)), time, self.before + span * half)
     }
 
-    /// Lanes in which the brackets prove that this pair touches more than `window` (s) before the pair `other`.
+    /// Lanes in which the brackets decide whether this pair touches more than `window` (s) before the pair `other`.
     #[inline(always)]
     fn order_is_decided(&self, other: &Self, window: R) -> R::Mask {
         self.time.lt(other.before - window).or(self.before.ge(other.time - window))
@@ -165,8 +165,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     /// Lanes to search.
     pub(crate) lanes: R::Mask,
-    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is that at
-    /// the end of the path if the gap closed at its initial rate.
+    /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is the
+    /// overlap at the end of the path if the gap closed at its initial rate.
     ///
     /// The margin is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
     pub(crate) margin: f64,
@@ -189,7 +189,7 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Fills the buffers that a step must compute before it reads them with NaN, for tests.
+    /// Fills with NaN, for tests, the buffers that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
         self.v_predicted.fill(R::of(f64::NAN));
     }
@@ -255,8 +255,8 @@ impl<R: Real> CollisionSearch<R> {
         !self.pairs.is_empty()
     }
 
-    /// Tests the path of each candidate pair. Its lanes become those in which it collides. Unless `ignores_order` is set, lanes in which
-    /// another pair of the same trees collides earlier are removed.
+    /// Tests the path of each candidate pair, and reduces the lanes of the candidate to those in which it collides. Unless `ignores_order`
+    /// is set, lanes in which another pair of the same trees collides earlier are removed.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let CollisionQuery { compiled, kinematics, collision, .. } = *query;

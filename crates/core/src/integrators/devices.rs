@@ -31,7 +31,7 @@ pub(crate) struct SensorDevices<'a, S> {
     /// Error models of the sensors; `None` if all sensors are ideal.
     pub(crate) errors: Option<&'a Errors<S>>,
     pub(crate) memory: &'a mut Memory<S>,
-    /// Whether this step reads the ideal sensors too. Error models read in every step.
+    /// Whether this step reads the ideal sensors too. Sensors with error models are read in every step.
     pub(crate) read: bool,
 }
 

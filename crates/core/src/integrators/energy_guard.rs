@@ -35,7 +35,7 @@ pub(crate) fn find_energy_gain<R: Real>(
     lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v, &velocity.v], free, scheme, negligible))
 }
 
-/// Limits the kinetic energy after the step in the lanes `limited`, to that before it plus the work of forces.
+/// Limits the kinetic energy after the step in the lanes `limited`, to the kinetic energy before the step plus the work of forces.
 #[inline(always)]
 pub(crate) fn limit_energy<R: Real>(
     context: StepContext<'_, R>,

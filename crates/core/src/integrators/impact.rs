@@ -1,7 +1,7 @@
 //! Impacts: jumps of the velocity within the step.
 //!
-//! The step evaluates a bouncing contact at the time of its impact. Its normal, its lever arms and the velocity in Newton's law are those
-//! at this time (see [`crate::constraints::impact_time`]).
+//! The step evaluates a bouncing contact at the time of its impact. The contact's normal, its lever arms and the velocity in Newton's law
+//! are evaluated at this time too (see [`crate::constraints::impact_time`]).
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Iterate;
@@ -27,9 +27,9 @@ use crate::tuning::{
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
 ///
-/// An evaluation point within PLACEMENT_TOLERANCE of the impact does not move. `v_free` is the free velocity. `first` is true in the first
-/// call of a step. A contact that overlaps beyond the slop while its surfaces separate must have touched earlier. In the first call, its
-/// lane moves to the beginning of the step.
+/// An evaluation point within `PLACEMENT_TOLERANCE` of the impact does not move. `v_free` is the velocity after the step without
+/// constraints. `first` is true in the first call of a step. A contact that overlaps beyond the slop (the overlap that position correction
+/// leaves) while its surfaces separate must have touched earlier. In the first call, its lane moves to the beginning of the step.
 pub(crate) fn move_to_first_impacts<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,
@@ -100,11 +100,11 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// Makes impacts inelastic whose friction would add energy by Newton's law. Returns the lanes with such an impact, which must be solved
-/// again.
+/// Makes those impacts inelastic whose friction would add energy with Newton's law of restitution. Returns the lanes with such an impact,
+/// which must be solved again.
 ///
-/// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the present solution. In the lanes `inelastic`, an earlier call
-/// already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the
+/// See [`ConstraintProblem::drop_restitution`]. `residual` is the residual of the present solution. In the lanes `inelastic`, an earlier
+/// call already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the
 /// tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the next solve.
 pub(crate) fn drop_restitution<R: Real>(
     context: StepContext<'_, R>,
@@ -134,8 +134,8 @@ pub(crate) fn drop_restitution<R: Real>(
 /// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore contains two
 /// more terms. The first is 1 + (time_before - t) / h times the velocity change by each impulse, where t is the time of its impact. The 1
 /// restores the velocity change of the impulse, because the impulse itself is removed. The second is (time_before / h - 1/2) times the
-/// change by smooth forces, because the step was not evaluated in its middle. `impulses` are those of the velocity solution; the function
-/// removes the impulses of impacts from them.
+/// change by smooth forces, because the step was not evaluated in its middle. `impulses` are the impulses of the velocity solution; the
+/// function removes the impulses of impacts from them.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
     context: StepContext<'_, R>,
@@ -187,8 +187,8 @@ pub(crate) fn prepare_position_solve<R: Real>(
 /// which must be solved again.
 ///
 /// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should therefore
-/// be the mean of those at the two velocities. The first solution evaluates them at the mean velocity instead. If the velocity jumps, this
-/// is an error of first order in momentum and energy. `first` is true in the first call of a step.
+/// be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead. If the
+/// velocity jumps, this is an error of first order in momentum and energy. `first` is true in the first call of a step.
 pub(crate) fn correct_impact_forces<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,

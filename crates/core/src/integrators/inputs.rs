@@ -16,6 +16,6 @@ pub struct Inputs<R: Real> {
     pub qfrc: Vec<R>,
     /// Applied force and torque on each body (`xfrc_applied`), 6 nbody, N and N m; empty without any.
     pub xfrc: Vec<R>,
-    /// Trajectories of the mocap bodies during the call.
+    /// Trajectories of the mocap bodies during the call of `step`.
     pub(crate) mocap_trajectories: Vec<MocapTrajectory<R>>,
 }

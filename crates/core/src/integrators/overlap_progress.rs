@@ -26,7 +26,7 @@ use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 use crate::tuning::{CORRECTION_ARM, DAMPING, MIN_BAUMGARTE, MIN_DECREASE, MIN_DECREASE_ROUNDINGS};
 
-/// Reverts the position correction of each island whose overlap it does not reduce. `infeasible` has the lanes to check, and
+/// Reverts each island's position correction that does not reduce the island's overlap. `infeasible` has the lanes to check, and
 /// `position.q_corrected` the corrected configuration.
 #[cold]
 #[inline(never)]
@@ -88,8 +88,8 @@ fn penalty(options: &StepSettings, x: f64) -> f64 {
     x - x0 * (x / x0).ln_1p()
 }
 
-/// Adds the penalty of the deepest overlap of every pair of geoms, beyond the slop, to the islands of its bodies. `pose` selects the sum: 0
-/// before the correction, 1 after it.
+/// Adds the penalty of the deepest overlap of every pair of geoms to the islands of its bodies. The penalty is computed from the overlap
+/// beyond the slop (the overlap that position correction leaves). `pose` selects the sum: 0 before the correction, 1 after it.
 fn add_overlaps<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     options: &StepSettings,

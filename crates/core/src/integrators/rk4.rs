@@ -60,7 +60,7 @@ impl<R: Real> Rk4<R> {
 
     /// Makes one step of `h` seconds from `state` = (q, v, act). The result is in (q, v, act) of this workspace.
     ///
-    /// The poses of mocap bodies are those in `kinematics`.
+    /// The poses of mocap bodies are in `kinematics`.
     pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
@@ -90,7 +90,7 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, it is exactly `state`.
+    /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, the result is exactly `state`.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         R::vectorize(
             #[inline(always)]

@@ -27,25 +27,25 @@ pub(crate) struct Scheme<R> {
     pub(crate) in_the_middle: bool,
     /// Whether springs and servos are evaluated at a later point than the other forces.
     pub(crate) looks_ahead: bool,
-    /// Whether the mass matrix has implicit terms of joint springs, all servos and fluid drag. Otherwise it has only those of joint damping
-    /// and of the servos of actuator dynamics.
+    /// Whether the mass matrix has implicit terms of joint springs, all servos and fluid drag. Otherwise it has only the implicit terms of
+    /// joint damping and of the servos of actuator dynamics.
     pub(crate) implicit_forces: bool,
 }
 
 impl<R: Real> Scheme<R> {
     /// Whether the step predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     ///
-    /// These are exactly the schemes with `implicit_forces`.
+    /// The schemes with `implicit_forces` do so, and no others.
     pub(crate) fn predicts(&self) -> bool {
         self.implicit_forces
     }
 
     /// Fraction of a contact gap that may close in a step.
     ///
-    /// The fraction is h / T, where T is the time from the evaluation point of this step to that of the next. A body that closes this
-    /// fraction of its gap per time step h touches the surface exactly at the next evaluation point. T is normally h, so that the fraction
-    /// is 1. In the lanes `at_beginning` T is 1.5 h, from the beginning of this step to the middle of the next. In the lanes `impacts` T is
-    /// the rest of this step plus h / 2.
+    /// The fraction is h / T, where T is the time from the evaluation point of this step to the evaluation point of the next step. A body
+    /// that closes this fraction of its gap per time step h touches the surface exactly at the next evaluation point. T is normally h, so
+    /// that the fraction is 1. In the lanes `at_beginning` T is 1.5 h, from the beginning of this step to the middle of the next. In the
+    /// lanes `impacts` T is the rest of this step plus h / 2.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
@@ -64,8 +64,8 @@ impl<R: Real> Scheme<R> {
         ImplicitServos { weights: self.weights, h: self.h, all: self.implicit_forces, predicted: false }
     }
 
-    /// Selection of [`Scheme::implicit_servos`], after the velocity after the step was predicted. Explicit forces then use a velocity
-    /// between that before and that after the step ([`Scheme::velocity_weight`]).
+    /// Same selection of servos as [`Scheme::implicit_servos`], for forces at the predicted velocity after the step. Explicit forces then
+    /// use a velocity between the velocities before and after the step ([`Scheme::velocity_weight`]).
     pub(crate) fn implicit_servos_at_prediction(&self) -> ImplicitServos<R> {
         ImplicitServos { predicted: true, ..self.implicit_servos() }
     }

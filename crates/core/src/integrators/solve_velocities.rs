@@ -46,7 +46,7 @@ pub(crate) fn solve_velocities<R: Real>(
     let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = context;
     let none = R::Mask::splat(false);
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    // Each assembly resets the variables of this line.
+    // Each assembly resets the variables of the next line.
     let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
     let (mut must_assemble, mut reassemblies) = (true, 0);
     let disagrees = loop {
@@ -94,8 +94,8 @@ pub(crate) fn solve_velocities<R: Real>(
     (outcome, inelastic.or(disagrees))
 }
 
-/// Updates the assumed active bounds of servos (none, a force bound, or the torque-speed curve) to those of the solution. Returns the lanes
-/// in which any of them changed.
+/// Updates the assumed active bounds of servos (none, a force bound, or the torque-speed curve) to the bounds that are active in the
+/// solution. Returns the lanes in which any of them changed.
 ///
 /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
 fn update_active_bounds<R: Real>(
@@ -163,7 +163,7 @@ pub(crate) fn bound_velocities<R: Real>(
 /// Limits joint speeds in lanes whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with ambiguous
 /// energy, and all limited lanes.
 ///
-/// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits their energy after stage 8.
+/// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits the energy of these lanes after stage 8.
 #[inline(always)]
 fn limit_speed<R: Real>(
     context: StepContext<'_, R>,

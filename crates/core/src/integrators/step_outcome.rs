@@ -33,7 +33,7 @@ pub(crate) struct StepOutcome<R: Real> {
 
 /// Residual of the whole step, m/s: the solver's residual, or the largest unmet target velocity of an immovable row if it is larger.
 ///
-/// The solver does not include rows that nothing can move, and dependent rows.
+/// The solver's residual does not include immovable rows: dependent rows, and rows whose velocity no degree of freedom changes.
 #[inline(always)]
 fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R {
     if !problem.may_have_immovable_rows {

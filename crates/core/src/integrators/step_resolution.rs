@@ -5,8 +5,8 @@
 //! overflow.
 //!
 //! Such a step omits the inertial forces and sets status UNRESOLVED. In addition, the velocity is scaled down so that two bounds hold. The
-//! kinetic energy is at most that before the step plus the work of all other forces, without positive work of contacts. No joint except a
-//! slide leaves the step with more than one radian per step.
+//! kinetic energy is at most the kinetic energy before the step plus the work of all other forces, without positive work of contacts. No
+//! joint except a slide leaves the step with more than one radian per step.
 //!
 //! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The whip of a chain may gain
 //! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
@@ -31,8 +31,8 @@ use crate::tuning::{
 
 /// Lanes in which the corrector has not converged, and lanes that need an energy balance.
 ///
-/// `v` and `v_free` are the velocity before the step and the free velocity; `change` is the change of `v_free` by the corrector. All are
-/// generalized velocities.
+/// `v` is the velocity before the step, and `v_free` the velocity after it without constraints; `change` is the change of `v_free` by the
+/// corrector. All are generalized velocities.
 pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
     R::vectorize(
         #[inline(always)]
@@ -168,9 +168,9 @@ impl<R: Real> StepResolution<R> {
     /// K(q+, v+) - K(q, v) - (v + v+) / 2 . (M (v+ - v) + h c),
     /// ```
     ///
-    /// whatever acts: actuators, damping, friction, contacts. The error in the work of gravity and springs is neglected: chains that gain
-    /// 98 J have 0.01 J of it. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain of up to
-    /// `negligible` does not count, J: constraints may hold bodies that would move fast without them, and the gain is then rounding error.
+    /// for all kinds of forces: of actuators, damping, friction and contacts. The error in the work of gravity and springs is neglected: in
+    /// chains that gain 98 J, it is 0.01 J. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain of up
+    /// to `negligible`, J, does not count. It may be rounding error, if constraints hold bodies that would move fast without them.
     ///
     /// The state before the step is (`q`, `v`); the state after it is `q_end` and `v_next`.
     pub(crate) fn gains_energy(
@@ -224,12 +224,12 @@ impl<R: Real> StepResolution<R> {
         )
     }
 
-    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
+    /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
         [&mut self.q_end, &mut self.v_limited, &mut self.force_velocity].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Sets the poses of mocap bodies to those in `middle`, the poses in the middle of the step.
+    /// Sets the poses of mocap bodies to their poses in `middle`, in the middle of the step.
     fn place_mocap(&mut self, compiled: &LaneModel<R>, middle: &Kinematics<R>) {
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];
@@ -256,8 +256,8 @@ impl<R: Real> StepResolution<R> {
 
     /// Scales the velocity `v` after the step down, in the lanes `lanes`, until the energy bound holds. Writes it to `v_limited`.
     ///
-    /// The allowed kinetic energy is that of the state `before` plus the work of forces in the step, with the mass matrix of `middle`.
-    /// Constraints changed `v_free` to `v`; their work counts only if it is negative. States are (q, v).
+    /// The allowed kinetic energy is the kinetic energy of the state `before` plus the work of forces in the step, with the mass matrix of
+    /// `middle`. Constraints changed `v_free` to `v`; their work counts only if it is negative. States are (q, v).
     pub fn limit_energy(
         &mut self,
         compiled: &LaneModel<R>,

@@ -105,7 +105,7 @@ impl<R: Real> Workspace<R> {
         self.evaluation.collision.update_static_poses(compiled);
     }
 
-    /// Fills the vectors that a step must compute before it reads them with NaN.
+    /// Fills with NaN the vectors that a step must compute before it reads them.
     ///
     /// A test then detects reads of results of the last step. Kinematics, contacts, mass matrix, actuator forces and constraint rows are
     /// not filled.

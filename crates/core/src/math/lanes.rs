@@ -11,7 +11,8 @@ pub(crate) fn with_lane(key: u64, lane: u64) -> u64 {
     key << LANE_BITS | lane
 }
 
-/// Writes one entry to `pairs` for each key in a sorted list of numbers from [`with_lane`]: `number` of the key, and its lanes as bits.
+/// Writes one entry to `pairs` for each key in `found`, a sorted list of numbers from [`with_lane`]. An entry is the result of `number` for
+/// the key, and the set of its lanes (bits).
 pub(crate) fn merge_lanes(found: &[u64], number: impl Fn(u64) -> u32, pairs: &mut Vec<(u32, u32)>) {
     pairs.clear();
     for &x in found {

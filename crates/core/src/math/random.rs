@@ -36,8 +36,8 @@ pub fn philox4x32_10(counter: &[Word; 4], key: &[Word; 2], lanes: usize) -> [Wor
     out
 }
 
-/// Converts the random words of all lanes to numbers by the function `number`. They go through an array, because the compiler vectorises an
-/// array but not lanes that are set one by one.
+/// Converts the random words of all lanes to numbers by the function `number`. The numbers go through an array, because the compiler
+/// vectorises an array but not lanes that are set one by one.
 #[inline(always)]
 fn each<R: Real>(word: &Word, number: impl Fn(u32) -> f64) -> R {
     let mut out = [R::Scalar::default(); MAX_LANES];

@@ -68,7 +68,8 @@ pub fn apply_inertia<R: Real>(i: &Inertia<R>, m: &V6<R>) -> V6<R> {
 
 /// Inertia about the reference point of a body with mass `m`, kg, and centre of mass at `r` from the reference point, m.
 ///
-/// `c` is the inertia about the centre of mass (xx, yy, zz, xy, xz, yz) in the axes `x`, kg m^2.
+/// `c` is the inertia about the centre of mass (xx, yy, zz, xy, xz, yz) in the body's axes, kg m^2. The columns of `x` are these axes in
+/// the world.
 #[inline(always)]
 pub fn inertia_at<R: Real>(m: R, c: [R; 6], x: &M3<R>, r: V3<R>) -> Inertia<R> {
     let local = [c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2]];

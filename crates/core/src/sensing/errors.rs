@@ -25,7 +25,7 @@ pub use crate::sensing::errors::observe::{Slots, Work};
 pub use crate::sensing::errors::transfer::Transfer;
 use crate::sensing::errors::transfer::any;
 
-/// Parameter of a sensor's transfer function that may differ between environments. The order is that of the parameter table.
+/// Parameter of a sensor's transfer function that may differ between environments. The variants are in the order of the parameter table.
 #[derive(Clone, Copy)]
 enum Number {
     Scale,
@@ -130,7 +130,7 @@ impl<S: Scalar> Errors<S> {
     /// errors).
     ///
     /// # Errors
-    /// The first number out of its range, with the sensor's name.
+    /// [`SensorError`] for the first number that is out of its range, with the sensor's name.
     pub fn new(model: &Model, transfers: &[Option<Transfer>], num_envs: usize, lanes: usize, h: f64) -> Result<Self, SensorError> {
         let addresses = model.sensor_addresses();
         let shared = transfers.iter().flatten().all(Transfer::is_shared);
@@ -233,7 +233,7 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Number of random numbers that the sensor needs in a step, and number of normally distributed ones among them.
+    /// Number of normally distributed random numbers that the sensor needs in a step, and number of all its random numbers.
     ///
     /// The normal numbers come first: those for the drift, then those for Gaussian noise. Two uniform numbers for dropout and jitter
     /// follow, then those for uniform noise. If `sampling` is false, the sensor takes no sample in this step and needs no numbers for

@@ -9,8 +9,8 @@ use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
 use crate::sensing::{SensorInput, SensorWorkspace};
 
-/// Computes the orientation of every link as a quaternion from the configuration `q`. It is a product along the kinematic tree, so that its
-/// sign follows that of the coordinates `q`.
+/// Computes the orientation of every link as a quaternion from the configuration `q`. The quaternion is a product along the kinematic tree,
+/// so that its sign follows the signs of the quaternions in `q`.
 pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]]) {
     R::vectorize(
         #[inline(always)]
@@ -150,8 +150,8 @@ fn acceleration<R: Real>(
     )
 }
 
-/// Angular velocity and linear velocity of a site in the site's axes. If `accelerations` is true, the second vector is the linear
-/// acceleration minus gravity instead.
+/// Angular and linear velocity of a site in the site's axes. If `accelerations` is true, the results are the angular acceleration, and the
+/// linear acceleration minus gravity.
 pub fn site_motion<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

@@ -40,7 +40,7 @@ pub struct Memory<S> {
 }
 
 impl<S: Scalar> Memory<S> {
-    /// Creates the memory for ideal sensors. `first` is the index of the first environment of the group.
+    /// Creates the memory for ideal sensors (without errors). `first` is the index of the first environment of the group.
     pub fn new(compiled: &ModelStructure<S>, lanes: usize, first: usize) -> Self {
         let needs = compiled.sensing.needs;
         let zeros = |there: bool, n: usize| vec![S::default(); if there { n * lanes } else { 0 }];

@@ -1,4 +1,4 @@
-//! Closest points of two shapes: a plane and any simple shape, or balls and capsules.
+//! Closest points of two shapes: of a plane and any simple shape, or of two shapes that are balls or capsules.
 
 use stepper_geometry::pairs::{Segment, segments};
 use stepper_real::{Mask, Real};

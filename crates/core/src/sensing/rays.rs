@@ -1,8 +1,8 @@
 //! Intersections of rays with shapes, and tests whether points are inside simple shapes.
 //!
 //! The surface of a simple shape consists of parts of planes and quadrics, whose intersections with a line are roots of linear or quadratic
-//! equations. The result is the nearest root that is on its part and not behind the ray's origin. A ray that begins inside hits the point
-//! where it leaves. For meshes and height fields, the rays are cast lane by lane.
+//! equations. The result is the nearest root whose point is on the part of the surface, and not behind the ray's origin. A ray that begins
+//! inside hits the point where it leaves. For meshes and height fields, the rays are cast lane by lane.
 
 use stepper_geometry::{Pose, RaySurface};
 use stepper_real::{Mask, Real, Scalar};
@@ -70,7 +70,7 @@ impl<R: Real> Roots<R> {
     }
 }
 
-/// Distance along the ray to the plane on which coordinate `k` equals `level`, m. Returns also the lanes in which the plane is not behind
+/// Distance along the ray to the plane on which coordinate `k` equals `level`, m. Also returns the lanes in which the plane is not behind
 /// the origin of the ray. `o` is this origin, and `d` the direction.
 #[inline(always)]
 fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
@@ -181,7 +181,7 @@ pub(crate) struct Placed<'a, R: Real> {
 }
 
 impl<'a, R: Real> Placed<'a, R> {
-    /// Creates the ray target at the poses in `kinematics`.
+    /// Places the geom `target` at its pose in `kinematics`.
     #[inline(always)]
     pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
         Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }
@@ -231,8 +231,8 @@ impl<'a, R: Real> Placed<'a, R> {
     }
 }
 
-/// Distance along the unit vector `direction` to the nearest geom, m, and the index of this geom in the list `placed`; the index is -1
-/// without a hit. If two geoms have the same distance, the first in the list is returned.
+/// Distance along the unit vector `direction` to the nearest geom, m, and the number of this geom in `placed`. Both are -1 without a hit.
+/// If two geoms have the same distance, the first in the list is returned.
 pub(crate) fn nearest<R: Real>(
     compiled: &LaneModel<R>,
     placed: &[(usize, Placed<'_, R>)],

@@ -156,7 +156,7 @@ pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>
     }
 }
 
-/// Reading of a touch sensor: sum of the normal forces on a body whose lines of action intersect a volume, N.
+/// Reading of a touch sensor: sum of the normal forces on a body, N. Only forces whose lines of action intersect a volume count.
 pub fn touch<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

@@ -69,7 +69,7 @@ fn tie(scene: &mut ModelBuilder) {
     scene.equality(EqualityBuilder::connect("rope", ["seat", "trunk"], [[0.0; 3]; 2]).soft(20.0, 1.0));
 }
 
-/// Adds sensors of all kinds that read results of a step, on the body `trunk` and its first thigh. Adds also an actuator between two sites.
+/// Adds sensors of all kinds that read results of a step, on the body `trunk` and its first thigh. Also adds an actuator between two sites.
 fn add_sensors(scene: &mut ModelBuilder, trunk: usize) {
     let shape = Shape::Box { half: [0.3, 0.3, 0.3] };
     let imu = scene.site(trunk, Site { name: "imu".into(), body: 0, pos: [0.1, 0.0, 0.05], quat: [0.8, 0.0, 0.6, 0.0], shape });

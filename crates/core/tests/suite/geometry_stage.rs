@@ -10,12 +10,13 @@ use stepper_core::{Field, Level, Options, Precision, Simulation, Solver, Status,
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::pairs::{Cuboid, Segment, capsule_box, segments, sphere_box};
 
-/// Number of bodies. From 79 bodies on, their pairs are not listed, so that the broad phase must find them.
+/// Number of bodies. From 79 bodies on, the compiled model does not list their pairs, so that the broad phase must find them.
 const CROWD: usize = 90;
 /// Time step in which the bodies move by a negligible distance, s.
 const INSTANT: f64 = 1e-9;
 
-/// Model of balls and capsules above a thick slab, in the order `order`. One in twenty is so large that its pairs are listed.
+/// Model of balls and capsules above a thick slab, in the order `order`. One body in twenty is so large that the compiled model lists its
+/// pairs.
 fn heap(order: impl Iterator<Item = usize>) -> Arc<Model> {
     let mut scene = Model::builder("heap");
     scene.timestep(INSTANT).gravity([0.0; 3]).geom(WORLD, GeomBuilder::cuboid("slab", SLAB.half).pos(SLAB.centre));

@@ -18,7 +18,7 @@ fn varied(model: &Model, name: &str, seed: u64) -> Vec<f64> {
     values.iter().enumerate().map(|(k, x)| x * (1.0 + 0.1 * noise(seed(row(k))))).collect()
 }
 
-/// Text of a compiled model without its parameters. It leaves out the collision shapes, whose sizes are set when the geoms collide.
+/// Text of a compiled model without its parameters. The text leaves out the collision shapes, whose sizes are set when the geoms collide.
 fn structure(compiled: &CompiledModel<f64>) -> String {
     let mut structure = compiled.structure.clone();
     structure.geoms.iter_mut().for_each(|g| g.solid = None);

@@ -10,8 +10,8 @@ use crate::constraints::soft::input::SoftInput;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of all constraints with MuJoCo's contact law. The velocity of a row is that of `row.assembly.v_free`, the velocity
-    /// before the step.
+    /// Adds the rows of all constraints with MuJoCo's contact law. The velocities of the rows follow from `input.row.assembly.v_free`,
+    /// which is here the velocity before the step.
     pub(crate) fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
         let Some(mut system) = self.problem.soft.take() else { return };
         align_tangents(input.row.compiled, input.row.kinematics, contacts);
@@ -56,7 +56,7 @@ impl<R: Real> ConstraintProblem<R> {
                         *impulse = R::select(self.constrained, force * h, R::zero());
                     }
                 }
-                // Further rows are couplings of the mass matrix, not constraints.
+                // The rows after the constraints are couplings of the effective mass matrix.
                 for i in self.impulse_indices.len()..system.problem.rows.len() {
                     let (dofs, arms) = system.problem.row(i);
                     let force = R::select(self.constrained, system.solver.row_force(&system.problem, i), R::zero()) * h;
@@ -84,8 +84,8 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// Converts a vector from the axes of a slot to the standard axes, in which contacts are stored. These are the normal, and tangents that
-/// depend only on the normal.
+/// Converts a vector from the axes of a slot to the standard axes, in which contacts are stored. The standard axes are the normal, and
+/// tangents that depend only on the normal.
 #[inline(always)]
 fn in_standard_frame<R: Real>(slot: &Slot<R>, [x, a, b]: V3<R>) -> V3<R> {
     let [n, t1, t2] = contact_frame(slot.point.normal);

@@ -12,24 +12,24 @@ use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-/// Parameters of MuJoCo's contact law for the contacts in one slot, per lane.
+/// Parameters of MuJoCo's contact law for the contacts in one slot (one contact per lane).
 struct ContactLaw<R: Real> {
     /// Stiffness K times impedance d, 1/s^2, and damping B, 1/s, of the normal row.
     spring: [R; 2],
     /// Impedance d of the normal row, between 0 and 1.
     impedance: R,
     /// Approximate inverse inertia along the normal, 1/kg.
-    weight: R,
+    inverse_inertia: R,
     /// Regularisation of the normal force of a contact spring, 1/kg; 0 for contacts without a spring.
-    spring_weight: R,
+    spring_regularisation: R,
     /// Damping B of the friction rows, 1/s.
     friction_damping: R,
     /// Coefficients of friction: sliding twice, torsional, rolling twice.
     friction: [R; 5],
     /// Number of friction rows of each contact: condim - 1.
     frictions: R,
-    /// Divisor of the normal row's regularisation, and lower bound of the regularisation divided by `weight`. They are 1 and 0 except in
-    /// discrete steps.
+    /// Divisor of the normal row's regularisation, and lower bound of the regularisation divided by `inverse_inertia`. They are 1 and 0,
+    /// except in discrete steps.
     end: [R; 2],
 }
 
@@ -41,8 +41,8 @@ impl<R: Real> ContactLaw<R> {
         let mut law = Self {
             spring: [z; 2],
             impedance: R::of(0.5),
-            weight: z,
-            spring_weight: z,
+            inverse_inertia: z,
+            spring_regularisation: z,
             friction_damping: z,
             friction: [R::one(); 5],
             frictions: z,
@@ -70,8 +70,8 @@ impl<R: Real> ContactLaw<R> {
                 law.end[1] = R::select(there, EndLaw::<R>::least(), law.end[1]);
             }
             law.spring = [R::select(there, spring[0], law.spring[0]), R::select(there, spring[1], law.spring[1])];
-            law.weight = R::select(there, R::splat(own.normal.weight), law.weight);
-            law.spring_weight = R::select(there, R::splat(own.spring), law.spring_weight);
+            law.inverse_inertia = R::select(there, R::splat(own.normal.weight), law.inverse_inertia);
+            law.spring_regularisation = R::select(there, R::splat(own.spring), law.spring_regularisation);
             law.friction_damping = R::select(there, friction_damping, law.friction_damping);
             for i in 0..5 {
                 law.friction[i] = R::select(there, friction[i], law.friction[i]);
@@ -103,8 +103,8 @@ impl<R: Real> ContactLaw<R> {
         let rubs = self.frictions.gt(zero);
         let cone_mu = mu / impratio.sqrt();
         let diagonal = match cone {
-            Cone::Elliptic => self.weight,
-            Cone::Pyramidal => R::select(rubs, self.weight + mu * mu * self.weight, self.weight),
+            Cone::Elliptic => self.inverse_inertia,
+            Cone::Pyramidal => R::select(rubs, self.inverse_inertia + mu * mu * self.inverse_inertia, self.inverse_inertia),
         };
         let mut normal = SoftLaw::<R::Scalar>::regularisation(self.impedance, diagonal);
         if discrete {
@@ -116,7 +116,7 @@ impl<R: Real> ContactLaw<R> {
         let edge = R::select(rubs, R::of(2.0) * cone_mu * cone_mu * normal, normal + normal);
         // All edges of the pyramid together carry the load of the spring.
         let edges = R::of(2.0) * self.frictions.max(one);
-        let edge = R::select(self.spring_weight.gt(zero), edges * self.spring_weight, edge);
+        let edge = R::select(self.spring_regularisation.gt(zero), edges * self.spring_regularisation, edge);
         for i in 1..N {
             let exists = active.and(R::of(i as f64).le(self.frictions));
             scale[i] = R::select(exists, self.friction[i - 1], zero);
@@ -154,7 +154,7 @@ impl<R: Real> ContactLaw<R> {
             #[inline(always)]
             |d| column[d][0] + slope * column[d][1],
         );
-        let mobility = R::select(self.spring_weight.gt(R::zero()), R::one(), mobility);
+        let mobility = R::select(self.spring_regularisation.gt(R::zero()), R::one(), mobility);
         for weight in &mut weight {
             *weight = in_metric(*weight, mobility);
         }

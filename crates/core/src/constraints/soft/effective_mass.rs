@@ -1,4 +1,5 @@
-//! Effective mass matrix of a discrete step, M + h D + h^2 K, and its effect on constraint rows.
+//! Effective mass matrix of a discrete step, M + h D + h^2 K, and its effect on constraint rows. M is the mass matrix, D the damping, K the
+//! stiffness, and h the time step.
 
 use std::ops::Range;
 
@@ -54,8 +55,8 @@ impl<R: Real> EffectiveMass<R> {
         self.arms.clear();
     }
 
-    /// Adds the matrix w (arms)(arms)^T. `parts` are pairs of degree of freedom and arm. A single degree of freedom goes to `entries` of
-    /// the mass matrix, several become a coupling.
+    /// Adds the matrix w (arms)(arms)^T. `parts` are pairs of degree of freedom and arm. With a single degree of freedom, the matrix is
+    /// added to `entries`, the entries of the mass matrix. With several, it becomes a coupling.
     #[inline(always)]
     pub(crate) fn add(&mut self, compiled: &LaneModel<R>, parts: impl Iterator<Item = (usize, R)>, w: R, entries: &mut [R]) {
         let start = self.dofs.len();
@@ -101,8 +102,8 @@ impl<R: Real> EffectiveMass<R> {
         !self.couplings.is_empty()
     }
 
-    /// Ratio of the inverse inertia of a row with the effective mass matrix to that with M, approximated from the diagonals. `support`
-    /// lists the row's degrees of freedom, and `of` returns the Jacobian entry of a degree of freedom.
+    /// Inverse inertia of a row with the effective mass matrix, divided by its inverse inertia with M. The diagonals of both matrices give
+    /// an approximation. `support` lists the row's degrees of freedom, and `of` returns the Jacobian entry of a degree of freedom.
     #[inline(always)]
     pub(super) fn mobility(&self, support: &[u32], of: impl Fn(usize) -> R) -> R {
         let (mut own, mut bare) = (R::zero(), R::zero());
@@ -117,8 +118,8 @@ impl<R: Real> EffectiveMass<R> {
     }
 }
 
-/// Weight D of a row for the effective mass matrix. `weight` is that of the row's law, and `mobility` the ratio of the row's inverse
-/// inertia to that in the law.
+/// Weight D of a row for the effective mass matrix. `weight` is the weight D of the row's law. `mobility` is the row's inverse inertia with
+/// the effective mass matrix, divided by its inverse inertia with M.
 #[inline(always)]
 pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
     (weight / mobility).min(R::of(1.0 / MIN_MOBILITY))

@@ -1,4 +1,4 @@
-//! Tangents of contacts whose choice in MuJoCo does not follow from the normal alone.
+//! Contact tangents that MuJoCo does not derive from the normal alone.
 
 use stepper_real::{Mask, Real};
 

@@ -158,7 +158,8 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Adds the row of a limit, whose force only pushes. The arguments include the limit's position error and its time derivative.
+    /// Adds the row of a limit, whose force only pushes. `error` is the limit's position error, and `rate` the time derivative of this
+    /// error.
     #[inline(always)]
     fn push_soft_limit(
         &mut self,
@@ -181,8 +182,8 @@ pub(super) fn row_law<R: Real>(law: &SoftLaw<R::Scalar>, input: SoftInput<'_, R>
     law_at(law, input.effective, law.impedance(error), [error, rate, R::zero()], active)
 }
 
-/// End of a range that is nearer to `x`: direction from it into the range (1 or -1), and signed distance of `x` from it. The distance is
-/// negative outside the range.
+/// Direction from the nearer end of a range into the range (1 or -1), and signed distance of `x` from this end. The distance is negative
+/// outside the range.
 #[inline(always)]
 fn nearer_end<R: Real>(x: R, lowest: R, highest: R) -> (R, R) {
     let (below, above) = (x - lowest, highest - x);

@@ -1,7 +1,7 @@
 //! Noslip iterations after the solution with MuJoCo's contact law, and the order of contacts in them.
 //!
-//! Iterations that stop before they converge depend on the order. It is MuJoCo's: ascending pairs of bodies, then pairs of geoms, in every
-//! lane separately. The points of one pair are in stepper's order.
+//! Iterations that stop before they converge depend on the order. The order is MuJoCo's: ascending pairs of bodies, then pairs of geoms, in
+//! every lane separately. The contact points of one pair of geoms are in stepper's order.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::soft::{ContactVisit, SlipEffort};
@@ -29,7 +29,7 @@ impl<R: Real> ConstraintProblem<R> {
         sweeps
     }
 
-    /// Determines the order in which noslip iterations visit the contacts that push, and writes it to `order`.
+    /// Determines the order in which noslip iterations visit the contacts of the problem, and writes it to `order`.
     fn order_contacts(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, order: &mut VisitOrder<R>) {
         let VisitOrder { visits, places, keyed, order } = order;
         let slots = contacts.slots();

@@ -15,7 +15,7 @@ pub struct SoftSystem<R: Real> {
     pub problem: SoftProblem<R>,
     /// Solver for all lanes at once (Newton's method).
     pub solver: SoftSolver<R>,
-    /// Solver for one lane at a time; `Some` only for models with several trees, where each lane may have other contacts between trees.
+    /// Solver for one lane at a time; `Some` only for models with several trees, where contacts may connect different trees in each lane.
     in_turn: Option<Box<LaneSolver<R>>>,
     /// Acceleration, nv: initial value of the solver, and after the solve the solution.
     pub acceleration: Vec<R>,
@@ -32,8 +32,8 @@ pub struct SoftSystem<R: Real> {
 impl<R: Real> SoftSystem<R> {
     /// Workspace for a compiled model; `None` with hard contact.
     ///
-    /// `slots` is the capacity of contact slots, `contacts` that of contacts in the problem, and `support` the largest number of degrees of
-    /// freedom of a row.
+    /// `slots` is the capacity of contact slots, `contacts` the capacity of contacts in the problem, and `support` the largest number of
+    /// degrees of freedom of a row.
     pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
         let zeros = || vec![R::zero(); compiled.nv];
@@ -152,7 +152,7 @@ impl<R: Real> SoftSystem<R> {
     }
 }
 
-/// Mass matrix of one kinematic tree as metric of the solver for one lane: entries and factors.
+/// Mass matrix with the sparsity of the kinematic trees, as metric of both solvers: entries and factors.
 struct TreeMass<'a, R: Real> {
     compiled: &'a LaneModel<R>,
     mass: &'a [R],

@@ -37,7 +37,7 @@ pub(super) struct Acceleration<'a, R: Real> {
 }
 
 impl<R: Real> Acceleration<'_, R> {
-    /// Computes the constrained acceleration at the state `stage` (stages 1 to 5), and stores it in the soft system.
+    /// Computes the constrained acceleration at the state `stage` (stages 1 to 5 of the step), and stores it in `problem.soft`.
     ///
     /// With `from_impulse` the solver starts from the constraint impulse of the last step, otherwise from the previous acceleration.
     pub(super) fn compute(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, from_impulse: bool, probe: impl Probe) -> Outcome<R> {

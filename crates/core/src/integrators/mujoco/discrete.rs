@@ -5,8 +5,8 @@
 //! ```
 //!
 //! D is the damping and K the stiffness of joints, tendons, actuators and drag (MuJoCo's documentation, computation chapter,
-//! "Integrators"). They count only if they dissipate energy or restore the configuration. A single body on a free joint without contacts
-//! also has the derivative of its gyroscopic force.
+//! "Integrators"). Only terms that dissipate energy or restore the configuration are included. For a single body on a free joint without
+//! contacts, the matrix also contains the derivative of its gyroscopic force.
 
 use stepper_real::{Mask, Real};
 

@@ -21,8 +21,8 @@ use crate::stages::s01_actuate::servo_damping;
 /// ImplicitFast also adds the derivative of the gyroscopic force of a single body on a free joint, in a separate system. Implicit adds the
 /// derivative of all Coriolis forces.
 ///
-/// D has the sparsity of MuJoCo's matrix. Tendons and actuators contribute the products of dofs on one branch. ImplicitFast has no entries
-/// between the dofs of a simple body, because MuJoCo's mass matrix has none.
+/// D has the sparsity of MuJoCo's matrix. Tendons and actuators contribute only entries between dofs on one branch. ImplicitFast has no
+/// entries between the dofs of a simple body, because MuJoCo's mass matrix has none.
 pub(super) fn integrate_velocity<R: Real>(
     input: StepInput<'_, R>,
     kinematics: &Kinematics<R>,
@@ -109,8 +109,9 @@ fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R])
 
 /// Solves the six equations of a single body on a free joint, including the derivative of its gyroscopic force.
 ///
-/// The matrix is unsymmetric, so that the factors of the mass matrix cannot represent it (MuJoCo's `mjd_freeMhat`). `entries` are those of
-/// M, and those of M + h D. `x` is the right side at degrees of freedom `first` to `first` + 5, and receives the solution.
+/// The matrix is unsymmetric, so that the factors of the mass matrix cannot represent it (MuJoCo's `mjd_freeMhat`). `entries` has the
+/// entries of M, then the entries of M + h D. `x` is the right side at degrees of freedom `first` to `first` + 5, and receives the
+/// solution.
 #[inline(always)]
 pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
     let mut a = [[R::zero(); 6]; 6];

@@ -3,9 +3,9 @@
 //! Constraint forces follow from accelerations at the state before the step, or at the stages of the Runge-Kutta method. Velocities and
 //! positions advance as in `engine_forward.c`.
 //!
-//! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a, then q+ = q (+) h v+. The acceleration a is that of the constrained motion, B the
-//!   damping of the joints.
-//! * implicitfast (`mj_implicit`): Euler's rule with the damping of tendons, actuators and the medium.
+//! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a, then q+ = q (+) h v+. Here a is the acceleration of the constrained motion, and B is
+//!   the damping of the joints.
+//! * implicitfast (`mj_implicit`): Euler's rule, in which B also has the damping of tendons, actuators and the medium.
 //! * implicit: implicitfast with the derivative of Coriolis forces.
 //! * discrete: springs, dampers, servos and constraint rows at the end of the step, in one problem.
 //! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.

@@ -73,8 +73,8 @@ pub(super) fn runge_kutta<R: Real>(
     outcome
 }
 
-/// Computes the displacement rates at a Runge-Kutta stage with the velocity `v`. On entry, `rates` has those of the previous stage, which
-/// led to this one in `time` seconds.
+/// Computes the displacement rates at a Runge-Kutta stage with the velocity `v`. On entry, `rates` has the rates of the previous stage,
+/// which led to this stage in `time` seconds.
 fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R]) {
     R::vectorize(
         #[inline(always)]

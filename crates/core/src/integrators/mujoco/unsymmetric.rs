@@ -14,7 +14,7 @@ pub(crate) struct Unsymmetric<R: Real> {
     /// Velocity at which the bias force is evaluated. `bias` is the bias force there.
     velocity: Vec<R>,
     bias: Vec<R>,
-    /// Bias force at zero velocity minus that at the present velocity.
+    /// Bias force at zero velocity minus the bias force at the present velocity.
     difference: Vec<R>,
 }
 
@@ -30,7 +30,7 @@ impl<R: Real> Unsymmetric<R> {
     /// `v`.
     ///
     /// c is quadratic in v, so that dc/dv e = c(v + e) - c(v) - c(e) exactly. Gravity and other forces that do not depend on v cancel in
-    /// b(v + e) - b(v) - b(e) + b(0).
+    /// b(v + e) - b(v) - b(e) + b(0), where b is the bias force.
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &[R], v: &[R], h: R, x: &mut [R]) {
         let n = compiled.nv;
         R::vectorize(

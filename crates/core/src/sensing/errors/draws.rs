@@ -48,7 +48,8 @@ impl Keys {
     #[inline(always)]
     fn words(&self, purpose: Purpose, sensor: usize, block: usize, lanes: usize) -> [Word; 4] {
         let label = (purpose as u32) << 29 | (block as u32 & 0x1FFF) << 16 | (sensor as u32 & 0xFFFF);
-        // The high bits of the block and of the sensor's index go into the high bits of the episode number. No simulation reaches these.
+        // The high bits of the block and of the sensor's index go into the high bits of the episode number. No simulation reaches such an
+        // episode number.
         let beyond = ((block >> 13) as u32) << 24 | ((sensor >> 16) as u32) << 16;
         let mut episode = self.episode;
         episode[..lanes].iter_mut().for_each(|e| *e ^= beyond);

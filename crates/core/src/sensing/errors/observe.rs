@@ -157,8 +157,8 @@ impl<S: Scalar> Imperfect<S> {
         if start { lanes } else { lanes.and(due) }
     }
 
-    /// Draws the random values that are constant in an episode, in the lanes `lanes`: scale errors, misalignment and bias. It also sets the
-    /// drift to zero.
+    /// Draws the random values that are constant in an episode, in the lanes `lanes`: scale errors, misalignment and bias. The function
+    /// also sets the drift to zero.
     fn begin<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, keys: &Keys, lanes: R::Mask, work: &mut Work<R>, memory: &mut [S]) {
         R::vectorize(
             #[inline(always)]

@@ -76,6 +76,7 @@ struct ActiveSet {
     contacts: Vec<[f64; 3]>,
     /// Switch values of joint limits and of dry friction: distances from the limits, and joint speeds. A NaN gives no distance to a kink.
     joints: Vec<f64>,
+    /// Whether the step was not solved, not finite, or is unreliable for another reason.
     unsolved: bool,
 }
 

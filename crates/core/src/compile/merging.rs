@@ -15,14 +15,20 @@ pub(crate) struct Merged {
     pub(crate) quat: Vec<UnitQuaternion<f64>>,
     /// For each link, which may consist of several merged bodies, index of the body that has the link's joints.
     pub(crate) leaders: Vec<usize>,
+    /// Indices of the mocap bodies. The frames are, in this order, the world, the links and the mocap bodies.
     pub(crate) mocap: Vec<usize>,
+    /// For each link, index of its kinematic tree.
     pub(crate) link_tree: Vec<usize>,
+    /// Number of kinematic trees.
     pub(crate) ntree: usize,
+    /// For each degree of freedom, index of the link that it moves relative to the parent.
     dof_link: Vec<usize>,
     /// For each degree of freedom (dof), start and length of its part of the list `chain`. The part contains the dof itself and its
     /// ancestors.
     dof_chain: Vec<(usize, usize)>,
+    /// Chains of all degrees of freedom, one after the other, see `dof_chain`.
     pub(crate) chain: Vec<u32>,
+    /// For each frame, the result of [`Merged::last_dof`].
     last_dof_of_frame: Vec<Option<usize>>,
 }
 

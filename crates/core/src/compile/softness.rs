@@ -32,6 +32,7 @@ pub struct SoftLaw<S> {
     /// `factors` are the factors of the curve before and after the midpoint.
     midpoint: S,
     factors: [S; 2],
+    /// Exponent of the impedance curve.
     power: S,
     /// Approximate inverse inertia along the row, 1/kg or 1/(kg m^2).
     pub weight: S,

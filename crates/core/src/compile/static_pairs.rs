@@ -40,6 +40,7 @@ pub struct MovingGeom {
 pub struct TreeNode {
     /// Index of the first node after the subtree of this node.
     pub end: u32,
+    /// Index in [`StaticPairs::fixed`] of the static geom of a leaf; [`NONE`] for an inner node.
     leaf: u32,
 }
 

@@ -10,9 +10,13 @@ use crate::compile::ModelStructure;
 /// Each island has a maximum of values, and two sums of penalties. Callers supply the values and the penalties.
 #[derive(Clone, Debug)]
 pub(crate) struct Islands {
+    /// For each tree, another tree of its island with a smaller index, or the tree itself if it is the root of its island.
     above: Vec<u32>,
+    /// Maximum of the values of each island, at the index of its root.
     most: Vec<f64>,
+    /// Both sums of penalties of each island, at the index of its root.
     penalties: Vec<[f64; 2]>,
+    /// Whether each island is excluded from penalties, at the index of its root.
     exempt: Vec<bool>,
 }
 

@@ -28,6 +28,7 @@ pub struct Fluid<R: Real> {
     /// Linearised drag of every link with its descendants, as three matrices: torque per angular velocity, torque per linear velocity, and
     /// force per linear velocity.
     composite: Vec<[M3<R>; 3]>,
+    /// Buffer for the spatial velocity of every link.
     velocity: Vec<V6<R>>,
 }
 
@@ -227,7 +228,7 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     }
 }
 
-/// Drag of an ellipsoid divided by its velocity `v`: one factor for rotation and one for translation. Returns also the ellipsoid's
+/// Drag of an ellipsoid divided by its velocity `v`: one factor for rotation and one for translation. Also returns the ellipsoid's
 /// projection on the plane perpendicular to `v`.
 #[inline(always)]
 fn ellipsoid_drag<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: &V6<R>) -> ([R; 2], Projection<R>) {

@@ -152,7 +152,7 @@ struct Body<R: Real> {
 }
 
 impl<R: Real> Body<R> {
-    /// Creates the single body of `spinner`, a link alone on a free or ball joint. Returns also the lanes in which the body has a
+    /// Creates the single body of `spinner`, a link alone on a free or ball joint. Also returns the lanes in which the body has a
     /// gyroscopic force. `None` if it has none in any lane, as for a ball.
     #[inline(always)]
     fn tumbling(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, spinner: &CompiledSpinner<R::Scalar>) -> Option<(Self, R::Mask)> {

@@ -28,10 +28,13 @@ pub struct GroupStep<R: Real> {
     pub(crate) workspace: Workspace<R>,
     /// Step settings, such as time step and solver options.
     pub(crate) settings: StepSettings,
+    /// Largest number of contacts of an environment.
     max_contacts: usize,
     /// Nominal step: the solved step near which others are evaluated. It is allocated when it is first used.
     nominal: Option<Box<Nominal<R>>>,
+    /// Functions of the lane type `R`. `None` if visitors cannot use the step.
     functions: Option<GroupFunctions<R>>,
+    /// Data that a visitor stored with [`GroupStep::store_memory`].
     memory: Option<Box<dyn Any + Send>>,
 }
 

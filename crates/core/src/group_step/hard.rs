@@ -47,6 +47,7 @@ pub(super) struct HardNominal<R: Real> {
     correction: R,
     /// Free velocity (velocity without constraint impulses), nv, with which the offsets of the constraint rows were last computed.
     v_free: Vec<R>,
+    /// Buffer for the difference of the free velocity from `v_free`, nv.
     change: Vec<R>,
     /// Integration scheme of the step, with the evaluation time of each lane.
     scheme: Scheme<R>,

@@ -29,6 +29,7 @@ pub(super) struct Nominal<R: Real> {
     /// Configuration, velocity and activations after the solved step.
     pub(super) after: [Vec<R>; 3],
     pub(super) overlaps: HeldOverlaps<R>,
+    /// Buffer for the unit vector of the displaced coordinate of the configuration, nv. Zero between calls.
     direction: Vec<R>,
     law: Law<R>,
 }

@@ -25,6 +25,7 @@ const MAX_EVALUATIONS: usize = SECANTS + 10;
 /// Collision search: pairs with deferred contacts, and the lanes in which they collide in the motion of the step.
 #[derive(Clone, Debug)]
 pub(crate) struct CollisionSearch<R: Real> {
+    /// Workspace for the distance of a pair along its path.
     swept: SweptPair<R>,
     /// For each deferred contact: normal velocity in the searched motion, m/s, and lanes in which its linearised gap closes (the gap at a
     /// constant normal velocity). Deferred contacts are those that the solver leaves out.
@@ -42,6 +43,7 @@ pub(crate) struct CollisionSearch<R: Real> {
 struct PackedPath<S> {
     /// Index of the candidate pair in [`CollisionSearch::pairs`].
     candidate: usize,
+    /// Kernel that computes the distance of the pair.
     kernel: Kernel,
     item: Item<S>,
     gap: Gap<S>,

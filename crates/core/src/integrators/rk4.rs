@@ -30,12 +30,17 @@ pub(crate) struct Rk4<R: Real> {
     kinematics: Kinematics<R>,
     smooth: Smooth<R>,
     actuator_forces: ActuatorForces<R>,
+    /// Generalized forces of the inputs `qfrc` and `xfrc`, nv.
     applied: Vec<R>,
+    /// Present state: configuration, nq, velocity, nv, and activations, na.
     q: Vec<R>,
     v: Vec<R>,
     act: Vec<R>,
+    /// Displacement theta of the present state from the configuration before the step, nv.
     rotation: Vec<R>,
+    /// Rates of displacement, velocity and activations at the present state.
     rate: [Vec<R>; 3],
+    /// Weighted sums of the rates of the stages.
     sum: [Vec<R>; 3],
 }
 

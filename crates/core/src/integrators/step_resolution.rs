@@ -132,7 +132,9 @@ pub struct StepResolution<R: Real> {
     /// Velocity at which inertial forces are evaluated, nv.
     force_velocity: Vec<R>,
     kinematics: Kinematics<R>,
+    /// Buffer for the spatial velocity of every link.
     velocity: Vec<V6<R>>,
+    /// Change of the spatial velocity of every link by the step.
     change: Vec<V6<R>>,
     /// Mean velocity of the step, and change of the velocity by the step, nv each.
     mean: [Vec<R>; 2],

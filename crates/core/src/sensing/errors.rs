@@ -33,14 +33,19 @@ enum Number {
     MisalignmentStd,
     Bias,
     BiasStd,
+    /// Factor by which the drift decays in one step; 1 for a random walk.
     Decay,
+    /// Standard deviation of the random change of the drift in one step.
     Kick,
+    /// Standard deviation of the noise of a sample, from `noise_std` and `noise_density`. Half width if the noise is uniform.
     Noise,
     Quantum,
     Low,
     High,
     Period,
+    /// Delay of the readings, in steps.
     Delay,
+    /// Half width of the random variation of the delay, in steps.
     Jitter,
     Dropout,
 }
@@ -50,23 +55,33 @@ const NUMBERS: usize = 15;
 /// Sensor with a transfer function: sizes, options, and addresses of its stored values.
 #[derive(Clone, Debug)]
 struct Imperfect<S> {
+    /// Index of the sensor in the model.
     sensor: usize,
+    /// Address of the sensor's first reading among the readings of all sensors.
     at: usize,
+    /// Number of channels.
     dim: usize,
     /// Number of components of bias, drift and noise: three if the error is a rotation, otherwise the number of channels.
     freedom: usize,
     quantity: Quantity,
+    /// Matrix that multiplies the channels, (dim, dim), row-major. Empty for the identity.
     matrix: Vec<S>,
+    /// Whether the noise is uniform instead of Gaussian.
     uniform: bool,
+    /// Whether the sensor stores a scale and misalignment matrix, which is constant in an episode.
     mixed: bool,
+    /// Whether a factor `scale` other than 1 multiplies all channels.
     scaled: bool,
     biased: bool,
     drifts: bool,
     noisy: bool,
     quantised: bool,
     clipped: bool,
+    /// Whether the sensor has a sampling period.
     sampled: bool,
+    /// Whether samples may be lost (dropout).
     lossy: bool,
+    /// Whether the delay varies randomly from step to step.
     jittery: bool,
     /// Address of the first value that this sensor stores between steps, in the memory of all sensors.
     ///
@@ -77,8 +92,8 @@ struct Imperfect<S> {
     draws: usize,
     /// Length of the delay line in samples; 0 without a delay.
     line: usize,
-    /// Whether delayed readings are interpolated between two samples. It is false for quantised or held readings, and for readings that may
-    /// be missing.
+    /// Whether delayed readings are interpolated between two samples. It is false for sensors with a sampling period, and for readings that
+    /// are only valid above 0 ([`Quantity::Positive`]).
     smooth: bool,
 }
 
@@ -102,7 +117,9 @@ pub struct Errors<S> {
 
 /// Table of transfer function parameters for a group of lanes: of all sensors, or of one sensor.
 struct Numbers<'a, S> {
+    /// Parameters: by sensor, then in the order of [`Number`], then by lane.
     rows: &'a [S],
+    /// Number of values of each parameter: 1 if all environments have the same value, otherwise the number of lanes.
     lanes: usize,
 }
 

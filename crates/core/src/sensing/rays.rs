@@ -44,6 +44,7 @@ fn nothing<R: Real>() -> R {
 /// The caller tests whether the two points are on the part of the quadric that belongs to the shape. It passes the results to
 /// [`Roots::nearest`] as masks. A closure for the test would be slow, because the compiler does not inline a closure that is called twice.
 struct Roots<R: Real> {
+    /// Lanes in which the roots are real, and a is positive.
     real: R::Mask,
     at: [R; 2],
 }

@@ -10,7 +10,9 @@ use crate::math::random::{Word, normals, philox4x32_10, uniform};
 pub(super) enum Purpose {
     /// Drift, noise, jitter and dropout of one step.
     Step,
+    /// Additional bias, drawn at the beginning of an episode.
     Bias,
+    /// Scale errors and misalignment, drawn at the beginning of an episode.
     Mixing,
 }
 

@@ -113,10 +113,11 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
     found
 }
 
-/// Lower bound of the penetration depth in any direction, m.
+/// Depth up to which a found local minimum of the penetration depth is certainly the least over all directions, m.
 ///
-/// The bound is the depth of a closest point below the other shape's surface, or the radius of a ball that can roll within the shapes'
-/// Minkowski difference.
+/// It is the larger of two numbers. One is the depth of a closest point of one shape below the surface of the other. The other is the
+/// radius of a ball that can roll along the whole inner surface of the shapes' Minkowski difference. That ball contains the ball around
+/// the origin whose radius is the found depth.
 fn certain_depth(pair: &Pair<'_>, found: &Separation) -> f64 {
     let [x, y] = found.points;
     let of_points = pair.a.depth_of(y).max(pair.b.depth_of(rotate_back(&pair.mat, sub(x, pair.pos))));
@@ -152,7 +153,7 @@ fn axis(shape: &ConvexShape) -> Option<V> {
 struct Candidate {
     /// Unit vector from the first shape to the second.
     normal: V,
-    /// Separation of the shapes without their rounding radii along the normal, m.
+    /// Separation along the normal of the shapes' cores (the shapes without their rounding radii), m.
     separation: f64,
 }
 

@@ -67,7 +67,8 @@ impl Added {
     }
 }
 
-/// Force models of all actuators. The list is empty if every actuator has the force model of [`ForceModel::of_parameters`].
+/// Force models of all actuators. The list is empty if every actuator has the force model that follows from its gain and bias
+/// ([`ForceModel::of_parameters`]).
 #[derive(Default, PartialEq, Serialize, Deserialize)]
 struct ForceModels(Vec<ForceModel>);
 

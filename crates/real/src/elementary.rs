@@ -105,7 +105,7 @@ pub fn sin_cos_octant<R: Real>(x: R) -> (R, R) {
 /// Natural logarithm, see `Real::ln`.
 ///
 /// With x = 2^e (1 + f) and 1 + f from sqrt(1/2) to sqrt(2), ln x = e ln 2 + ln(1 + f). Here ln(1 + f) = f - f^2/2 + s (f^2/2 + P(s^2)),
-/// where s = f / (2 + f).
+/// where s = f / (2 + f) and P is a polynomial.
 #[inline(always)]
 pub fn ln<R: Real>(x: R) -> R {
     let zero = R::zero();
@@ -207,7 +207,8 @@ pub fn atan2<R: Real>(y: R, x: R) -> R {
     R::select(ordered, angle.copysign(y), x + y)
 }
 
-/// Constant `a` in the lanes of the mask `m`, and `b` elsewhere. Both are sums of a number and its rounding error.
+/// Constant `a` in the lanes of the mask `m`, and `b` elsewhere. Each of them is a number and its rounding error, whose exact sum is the
+/// constant.
 #[inline(always)]
 fn select2<R: Real>(m: R::Mask, a: [R::Scalar; 2], b: [R; 2]) -> [R; 2] {
     [R::select(m, R::splat(a[0]), b[0]), R::select(m, R::splat(a[1]), b[1])]

@@ -106,7 +106,10 @@ class Batch:
         self._seen = None
 
     def _moment(self, action: Array) -> Moment:
-        """New view (`Moment`) of all environments for a step with actions (num_envs, n); it reads the stepper's quantities again."""
+        """New view (`Moment`) of all environments after a step with these actions, (num_envs, n).
+
+        A view stores the quantities that it has read.
+        """
         shared: dict[str, Any] = {"episode_state": self._episode_state, "streams": self.streams}
         return Moment(self.sim, self.task, self.dt, action, self._default_qpos, **shared)
 

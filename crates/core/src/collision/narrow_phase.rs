@@ -317,7 +317,8 @@ impl<R: Real> Scene<'_, R> {
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
 
-    /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps.
+    /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps. `feature` is the number of the
+    /// contact within the pair, which stays the same from step to step.
     #[inline(always)]
     pub(crate) fn offer(
         &self,
@@ -331,7 +332,8 @@ impl<R: Real> Scene<'_, R> {
         self.offer_over_face(index, feature, pair, near, R::Mask::splat(false), point, contacts);
     }
 
-    /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps.
+    /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps. `feature` is the number of the
+    /// contact within the pair, which stays the same from step to step.
     ///
     /// In the lanes `over_face`, a ball stays over a face of the other geom, see
     /// [`Slot::over_face`](crate::collision::contact_set::Slot::over_face). The function is compiled separately, as [`Scene::test_pair`]

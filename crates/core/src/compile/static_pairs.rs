@@ -9,7 +9,7 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 
-/// Invalid index: no row, no member of the dynamic pairs, or no leaf.
+/// Mark for a missing index: of a row of pair numbers, of a member of the dynamic pairs, or of a leaf of the tree of static geoms.
 const NONE: u32 = u32::MAX;
 
 /// Geom that is fixed to the world and may collide with a moving geom.

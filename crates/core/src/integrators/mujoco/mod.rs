@@ -90,8 +90,12 @@ fn advance<R: Real>(
     });
 }
 
-/// Makes stages 1 to 7 of a slightly displaced step, for derivatives. `solution` is the acceleration of the solved step nearby. Stage 5
-/// changes it only to first order in the displacement.
+/// Makes stages 1 to 7 of a step from a slightly displaced state, for derivatives. The workspace `s` has the displaced state, and gets the
+/// result.
+///
+/// `solution` is the acceleration of the solved step, which starts from the state without displacement. Stage 5 does not solve again, but
+/// adds the first-order change of the acceleration that the displacement causes. `recomputed` selects the quantities that the displacement
+/// changes.
 pub(crate) fn respond_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

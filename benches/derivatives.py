@@ -81,9 +81,9 @@ def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
 def agreement() -> None:
     """Print the share of entries of A and B of `linearize` that do not change if the difference step is halved.
 
-    An entry agrees if its values with the whole and with half the difference step differ by at most twice the noise plus 1e-6 of the
-    largest entry of its column. This largest entry is the one among rows of the same kind: positions, velocities or activations. The table also has the share of columns near a kink (a
-    change, such as of contacts or limits, at which a step has no derivative).
+    An entry agrees if its values with the whole and with half the difference step are equal within a tolerance. The tolerance is twice the
+    noise plus 1e-6 of the largest entry of the same column and kind of rows: positions, velocities or activations. The table also has the
+    share of columns near a kink (a change, such as of contacts or limits, at which a step has no derivative).
     """
     print("| robot | options | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
     print("|---|---|---|---|---|---|---|")

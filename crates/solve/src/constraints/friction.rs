@@ -745,8 +745,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
                 moved[0] -= rho * slip;
             }
             let image = L::project(moved, mu);
-            // The projection of NaN is a number, so that NaN is added here: v - v is 0 for numbers.
-            let mut apart = ((lambda[0] - image[0]) * contact.rigid_fraction).square() + (v[0] - v[0]);
+            // The projection replaces NaN by a number. The product with 0 restores it.
+            let mut apart = ((lambda[0] - image[0]) * contact.rigid_fraction).square() + v[0] * R::zero();
             for k in 1..N {
                 apart += (lambda[k] - image[k]).square();
             }

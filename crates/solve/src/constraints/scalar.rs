@@ -494,8 +494,8 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
                 (rho, inv_rho) = (rho / row.trace_ratio, inv_rho * row.trace_ratio);
             }
             let mapped = clamp(lambda - rho * v, row.lo, row.hi);
-            // The bounds replace NaN by a number, so that NaN is added here: v - v is 0 for numbers.
-            f(masked(row.active, (lambda - mapped).abs() * inv_rho + (v - v)));
+            // The bounds replace NaN by a number. The product with 0 restores it.
+            f(masked(row.active, (lambda - mapped).abs() * inv_rho + v * R::zero()));
         }
     }
 

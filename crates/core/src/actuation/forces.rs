@@ -170,7 +170,7 @@ pub struct ActuatorForces<R: Real> {
     trial_bounded_forces: Vec<BoundedForce<R>>,
     /// Whether the active bounds of this step have not been guessed yet.
     pub(crate) active_bounds_unknown: bool,
-    /// Friction losses of actuators with dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
+    /// Friction losses of actuators with dynamics, see `AssemblyInput::losses`.
     pub losses: Vec<[R; 2]>,
 }
 

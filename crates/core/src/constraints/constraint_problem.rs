@@ -13,7 +13,7 @@ use crate::math::spatial::*;
 ///
 /// The rows do not change after stage 4 has assembled them. A step later changes two things. It updates the offsets g of the rows, which
 /// contain the free velocity, without constraints ([`ConstraintProblem::shift`]). And it activates deferred contacts, whose rows the solver
-/// left out at first ([`ConstraintProblem::activate`]).
+/// left out at first (`ConstraintProblem::activate`).
 #[derive(Clone, Debug)]
 pub struct ConstraintProblem<R: Real> {
     /// Rows of the problem, as input of the solver.

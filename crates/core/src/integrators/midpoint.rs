@@ -1,6 +1,6 @@
 //! Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+ (Moreau 1988).
 //!
-//! Second order in free flight and between impacts, which are evaluated at their times ([`super::impact`]). Springs, dampers and servos
+//! Second order in free flight and between impacts, which are evaluated at their times (`impact.rs`). Springs, dampers and servos
 //! follow the implicit midpoint rule, which is A-stable and keeps the energy of linear springs ([`crate::actuation::forces`]).
 
 use stepper_real::Real;

@@ -10,7 +10,7 @@
 //!
 //! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The whip of a chain may gain
 //! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
-//! ([`StepResolution::gains_energy`]). A gain sets status UNRESOLVED and leaves the motion unchanged.
+//! (`StepResolution::gains_energy`). A gain sets status UNRESOLVED and leaves the motion unchanged.
 //!
 //! The two bounds also hold where impulses rotate a joint by half a turn or more within the step, for example levers in a jam. The rows are
 //! linearised at one pose and are invalid that far away. Such a step keeps its inertial forces.

@@ -182,31 +182,40 @@ def train_critic(run: Run, updates: int) -> None:
         parameter.requires_grad_(True)
 
 
-def main() -> None:
-    """Runs the stages that the folder does not have yet, and continues the last one."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("out/train/stairs"), help="folder for both runs of PPO [out/train/stairs]")
-    parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers [1]")
-    parser.add_argument("--stairs", type=int, default=20_000_000, help="number of steps on stairs [20000000]")
-    parser.add_argument("--rough", type=int, default=20_000_000, help="number of steps in the task itself [20000000]")
-    given = parser.parse_args()
+def register() -> None:
+    """Registers the task on stairs as the environment `stepper/Go1Stairs-v0`."""
     gymnasium.register(
         "stepper/Go1Stairs-v0",
         vector_entry_point="stepper.envs:StepperVectorEnv",
         max_episode_steps=Go1Stairs.episode_steps,
         kwargs={"task": Go1Stairs},
     )
+
+
+def settings(seed: int, steps: int) -> tuple[Settings, Settings]:
+    """Settings of the runs on stairs and in `stepper/Go1Rough-v0`, with this seed and number of steps each."""
     rough = Settings.of_task(
         "stepper/Go1Rough-v0",
-        seed=given.seed,
-        steps=given.rough,
+        seed=seed,
+        steps=steps,
         hidden=128,
         entropy=0.002,
         learning_rate=3e-4,
         initial_std=NOISE,
         values={"weights": dict(WEIGHTS)},
     )
-    stairs = dataclasses.replace(rough, env="stepper/Go1Stairs-v0", steps=given.stairs, values={**rough.values, "noise": 0.0, "push": 0.0})
+    return dataclasses.replace(rough, env="stepper/Go1Stairs-v0", values={**rough.values, "noise": 0.0, "push": 0.0}), rough
+
+
+def main() -> None:
+    """Runs the stages that the folder does not have yet, or continues the last one."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("out/train/stairs"), help="folder for both runs of PPO [out/train/stairs]")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers [1]")
+    parser.add_argument("--steps", type=int, default=20_000_000, help="number of steps of each run of PPO [20000000]")
+    given = parser.parse_args()
+    register()
+    stairs, rough = settings(given.seed, given.steps)
     torch.set_num_threads(rough.threads)
     if not (given.out / "stairs/checkpoint.pt").exists():
         run = Run(stairs)
@@ -215,11 +224,11 @@ def main() -> None:
         train_critic(run, updates=25)
         (given.out / "stairs").mkdir(parents=True, exist_ok=True)
         run.save(given.out / "stairs/checkpoint.pt")
-    before = train(stairs, given.out / "stairs")
+    climber = train(stairs, given.out / "stairs")
     if not (given.out / "rough/checkpoint.pt").exists():
         run = Run(rough)
-        run.net.load_state_dict(before.net.state_dict())
-        run.observed, run.returned = before.observed, before.returned
+        run.net.load_state_dict(climber.net.state_dict())
+        run.observed, run.returned = climber.observed, climber.returned
         (given.out / "rough").mkdir(parents=True, exist_ok=True)
         run.save(given.out / "rough/checkpoint.pt")
     train(rough, given.out / "rough")

@@ -19,16 +19,14 @@ _CACHE_SIZE = 64
 """Largest number of results that `cache_per_model` and `cache_model` keep per function."""
 
 
-def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
+def load_quietly(source: str | ElementTree.Element) -> Model:
     """Loads a model without warnings about its solver settings, which the `contact` of the environment overrides.
 
-    Args:
-        source: Path or MJCF text, or root of an MJCF tree.
-        strict: Whether unsupported elements are errors, as in `stepper.load`.
+    `source` is a path, MJCF text, or the root of an MJCF tree.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"), strict=strict)
+        return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"))
 
 
 def remove_elements(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Element], bool]) -> ElementTree.Element:

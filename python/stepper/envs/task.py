@@ -401,13 +401,11 @@ class MujocoTask(Task):
 
     contact = "mujoco"
     lamp = False
-    strict: ClassVar[bool] = True
-    """Whether elements of the file that stepper does not support are errors, as in `stepper.load`."""
     xml_file: str
 
     def model(self) -> Model:
         """Model of the scene, loaded from the file `xml_file`."""
-        return load_quietly(model_file(self.xml_file), strict=self.strict)
+        return load_quietly(model_file(self.xml_file))
 
 
 def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:

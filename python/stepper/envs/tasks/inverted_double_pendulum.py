@@ -22,7 +22,6 @@ class InvertedDoublePendulum(MujocoTask):
     differs by O(h^3) for the time step h. With contact="hard" the margin of the cart's limit narrows the cart's range by 0.01 m.
     """
 
-    strict: ClassVar[bool] = False  # Gymnasium's file would load with True, too: its only omission, a joint margin, is no error.
     camera: ClassVar[Camera] = {"distance": 4.1225, "lookat": (0.0, 0.0, 0.1225)}
 
     xml_file: str = "inverted_double_pendulum.xml"

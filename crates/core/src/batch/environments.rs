@@ -7,7 +7,7 @@ use crate::actuation::{ActuatorPipelines, ActuatorSpec};
 use crate::analysis::inverse_weights::inverse_weights;
 use crate::batch::capacity::{bytes_per_env, check_memory, contact_capacity};
 use crate::batch::inputs::Field;
-use crate::batch::randomization::ParameterOverrides;
+use crate::batch::parameter_overrides::ParameterOverrides;
 use crate::batch::state::{Group, StoredContact};
 use crate::batch::worker::{LaneScalar, WorkerSpec};
 use crate::batch::worker_pool::WorkerPool;

@@ -16,8 +16,8 @@ pub struct CompiledActuator<S> {
     /// Terms of the actuator's moment, if it is constant: address in q, degree of freedom, and moment arm with the gear. Empty for an
     /// actuator on a site.
     pub moment: Vec<(usize, usize, S)>,
-    /// Wrench of an actuator on a site; `None` for an actuator on a joint or tendon.
-    pub wrench: Option<CompiledWrench<S>>,
+    /// Wrench (force and torque) of an actuator on a site; `None` for an actuator on a joint or tendon.
+    pub site_wrench: Option<CompiledWrench<S>>,
     /// Lowest and highest control; `None` if the control has no bounds.
     pub ctrl_range: Option<[S; 2]>,
     /// Lowest and highest force; `None` if the force has no bounds.
@@ -200,7 +200,7 @@ impl<S: Scalar> CompiledActuators<S> {
         }
         self.actuators.push(CompiledActuator {
             moment: arms.iter().map(|&(j, c)| (addresses[j].0, addresses[j].1, S::from_f64(c * a.gear))).collect(),
-            wrench,
+            site_wrench: wrench,
             ctrl_range: a.ctrl_range.map(scalars),
             force_range: a.force_range.map(scalars),
             act_range: a.act_range.map(scalars),

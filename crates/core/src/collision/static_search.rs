@@ -145,7 +145,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Searches the tree with the box of group number `group` in lane `lane`, and adds the overlapping pairs to `found`.
+    /// Searches the tree with the box of group number `group` in lane `lane`, and adds the overlapping pairs to `found_pairs`.
     #[inline(always)]
     fn visit_tree(&mut self, pairs: &StaticPairs, group: usize, lane: usize) {
         let whole: Bounds<R::Scalar> = lane_of(&self.groups[group], lane);
@@ -183,17 +183,17 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Listed pairs that the search found_pairs. `listed` is the number of listed pairs of the model; dynamic pairs have larger indices.
+    /// Listed pairs that the search found. `listed` is the number of listed pairs of the model; dynamic pairs have larger indices.
     pub(crate) fn listed_pairs(&self, listed: usize) -> &[(u32, u32)] {
         &self.pairs[..self.count_listed(listed)]
     }
 
-    /// Dynamic pairs that the search found_pairs. `listed` is the number of listed pairs of the model; dynamic pairs have larger indices.
+    /// Dynamic pairs that the search found. `listed` is the number of listed pairs of the model; dynamic pairs have larger indices.
     pub(crate) fn dynamic_pairs(&self, listed: usize) -> &[(u32, u32)] {
         &self.pairs[self.count_listed(listed)..]
     }
 
-    /// Number of listed pairs that the search found_pairs.
+    /// Number of listed pairs that the search found.
     fn count_listed(&self, listed: usize) -> usize {
         self.pairs.partition_point(|pair| (pair.0 as usize) < listed)
     }

@@ -35,8 +35,8 @@ pub struct ConstraintProblem<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes with an impact, if the integrator is Euler's rule. In them the largest speed of the step bounds the position correction,
-    /// instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns the lanes with an impact.
+    /// Lanes in which a contact bounces, if the integrator is Euler's rule. In them the largest speed of the step bounds the position
+    /// correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns such lanes.
     pub euler_rebounding: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,

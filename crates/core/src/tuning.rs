@@ -95,8 +95,8 @@ pub(crate) const MAX_PREDICTIONS: usize = 3;
 /// motion. Smaller overlaps may come from the error of the predicted impulses.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
 
-/// Ratio of an overlap in the predicted motion to the error of the predicted positions, up to which the collision counts as doubtful. The
-/// error is estimated as the residual of the prediction, m/s, times the duration of the motion, s.
+/// Ratio of an overlap in the predicted motion, beyond [`PREDICTED_MARGIN`], to the error of the predicted positions, up to which the
+/// collision counts as doubtful. The error is estimated as the residual of the prediction, m/s, times the duration of the motion, s.
 ///
 /// Evidence: of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a
 /// quadruped takes 2 % longer on boxes and 6 % on a height field, with 10 up to 15 %.

@@ -1,6 +1,6 @@
 //! Rows of contacts with sliding friction: one along the normal and two along the tangents.
 //!
-//! This file calls methods of [`Assembler`] and of the row builder that are defined in other files of this folder:
+//! This file calls methods of `Assembler` and of the row builder that are defined in other files of this folder:
 //!
 //! | file | methods |
 //! |---|---|

@@ -198,10 +198,10 @@ pub enum Error {
     /// Invalid error model of a sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),
-    /// Invalid dynamics of an actuator.
+    /// Invalid actuator model.
     #[error(transparent)]
     Actuator(#[from] ActuatorError),
-    /// Actuator dynamics, set while environments have per-environment parameters.
+    /// Actuator models, set while environments have per-environment parameters.
     #[error("environments have parameters of their own: give drives first, or take the parameters back")]
     DrivesAfterParameters,
     /// More environments than the memory can hold.

@@ -332,7 +332,7 @@ impl StepSettings {
     ///
     /// The module `tuning` has tolerances and iteration limits of predictions and corrections, which hold at the default tolerance. A step
     /// divides these tolerances by the ratio, and multiplies these iteration limits by it.
-    pub(crate) fn refinement(&self) -> f64 {
+    pub(crate) fn tolerance_ratio(&self) -> f64 {
         (Precision::F64.tolerance() / self.tolerance).max(1.0)
     }
 

@@ -1,10 +1,10 @@
-//! Actuator dynamics: delay, lag, servo, motor and friction. Also their checks, and their effects on the model.
+//! Actuator models: delay, lag, servo, motor and friction. Also their checks, and their effects on the model.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, ForceModel, Model, Transmission, label};
 
-/// Dynamics of an actuator between its control and its force. Each list has one value for all environments, or one for each environment.
+/// Model of an actuator between its control and its force. Each list has one value for all environments, or one for each environment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorSpec {
@@ -84,7 +84,7 @@ impl Actuator {
 }
 
 impl ActuatorSpec {
-    /// Dynamics of an ideal actuator: the control passes unchanged.
+    /// Spec of an ideal actuator: the control passes unchanged.
     pub fn ideal() -> Self {
         let [none, low, high] = [0.0, f64::NEG_INFINITY, f64::INFINITY].map(|x| vec![x]);
         let (delay, delay_steps, lag) = (none.clone(), none.clone(), none.clone());
@@ -122,14 +122,14 @@ impl ActuatorSpec {
         any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
-    /// Combines a model with the dynamics of its actuators. `specs` has the dynamics of each actuator, where `None` means an ideal
-    /// actuator. Returns the changed model and the changed dynamics.
+    /// Combines a model with the specs of its actuators. `specs` has one entry for each actuator, where `None` means an ideal actuator.
+    /// Returns the changed model and the changed specs.
     ///
     /// Rotor inertia is added to the armature in the model, and servos replace affine forces of the model. Delays of the model are added to
-    /// the delays of the dynamics, and force limits of both are combined. `num_envs` is the number of environments, `h` the time step, s.
+    /// the delays of the specs, and force limits of both are combined. `num_envs` is the number of environments, `h` the time step, s.
     ///
     /// # Errors
-    /// The first value out of range, or the first part of the dynamics that an actuator cannot have, with the actuator's name.
+    /// The first value out of range, or the first part of a spec that an actuator cannot have, with the actuator's name.
     pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
         let (mut folded, mut specs) = (model.clone(), specs.to_vec());
         let model = folded.trusted_mut();

@@ -140,7 +140,7 @@ fn solve_system<R: Real>(
     left = left.and_not(newly_loaded);
     let passes = match newton_steps {
         MIN_STEPS_FOR_EXACT.. => PASSES,
-        // Only velocities need a certified residual. The next step corrects what a position correction leaves.
+        // A position correction without certified residual makes one pass. The next step corrects the errors that it leaves.
         _ if !system.certified => 1,
         _ => PASSES - 1,
     };

@@ -51,7 +51,7 @@ impl<R: Real> BoundedForce<R> {
     ///
     /// [`ActuatorForces::guess_active_bounds`]: crate::actuation::forces::ActuatorForces::guess_active_bounds
     #[inline(always)]
-    pub(super) fn guess_active_bound(&mut self, dynamics: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
+    pub(super) fn set_bound_for_guess(&mut self, dynamics: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
         let never = R::Mask::splat(false);
         (self.at_limit, self.on_curve, self.at_upper) = (never, never, never);
         let is_explicit = self.affine.1.eq(R::zero());
@@ -62,7 +62,7 @@ impl<R: Real> BoundedForce<R> {
     /// Updates the active bound (force limit or torque-speed curve) to that of a step with the mean acceleration `acceleration` of the
     /// actuator's length. Returns the lanes in which the active bound changed.
     #[inline(always)]
-    pub(super) fn update_active_bound(
+    pub(super) fn set_bound_at_acceleration(
         &mut self,
         dynamics: &CompiledActuatorDynamics<R::Scalar>,
         numbers: &ActuatorDynamics<R>,

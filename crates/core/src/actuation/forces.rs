@@ -240,7 +240,7 @@ impl<R: Real> ActuatorForces<R> {
         for &(_, dof, arm) in &actuator.moment {
             sum = sum.with(R::splat(arm), [inertia[dof], impulse[dof]], compiled.params.dof(dof).damping);
         }
-        if let Some(wrench) = &actuator.wrench {
+        if let Some(wrench) = &actuator.site_wrench {
             for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
                 sum = sum.with(arm, [inertia[dof], impulse[dof]], compiled.params.dof(dof).damping);
             }
@@ -290,7 +290,7 @@ impl<R: Real> ActuatorForces<R> {
             effective_inertia,
         );
         if self.active_bounds_unknown {
-            bounded_force.guess_active_bound(dynamics, numbers);
+            bounded_force.set_bound_for_guess(dynamics, numbers);
         }
         let (force, added_inertia) = bounded_force.force(numbers, weights);
         let max_added_inertia = bounded_force.max_added_inertia(numbers, weights);
@@ -334,7 +334,7 @@ impl<R: Real> ActuatorForces<R> {
         let (mut updated, mut changed, mut split) = (None, R::Mask::splat(false), self.unclamped[servo]);
         if let Some(dynamics) = &compiled.actuators[compiled.servos[servo].actuator].dynamics {
             let (mut bounded_force, numbers) = (self.bounded_forces[dynamics.index], &actuator_dynamics[dynamics.index]);
-            changed = bounded_force.update_active_bound(dynamics, numbers, weights, dv / h);
+            changed = bounded_force.set_bound_at_acceleration(dynamics, numbers, weights, dv / h);
             split = bounded_force.force(numbers, weights).into();
             updated = Some((dynamics.index, bounded_force));
         }
@@ -353,7 +353,7 @@ impl<R: Real> ActuatorForces<R> {
             for &(_, dof, arm) in &actuator.moment {
                 self.tau[dof] += R::splat(arm) * force;
             }
-            if let Some(wrench) = &actuator.wrench {
+            if let Some(wrench) = &actuator.site_wrench {
                 for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
                     self.tau[dof] += arm * force;
                 }
@@ -435,7 +435,7 @@ impl<R: Real> ActuatorForces<R> {
         actuator_dynamics: &[ActuatorDynamics<R>],
         implicit: ImplicitServos<R>,
     ) {
-        self.set_active_bounds(
+        self.set_bounds_by_trial(
             compiled,
             actuator_dynamics,
             implicit,
@@ -454,7 +454,7 @@ impl<R: Real> ActuatorForces<R> {
     ///
     /// If all servos are implicit, only changes of stiff servos count: stage 1 has clamped the others at the predicted velocity. If
     /// `may_change` is false, the assumed bounds stay, and the function only finds the lanes and the saturated actuators.
-    pub(crate) fn update_active_bounds(
+    pub(crate) fn set_bounds_at_velocity_change(
         &mut self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
@@ -465,7 +465,7 @@ impl<R: Real> ActuatorForces<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                self.set_active_bounds(
+                self.set_bounds_by_trial(
                     compiled,
                     actuator_dynamics,
                     implicit,
@@ -483,7 +483,7 @@ impl<R: Real> ActuatorForces<R> {
     /// The function sets active bounds only in lanes in which one changed, and returns these lanes. The first call in a step sets and
     /// returns all lanes.
     #[inline(always)]
-    fn set_active_bounds(
+    fn set_bounds_by_trial(
         &mut self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],

@@ -103,7 +103,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
             all.pipelines.push(pipeline);
         }
         all.tables = vec![vec![S::default(); all.pipelines.len() * PARAMETERS * lanes]; num_envs.div_ceil(lanes)];
-        all.assign(specs, &(0..num_envs).collect::<Vec<_>>(), h);
+        all.set_parameters(specs, &(0..num_envs).collect::<Vec<_>>(), h);
         all
     }
 
@@ -115,7 +115,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// Sets the parameters of the environments `envs` from `specs`. Each list has one value for all of `envs`, or one for each.
     ///
     /// Actuators without an entry keep their parameters. The stored values do not change.
-    pub fn assign(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize], h: f64) {
+    pub fn set_parameters(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize], h: f64) {
         let lanes = self.lanes;
         for pipeline in &mut self.pipelines {
             let Some(spec) = &specs[pipeline.actuator] else { continue };
@@ -144,8 +144,10 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`. The gains of a lagged continuous servo change
-    /// during a step. Those at its end are loaded, and [`Self::advance`] replaces them by their means.
+    /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`.
+    ///
+    /// A lag after a continuous servo passes on only a part of the servo's change of effort within a step, and so has smaller gains. The
+    /// loaded gains are those at the end of a step. [`Self::advance`] replaces them by their means over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
@@ -194,8 +196,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// Advances the pipelines at the beginning of a step, whose state is (q, v). Converts the user's controls `given` to the step's
     /// controls. Also sets the gains of lagged continuous servos to their means over the step.
     ///
-    /// If any control of a lane is not finite, the pipelines of the lane store nothing. The lane's outputs become NaN, so that its step is
-    /// rejected.
+    /// If any control of a lane is not finite, the delay lines of the lane repeat their last sample, and its other stored values stay. The
+    /// lane's outputs become NaN, so that its step is rejected.
     #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,

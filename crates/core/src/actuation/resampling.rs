@@ -1,20 +1,21 @@
-//! Resampling of the parameters of actuator dynamics, per environment.
+//! Resampling of the parameters of actuator models, per environment.
 //!
-//! A spec ([`ActuatorSpec`]) has the dynamics of one actuator as a sequence of stages, such as servo, lag and limits. The stages of a spec
-//! and the length of its delay line cannot change after compilation. The parameters of the stages can.
+//! A spec ([`ActuatorSpec`]) describes one actuator as a sequence of stages, such as servo, lag and limits. The stages of a spec and the
+//! length of its delay line cannot change after compilation. The parameters of the stages can.
 
 use crate::actuation::pipeline::any_nonzero;
 use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{ActuatorError, DeviceError, Model, label};
 
-/// Actuator dynamics of a simulation: specs as the user gave them, and per-environment specs.
+/// Actuator models of a simulation: specs as the user gave them, and per-environment specs.
 #[derive(Clone, Debug)]
 pub struct ActuatorModels {
-    /// Model with the effects of the actuator dynamics, such as armature and gears.
+    /// Model with the effects of the actuator models, such as armature and gears.
     pub model: Model,
     /// Actuator specs in the form that the simulation compiles, with the parameters taken from the model.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// Actuator specs as the user gave them, ideal ones where only the model has dynamics. `None` for actuators without dynamics.
+    /// Actuator specs as the user gave them, and ideal specs for actuators that have only a delay in the model. `None` for actuators
+    /// without an actuator model.
     made: Vec<Option<ActuatorSpec>>,
     /// Per-environment specs; `None` if all environments have the same parameters.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
@@ -32,9 +33,9 @@ pub struct ResampledActuators {
 }
 
 impl ActuatorModels {
-    /// Creates the actuator dynamics of a model; see [`ActuatorSpec::fold`].
+    /// Creates the actuator models of a simulation; see [`ActuatorSpec::fold`].
     ///
-    /// `given` has the spec of each actuator, or `None` for an actuator without dynamics. `h` is the time step, s.
+    /// `given` has the spec of each actuator, or `None` for an actuator without an actuator model. `h` is the time step, s.
     ///
     /// # Errors
     /// As [`ActuatorSpec::fold`].
@@ -56,7 +57,7 @@ impl ActuatorModels {
         drawn.iter_mut().flatten().flatten().flat_map(ActuatorSpec::numbers).map(|x| size_of_val(&x[..])).sum()
     }
 
-    /// Computes new parameters of actuator dynamics for the environments `envs`, and checks them. This object does not change.
+    /// Computes new parameters of actuator models for the environments `envs`, and checks them. This object does not change.
     ///
     /// `given` has one entry for every actuator; each list has one value, or one per environment. `None` as an entry leaves an actuator
     /// unchanged. `None` for `given` restores the original parameters.

@@ -20,7 +20,7 @@ impl<R: Real> ActuatorForces<R> {
             #[inline(always)]
             || {
                 for actuator in &compiled.actuators {
-                    let Some(wrench) = &actuator.wrench else { continue };
+                    let Some(wrench) = &actuator.site_wrench else { continue };
                     self.lengths[wrench.index] = place(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
                     if wrench.reference.is_some() {
                         let ahead = self.project(actuator, v) * time;
@@ -38,7 +38,7 @@ impl<R: Real> ActuatorForces<R> {
         for &(_, dof, arm) in &actuator.moment {
             sum += R::splat(arm) * x[dof];
         }
-        if let Some(wrench) = &actuator.wrench {
+        if let Some(wrench) = &actuator.site_wrench {
             for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
                 sum += arm * x[dof];
             }
@@ -49,7 +49,7 @@ impl<R: Real> ActuatorForces<R> {
     /// Length of an actuator at the configuration `q`, multiplied by its gear.
     #[inline(always)]
     pub(crate) fn length_of(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R]) -> R {
-        if let Some(wrench) = &actuator.wrench {
+        if let Some(wrench) = &actuator.site_wrench {
             return self.lengths[wrench.index];
         }
         let mut sum = R::zero();

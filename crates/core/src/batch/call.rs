@@ -6,7 +6,7 @@ use stepper_real::Scalar;
 
 use crate::actuation::ActuatorPipelines;
 use crate::batch::inputs::StepInputs;
-use crate::batch::randomization::ParameterOverrides;
+use crate::batch::parameter_overrides::ParameterOverrides;
 use crate::compile::CompiledModel;
 use crate::options::StepSettings;
 use crate::sensing::errors::Errors;

@@ -4,7 +4,7 @@ use stepper_real::Level;
 
 use crate::batch::call::{Call, Part, Schedule};
 use crate::batch::inputs::StepInputs;
-use crate::batch::randomization::ParameterOverrides;
+use crate::batch::parameter_overrides::ParameterOverrides;
 use crate::batch::state::Group;
 use crate::batch::worker::{GroupPosition, LaneScalar, WorkerSpec};
 use crate::compile::CompiledModel;

@@ -3,7 +3,8 @@
 use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::capacity::{bytes_per_env, check_memory};
 use crate::batch::environments::{Batch, compile, make_groups};
-use crate::batch::randomization::{Differences, ParameterOverrides};
+use crate::batch::parameter_overrides::ParameterOverrides;
+use crate::batch::randomization::Differences;
 use crate::batch::worker::LaneScalar;
 use crate::error::Error;
 use crate::model::Model;
@@ -87,12 +88,12 @@ impl<S: LaneScalar> Configuration for Batch<S> {
 
     fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]) {
         if let Some(pipelines) = &mut self.pipelines {
-            pipelines.assign(specs, envs, self.settings.timestep);
+            pipelines.set_parameters(specs, envs, self.settings.timestep);
         }
     }
 
     fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]) {
-        self.overrides.assign(&self.compiled.params, self.groups.len(), self.lanes, envs, differences);
+        self.overrides.store_differences(&self.compiled.params, self.groups.len(), self.lanes, envs, differences);
     }
 
     fn clear_overrides(&mut self) {

@@ -7,7 +7,7 @@ use crate::actuation::{ActuatorPipelines, ActuatorSpec};
 use crate::analysis::inverse_weights::inverse_weights;
 use crate::batch::capacity::{bytes_per_env, check_memory, contact_capacity};
 use crate::batch::inputs::Field;
-use crate::batch::randomization::ParameterOverrides;
+use crate::batch::parameter_overrides::ParameterOverrides;
 use crate::batch::state::{Group, StoredContact};
 use crate::batch::worker::{LaneScalar, WorkerSpec};
 use crate::batch::worker_pool::WorkerPool;
@@ -54,12 +54,11 @@ pub trait Environments {
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)>;
     /// Writes, for every sensor of the model, the number of clipped readings and of lost samples in the last call.
     fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
-    /// Writes, for every actuator, the number of steps of the last call in which its effort reached its bounds.
+    /// Writes, for every actuator, the number of steps of the last call that clamped its force.
     fn actuator_saturation(&self, env: usize, out: &mut [u32]);
     /// Constraint row with the largest residual in the last unsolved step of the last call; `None` if all steps were solved.
     fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow>;
-    /// Outputs of the actuator dynamics: controls after delay and lag, and the dynamics that act within a step. `None` if no actuator has
-    /// dynamics.
+    /// Controls after the actuator pipelines, and parameters of the actuator dynamics. `None` if no actuator has an actuator model.
     fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
     /// Begins a new episode: the next one of the present seed, or the first one of the seed `seed`.
     ///
@@ -67,7 +66,7 @@ pub trait Environments {
     fn begin_episode(&mut self, env: usize, seed: Option<u64>);
     /// Sets the index of the random stream from which the environment draws its random numbers.
     fn set_random_stream(&mut self, env: usize, stream: u32);
-    /// Clears the results of earlier steps: warm starts, contacts and outcome, and the memory of sensors and of actuator dynamics.
+    /// Clears the results of earlier steps: warm starts, contacts and outcome, and the memory of sensors and of actuator pipelines.
     fn clear_memory(&mut self, env: usize);
     /// Marks the state as set by the user: sensors of accelerations and forces then ignore the results of the last step. No memory is
     /// cleared.
@@ -151,7 +150,7 @@ impl<S: LaneScalar> Batch<S> {
     }
 }
 
-/// Compiles the model for the step settings, with actuator dynamics if `specs` has any.
+/// Compiles the model for the step settings, with the actuator models in `specs`.
 pub(super) fn compile<S: LaneScalar>(model: &Model, specs: &[Option<ActuatorSpec>], settings: &StepSettings) -> CompiledModel<S> {
     let mut compiled = CompiledModel::with_actuator_specs(model, specs);
     if settings.contact == ContactLaw::Mujoco {
@@ -283,7 +282,7 @@ impl<S: LaneScalar> Environments for Batch<S> {
     }
 
     fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]) {
-        // With actuator dynamics, the first step determines the controls that sensors read.
+        // With actuator pipelines, the first step determines the controls that sensors read.
         if self.pipelines.is_none() {
             let (group, lane) = self.lane_mut(env);
             let lanes = group.lanes;

@@ -8,6 +8,7 @@ pub mod engine;
 pub mod environments;
 mod exchange;
 pub mod inputs;
+pub mod parameter_overrides;
 pub mod randomization;
 mod ray_calls;
 pub mod ray_query;

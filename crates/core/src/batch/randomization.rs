@@ -1,13 +1,13 @@
 //! Randomization: parameters that differ between environments.
 //!
 //! Two types store them. [`Randomization`] has the fields of the model that the user set, for example `geom_friction`.
-//! [`ParameterOverrides`] has the parameters of the compiled model that differ as a result, for example the friction of a pair. To get from
-//! the fields to the overrides, [`Randomization::differences`] makes a variant of the model for each environment, and computes its
-//! parameters. A step reads only the overrides.
+//! [`ParameterOverrides`] has the parameters of the compiled model that differ as a result, for example the friction of a pair.
+//! [`Randomization::differences`] computes them from the fields: it makes a variant of the model for each environment. A step reads only
+//! the overrides.
+//!
+//! [`ParameterOverrides`]: crate::batch::parameter_overrides::ParameterOverrides
 
 use std::collections::BTreeMap;
-
-use stepper_real::Scalar;
 
 use crate::compile::{LaneModel, Params};
 use crate::model::{Model, ModelError, Variants};
@@ -77,7 +77,7 @@ impl Randomization {
     }
 
     /// Stores the fields `assigned` for the environments `envs`.
-    pub fn assign(&mut self, model: &Model, num_envs: usize, assigned: &[Assignment<'_>], envs: &[usize]) {
+    pub fn store_fields(&mut self, model: &Model, num_envs: usize, assigned: &[Assignment<'_>], envs: &[usize]) {
         for &(name, values) in assigned {
             if values.is_none() && envs.len() == num_envs {
                 self.fields.remove(name);
@@ -107,58 +107,4 @@ fn row(all: &[f64], env: usize, width: usize) -> &[f64] {
 fn differ(changed: &Params<f64>, shared: &Params<f64>) -> Differences {
     let both = (0..).zip(changed.numbers().iter().zip(shared.numbers()));
     both.filter(|(_, (changed, shared))| changed.to_bits() != shared.to_bits()).map(|(index, (&changed, _))| (index, changed)).collect()
-}
-
-/// Per-environment parameters of the compiled model: their indices, and their values for every lane of every group of environments.
-#[derive(Clone, Debug, Default)]
-pub struct ParameterOverrides<S> {
-    /// Indices of the overridden parameters in [`Params`], ascending. All groups have the same indices.
-    pub indices: Vec<u32>,
-    /// Values of the overridden parameters, for every group (parameters, lanes). Empty without overrides.
-    pub numbers: Vec<Vec<S>>,
-}
-
-impl<S: Scalar> ParameterOverrides<S> {
-    /// Replaces the overrides of the environments `envs` by `differences`. `groups` is the number of groups, and `lanes` the number of
-    /// lanes of each.
-    pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
-        self.add_indices(shared, groups, lanes, differences);
-        if self.indices.is_empty() {
-            return;
-        }
-        for (&env, differences) in envs.iter().zip(differences) {
-            let (numbers, lane) = (&mut self.numbers[env / lanes], env % lanes);
-            let mut rest = differences.iter().peekable();
-            for (k, &index) in self.indices.iter().enumerate() {
-                let difference = rest.next_if(|(at, _)| *at == index);
-                numbers[k * lanes + lane] = difference.map_or(shared.numbers()[index as usize], |&(_, x)| S::from_f64(x));
-            }
-        }
-    }
-
-    /// Begins to override the parameters of `differences` that are not overridden yet. At first they have the shared value in all
-    /// environments.
-    fn add_indices(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
-        let mut indices: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.indices.iter().copied()).collect();
-        indices.sort_unstable();
-        indices.dedup();
-        if indices == self.indices {
-            return;
-        }
-        let old = std::mem::replace(self, Self { indices, numbers: Vec::new() });
-        let from: Vec<Option<usize>> = self.indices.iter().map(|index| old.indices.binary_search(index).ok()).collect();
-        let moved = |g: usize| {
-            let row = |(&index, from): (&u32, &Option<usize>)| match from {
-                Some(k) => old.numbers[g][k * lanes..(k + 1) * lanes].to_vec(),
-                None => vec![shared.numbers()[index as usize]; lanes],
-            };
-            self.indices.iter().zip(&from).flat_map(row).collect()
-        };
-        self.numbers = (0..groups).map(moved).collect();
-    }
-
-    /// Memory of the overrides, bytes.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.indices[..]) + self.numbers.iter().map(|n| size_of_val(&n[..])).sum::<usize>()
-    }
 }

@@ -460,7 +460,7 @@ fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.depth[..R::LANES].fill(R::Scalar::default());
     group.overshoot[..R::LANES].fill(R::Scalar::default());
     group.equality_violation[..R::LANES].fill(R::Scalar::default());
-    // In the C library, a masked store to an empty array takes a hundred times as long as to a short one.
+    // `fill` calls `memset` of the C library, which takes a hundred times as long for an empty slice as for a short one.
     if !group.saturated.is_empty() {
         group.saturated.fill(0);
     }

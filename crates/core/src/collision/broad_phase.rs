@@ -39,7 +39,7 @@ pub(crate) struct Broad {
     /// Indices of the balls that are too large for the cells.
     without_cell: Vec<u32>,
     /// Pairs of members whose balls overlap, each with its lane, as one integer.
-    found: Vec<u64>,
+    found_pairs: Vec<u64>,
     /// Dynamic pairs that can touch, ascending: index of the pair in the compiled model, and lanes (bits) in which it can touch.
     pub(crate) pairs: Vec<(u32, u32)>,
 }
@@ -58,7 +58,7 @@ impl Broad {
         displacement: &[R],
         slack: R,
     ) {
-        self.found.clear();
+        self.found_pairs.clear();
         for lane in (0..R::LANES).filter(|l| alive >> l & 1 == 1) {
             self.balls.clear();
             self.balls.extend(dynamic_pairs.moving.iter().map(|&i| {
@@ -75,9 +75,9 @@ impl Broad {
             self.visit_neighbours(lane as u64);
             self.visit_without_cell(lane as u64);
         }
-        self.found.sort_unstable();
+        self.found_pairs.sort_unstable();
         let number = |pair: u64| dynamic_pairs.number((pair >> 32) as usize, pair as u32 as usize) as u32;
-        merge_lanes(&self.found, number, &mut self.pairs);
+        merge_lanes(&self.found_pairs, number, &mut self.pairs);
     }
 
     /// Sorts the balls into cells.
@@ -112,13 +112,13 @@ impl Broad {
                     *start += 1;
                 }
                 let from = *start;
-                visit(&self.balls, &self.cells, &mut self.found, a, from, first + 2, lane);
+                visit(&self.balls, &self.cells, &mut self.found_pairs, a, from, first + 2, lane);
             }
         }
     }
 
     fn visit_run(&mut self, a: u32, from: usize, last: u64, lane: u64) {
-        visit(&self.balls, &self.cells, &mut self.found, a, from, last, lane);
+        visit(&self.balls, &self.cells, &mut self.found_pairs, a, from, last, lane);
     }
 
     /// Tests each ball that has no cell against all others.
@@ -126,7 +126,7 @@ impl Broad {
         for (k, &a) in self.without_cell.iter().enumerate() {
             let rest = self.cells.iter().map(|c| c.1).chain(self.without_cell[k + 1..].iter().copied());
             for b in rest {
-                offer(&self.balls, &mut self.found, a, b, lane);
+                offer(&self.balls, &mut self.found_pairs, a, b, lane);
             }
         }
     }

@@ -11,8 +11,7 @@ use crate::math::spatial::*;
 /// nearby states of a finite difference, tangents change far less.
 const TANGENT_JUMP: f64 = 1e-2;
 
-/// Error of a normal force, as a fraction of the body's weight, that [`Contacts::close_rounded_gaps`] tolerates. If a gap of one rounding
-/// error can cause a larger force error, the function also closes gaps that come from the rounding of joint angles.
+/// Largest error of a normal force by rounded gaps, as a fraction of the body's weight, that [`Contacts::close_rounded_gaps`] tolerates.
 const FORCE_ERROR: f64 = 0.01;
 
 /// Identity of a contact from step to step: index of its pair in the compiled model (high 32 bits) and feature of the pair (low 32 bits).

@@ -41,7 +41,8 @@ pub struct CollisionWorkspace<R: Real> {
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
     /// Packed pairs: near pairs of a ball or capsule with a box, of which several share a SIMD register.
     pub(crate) packed: PackedPairs<R::Scalar>,
-    pub(crate) search: Search,
+    /// Workspace of the narrow phase.
+    pub(crate) narrow_phase: NarrowWorkspace,
     pub(crate) reduction: ContactReduction,
 }
 
@@ -64,46 +65,48 @@ pub(crate) struct GeomPoses<R: Real> {
     pub(crate) pos: Vec<V3<R>>,
     /// Orientation matrix of each geom. For geoms of which only the axis is used (balls, capsules, planes), only the z axis is current.
     pub(crate) mat: Vec<M3<R>>,
-    /// Upper bound of the displacement of any point of each geom during two time steps at the free velocity, m.
-    pub(crate) travel: Vec<R>,
-    /// Upper bound of the displacement of any point of each geom during [`Scene::displacement_time`], m.
-    pub(crate) displacement: Vec<R>,
+    /// Upper bound of the displacement of any point of each geom during two time steps at the free velocity, m. The searches for contacts
+    /// use it.
+    pub(crate) search_displacement: Vec<R>,
+    /// Upper bound of the displacement of any point of each geom during [`Scene::passing_time`], m. The tests whether geoms passed through
+    /// each other use it.
+    pub(crate) passing_displacement: Vec<R>,
     /// For each geom, whether it moves within the step by more than half of its inscribed radius, in any lane. The inscribed radius is half
     /// of the geom's least width. The tunnelling check sets it.
     pub(crate) moved_far: Vec<bool>,
-    /// Spatial velocity of each link from which `displacement` is computed.
-    pub(crate) displacing_velocity: Vec<V6<R>>,
+    /// Spatial velocity of each link from which `passing_displacement` is computed.
+    pub(crate) passing_velocity: Vec<V6<R>>,
     /// Bounding ball of each geom over two time steps: centre in world axes and radius, m. For a plane, the radius is the bound of its
     /// displacement.
     pub(crate) balls: Vec<[R; 4]>,
-    /// Spatial velocity of each link from which `travel` is computed: the free velocity of the step.
-    pub(crate) velocity: Vec<V6<R>>,
+    /// Spatial velocity of each link from which `search_displacement` is computed: the free velocity of the step.
+    pub(crate) search_velocity: Vec<V6<R>>,
 }
 
 /// Workspace of the narrow phase, with the separating planes of the last step and of this one.
 #[derive(Clone, Debug)]
-pub(crate) struct Search {
+pub(crate) struct NarrowWorkspace {
     pub(crate) narrow: Narrow,
     /// Separating planes that the last step stored. The searches of this step start from them.
-    pub(crate) known: SeparationCache,
+    pub(crate) last_planes: SeparationCache,
     /// Separating planes that this step stores for the next step.
-    pub(crate) found: SeparationCache,
+    pub(crate) new_planes: SeparationCache,
 }
 
-impl Search {
+impl NarrowWorkspace {
     /// Workspace for a compiled model and `lanes` lanes.
     pub(crate) fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
         Self {
             narrow: Narrow::for_solids(compiled.geoms.iter().filter_map(|g| g.solid.as_ref())),
-            known: SeparationCache::new(compiled, lanes),
-            found: SeparationCache::new(compiled, lanes),
+            last_planes: SeparationCache::new(compiled, lanes),
+            new_planes: SeparationCache::new(compiled, lanes),
         }
     }
 
-    /// Begins a step: exchanges the two lists, so that the planes that the last step stored in `found` are now in `known`.
+    /// Begins a step: exchanges the two lists, so that the planes that the last step stored in `new_planes` are now in `last_planes`.
     pub(crate) fn begin_step(&mut self) {
-        if !self.known.is_empty() {
-            std::mem::swap(&mut self.known, &mut self.found);
+        if !self.last_planes.is_empty() {
+            std::mem::swap(&mut self.last_planes, &mut self.new_planes);
         }
     }
 }
@@ -123,7 +126,7 @@ impl<R: Real> CollisionWorkspace<R> {
             dynamic: vec![],
             packed: PackedPairs::default(),
             reduction: ContactReduction::default(),
-            search: Search::new(compiled, R::LANES),
+            narrow_phase: NarrowWorkspace::new(compiled, R::LANES),
         };
         workspace.update_static_poses(compiled);
         workspace
@@ -132,13 +135,13 @@ impl<R: Real> CollisionWorkspace<R> {
     /// Swaps the separating planes of the workspace with those in the state of a group, before and after the group's steps.
     pub(crate) fn swap_separation_cache(&mut self, separation_cache: &mut SeparationCache) {
         if !separation_cache.is_empty() {
-            std::mem::swap(&mut self.search.found, separation_cache);
+            std::mem::swap(&mut self.narrow_phase.new_planes, separation_cache);
         }
     }
 
     /// Begins a step: the separating planes that the last step found become the start of this step's searches.
     pub(crate) fn begin_step(&mut self) {
-        self.search.begin_step();
+        self.narrow_phase.begin_step();
     }
 
     /// Updates the poses of geoms that are fixed to the world, which may differ between environments.
@@ -151,14 +154,14 @@ impl<R: Real> CollisionWorkspace<R> {
 
     /// Finds the static pairs (a moving geom and one fixed to the world) whose bounding boxes overlap in any of the lanes `alive`.
     ///
-    /// `travel` returns the upper bound of the displacement of every geom, m. If `checks_passing` is set, geoms that may have passed
+    /// `displacements` returns the upper bound of the displacement of every geom, m. If `checks_passing` is set, geoms that may have passed
     /// through a static geom get more pairs: all those with overlapping bounding balls.
     pub(crate) fn find_static(
         &mut self,
         compiled: &LaneModel<R>,
         alive: R::Mask,
         checks_passing: bool,
-        travel: impl Fn(&GeomPoses<R>) -> &[R],
+        displacements: impl Fn(&GeomPoses<R>) -> &[R],
     ) {
         if !compiled.static_pairs.is_empty() {
             let Self { poses, statics, slack, may_tunnel, .. } = self;
@@ -168,12 +171,12 @@ impl<R: Real> CollisionWorkspace<R> {
                     #[inline(always)]
                     || {
                         for m in &compiled.static_pairs.moving {
-                            may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, poses.displacement[m.geom]).and(alive).any();
+                            may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, poses.passing_displacement[m.geom]).and(alive).any();
                         }
                     },
                 );
             }
-            statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (travel(poses)[g] + *slack, may_tunnel[g]));
+            statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (displacements(poses)[g] + *slack, may_tunnel[g]));
             // For those geoms the search returned a superset of the pairs, so that each listed pair is tested here.
             if checks_passing {
                 statics.pairs.retain_mut(|(number, lanes)| {
@@ -195,11 +198,11 @@ impl<R: Real> CollisionWorkspace<R> {
     /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in the workspace of the broad phase. They
     /// include those from [`CollisionWorkspace::find_static`].
     ///
-    /// `travel` returns the upper bound of the displacement of every geom, m.
-    pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, travel: impl Fn(&GeomPoses<R>) -> &[R]) {
+    /// `displacements` returns the upper bound of the displacement of every geom, m.
+    pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, displacements: impl Fn(&GeomPoses<R>) -> &[R]) {
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             let Self { poses, slack, broad, statics, .. } = self;
-            broad.find(compiled, dynamic_pairs, alive.bits(), &poses.pos, travel(poses), *slack);
+            broad.find(compiled, dynamic_pairs, alive.bits(), &poses.pos, displacements(poses), *slack);
             broad.add(statics.dynamic_pairs(compiled.pairs.len()));
         }
     }
@@ -236,12 +239,12 @@ impl<R: Real> GeomPoses<R> {
         Self {
             pos: (0..compiled.geoms.len()).map(|g| compiled.params.geom_pos(g)).collect(),
             mat: compiled.geoms.iter().map(|g| splat(g.mat)).collect(),
-            travel: zeros(),
-            displacement: zeros(),
+            search_displacement: zeros(),
+            passing_displacement: zeros(),
             moved_far: vec![false; compiled.geoms.len()],
-            displacing_velocity: vec![zero(); compiled.links.len()],
+            passing_velocity: vec![zero(); compiled.links.len()],
             balls: vec![zero(); compiled.geoms.len()],
-            velocity: vec![zero(); compiled.links.len()],
+            search_velocity: vec![zero(); compiled.links.len()],
         }
     }
 
@@ -263,12 +266,12 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Updates the bounding balls for motion at the generalized velocity `v` during `time` seconds. Also updates `travel` and the
-    /// velocities of the links.
+    /// Updates the bounding balls for motion at the generalized velocity `v` during `time` seconds. Also updates `search_displacement` and
+    /// `search_velocity`.
     #[inline(always)]
-    pub(crate) fn update_travel(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
-        kinematics.velocities(compiled, v, &mut self.velocity);
-        displacement_bounds(compiled, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
+    pub(crate) fn update_search_displacement(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        kinematics.velocities(compiled, v, &mut self.search_velocity);
+        displacement_bounds(compiled, kinematics, &self.pos, &self.search_velocity, time, &mut self.search_displacement);
         for &i in &compiled.moving_geoms {
             self.update_ball(compiled, i);
         }
@@ -277,8 +280,8 @@ impl<R: Real> GeomPoses<R> {
     /// Updates the bounding ball of geom `i` from its position and the bound of its displacement.
     #[inline(always)]
     fn update_ball(&mut self, compiled: &LaneModel<R>, i: usize) {
-        let travel = self.travel[i];
-        let radius = if compiled.geoms[i].is_plane { travel } else { travel + compiled.params.bounding_radius(i) };
+        let displacement = self.search_displacement[i];
+        let radius = if compiled.geoms[i].is_plane { displacement } else { displacement + compiled.params.bounding_radius(i) };
         let [x, y, z] = self.pos[i];
         self.balls[i] = [x, y, z, radius];
     }
@@ -297,12 +300,12 @@ impl<R: Real> GeomPoses<R> {
         self.update_ball(compiled, i);
     }
 
-    /// Updates `displacement` and `displacing_velocity`, for motion at the generalized velocity `v` during `time` seconds. The stored poses
-    /// are at the beginning or at the end of this time.
+    /// Updates `passing_displacement` and `passing_velocity`, for motion at the generalized velocity `v` during `time` seconds. The stored
+    /// poses are at the beginning or at the end of this time.
     #[inline(always)]
-    pub(crate) fn update_displacement(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
-        kinematics.velocities(compiled, v, &mut self.displacing_velocity);
-        displacement_bounds(compiled, kinematics, &self.pos, &self.displacing_velocity, time, &mut self.displacement);
+    pub(crate) fn update_passing_displacement(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        kinematics.velocities(compiled, v, &mut self.passing_velocity);
+        displacement_bounds(compiled, kinematics, &self.pos, &self.passing_velocity, time, &mut self.passing_displacement);
     }
 }
 
@@ -348,10 +351,10 @@ pub(crate) struct Scene<'a, R: Real> {
     pub(crate) h: R,
     /// Distance by which every search distance is increased, m ([`slack`]).
     pub(crate) slack: R,
-    /// Duration of the motion that `poses.displacement` bounds, s: in stage 3 the time since the beginning of the step, in the tunnelling
-    /// check the whole step.
-    pub(crate) displacement_time: R,
-    /// Whether to find the lanes in which geoms may have passed each other within `displacement_time`.
+    /// Duration of the motion that `poses.passing_displacement` bounds, s: in stage 3 the time since the beginning of the step, in the
+    /// tunnelling check the whole step.
+    pub(crate) passing_time: R,
+    /// Whether to find the lanes in which geoms may have passed each other within `passing_time`.
     pub(crate) checks_passing: bool,
 }
 
@@ -367,13 +370,17 @@ impl<R: Real> Scene<'_, R> {
         pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
         packed: &mut PackedPairs<R::Scalar>,
-        search: &mut Search,
+        workspace: &mut NarrowWorkspace,
         contacts: &mut Contacts<R>,
     ) -> R::Mask {
         if !self.take_packed(index, pair, near, packed, contacts) {
-            self.test_pair(index, pair, near, search, contacts);
+            self.test_pair(index, pair, near, workspace, contacts);
         }
-        if self.checks_passing { self.may_have_tunnelled(index, pair, near, &mut search.narrow, contacts) } else { R::Mask::splat(false) }
+        if self.checks_passing {
+            self.may_have_tunnelled(index, pair, near, &mut workspace.narrow, contacts)
+        } else {
+            R::Mask::splat(false)
+        }
     }
 
     /// Lanes in which the two geoms of a dynamic pair can touch within two steps, by their bounding balls.
@@ -401,7 +408,7 @@ impl<R: Real> Scene<'_, R> {
     ) -> R::Mask {
         let [a, b] = pair.geoms;
         let distance = self.compiled.tunnelling_distance(pair.geoms);
-        let far = near.and((self.poses.displacement[a] + self.poses.displacement[b]).gt(distance));
+        let far = near.and((self.poses.passing_displacement[a] + self.poses.passing_displacement[b]).gt(distance));
         if far.none() {
             return far;
         }
@@ -427,23 +434,23 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Upper bound of the displacement of any point of geom `b` relative to geom `a` during `displacement_time`, m. Neither geom may be a
+    /// Upper bound of the displacement of any point of geom `b` relative to geom `a` during `passing_time`, m. Neither geom may be a
     /// plane, whose displacement has no bound.
     #[inline(always)]
     pub(crate) fn relative_displacement(&self, a: usize, b: usize) -> R {
         let (motion_of_b, motion_of_a) = (
-            self.motion_at(&self.poses.displacing_velocity, b, self.poses.pos[b]),
-            self.motion_at(&self.poses.displacing_velocity, a, self.poses.pos[b]),
+            self.motion_at(&self.poses.passing_velocity, b, self.poses.pos[b]),
+            self.motion_at(&self.poses.passing_velocity, a, self.poses.pos[b]),
         );
         let spin = norm(sub(motion_of_b[0], motion_of_a[0]));
-        (norm(sub(motion_of_b[1], motion_of_a[1])) + spin * self.compiled.params.bounding_radius(b)) * self.displacement_time
+        (norm(sub(motion_of_b[1], motion_of_a[1])) + spin * self.compiled.params.bounding_radius(b)) * self.passing_time
     }
 
     /// Velocity of geom `b` relative to geom `a` at the free velocity of the step, world axes: angular, rad/s, and linear at the point `p`,
     /// m/s.
     #[inline(always)]
     pub(crate) fn relative_motion(&self, [a, b]: [usize; 2], p: V3<R>) -> [V3<R>; 2] {
-        let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, p), self.motion_at(&self.poses.velocity, b, p));
+        let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.search_velocity, a, p), self.motion_at(&self.poses.search_velocity, b, p));
         [sub(wb, wa), sub(vb, va)]
     }
 

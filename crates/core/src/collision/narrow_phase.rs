@@ -11,7 +11,7 @@ use stepper_geometry::{Approach, BoundingBox, Pose, SearchLimits, SeparatingPlan
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::{ContactId, Contacts};
-use crate::collision::detection::{Scene, Search};
+use crate::collision::detection::{NarrowWorkspace, Scene};
 use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -26,7 +26,7 @@ impl<R: Real> Scene<'_, R> {
         index: usize,
         pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
-        search: &mut Search,
+        workspace: &mut NarrowWorkspace,
         contacts: &mut Contacts<R>,
     ) {
         R::vectorize(
@@ -42,7 +42,7 @@ impl<R: Real> Scene<'_, R> {
                 Kernel::SphereEllipsoid => self.sphere_ellipsoid(index, pair, near, contacts),
                 Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
                 Kernel::Segments => self.segments(index, pair, near, contacts),
-                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, search, contacts),
+                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, workspace, contacts),
             },
         )
     }
@@ -87,7 +87,7 @@ impl<R: Real> Scene<'_, R> {
         let links = 1..=self.compiled.links.len();
         // Change of the normal within the step, as seen from the rotating cylinder. It selects the points of the rim that come down.
         let normal_change =
-            if links.contains(&frame) { scale(cross(normal, angular(&self.poses.velocity[frame - 1])), self.h) } else { zero() };
+            if links.contains(&frame) { scale(cross(normal, angular(&self.poses.search_velocity[frame - 1])), self.h) } else { zero() };
         for (k, &rim) in cylinder_rims(normal, normal_change, &self.cylinder(b)).iter().enumerate() {
             let point = plane_point(self.poses.pos[a], normal, rim);
             self.offer(index, k as u32, pair, near, point, contacts);
@@ -174,14 +174,21 @@ impl<R: Real> Scene<'_, R> {
     /// Finds the contacts of two solids in the lanes `near`, one lane after the other, in f64. A lane's result does not depend on other
     /// lanes.
     #[inline(always)]
-    fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, mut near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
+    fn convex(
+        &self,
+        index: usize,
+        pair: &CompiledPair<R::Scalar>,
+        mut near: R::Mask,
+        workspace: &mut NarrowWorkspace,
+        contacts: &mut Contacts<R>,
+    ) {
         let [a, b] = pair.geoms;
         // Lanes are excluded by cheap tests first: height above a surface of triangles, bounding boxes, separating planes of the last step.
         let (ground, margin) = (self.surface_and_shape(pair), R::splat(pair.margin));
         if let Some((surface, geoms)) = ground {
             near = self.may_meet_surface(surface, geoms, margin, near);
         }
-        let reach = margin + self.poses.travel[a] + self.poses.travel[b] + self.slack;
+        let reach = margin + self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack;
         near = near.and_not(self.boxes_are_beyond(pair, reach));
         if near.none() {
             return;
@@ -192,22 +199,22 @@ impl<R: Real> Scene<'_, R> {
         );
         if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
             let moving = self.approach(pair, reach);
-            near = near.and_not(self.are_separated(index, pair, near, &moving, size, search));
+            near = near.and_not(self.are_separated(index, pair, near, &moving, size, workspace));
             approach = Some(moving);
         }
         for lane in each_of(near.bits()) {
             let poses = [self.pose(a, lane), self.pose(b, lane)];
             let (first, second) = (self.solid_in(a, lane), self.solid_in(b, lane));
-            let Search { narrow, known, found } = &mut *search;
+            let NarrowWorkspace { narrow, last_planes, new_planes } = &mut *workspace;
             let mut limits = SearchLimits::from(reach.lane(lane).to_f64());
             limits.epsilon = R::Scalar::EPSILON.to_f64();
-            limits.cached = known.of(lane, index).map(SeparatingPlane::cached_normal);
+            limits.cached = last_planes.of(lane, index).map(SeparatingPlane::cached_normal);
             if let Some(moving) = &approach {
                 limits.approach = Some(moving.lane(lane));
             }
             let (points, separating_plane) = narrow.collide([&first, &second], poses, limits);
             if let Some(separating_plane) = separating_plane {
-                found.keep(lane, index, &separating_plane);
+                new_planes.keep(lane, index, &separating_plane);
             }
             for p in points {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
@@ -261,21 +268,21 @@ impl<R: Real> Scene<'_, R> {
         near: R::Mask,
         approach: &Approach<R>,
         size: f64,
-        search: &mut Search,
+        workspace: &mut NarrowWorkspace,
     ) -> R::Mask {
         let [a, b] = pair.geoms;
-        let Search { known, found, .. } = search;
+        let NarrowWorkspace { last_planes, new_planes, .. } = workspace;
         let mut planes = SeparatingPlanes::none();
         for lane in each_of(near.bits()) {
-            if let Some(separating_plane) = known.of(lane, index) {
+            if let Some(separating_plane) = last_planes.of(lane, index) {
                 planes.set_lane(lane, separating_plane);
             }
         }
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let separated = near.and(planes.separated_lanes(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
         for lane in each_of(separated.bits()) {
-            if let Some(separating_plane) = known.of(lane, index) {
-                found.keep(lane, index, separating_plane);
+            if let Some(separating_plane) = last_planes.of(lane, index) {
+                new_planes.keep(lane, index, separating_plane);
             }
         }
         separated
@@ -354,10 +361,9 @@ impl<R: Real> Scene<'_, R> {
             #[inline(always)]
             || {
                 point.distance -= R::splat(pair.margin);
-                // `travel` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch, and needs no
-                // exact test.
+                // `search_displacement` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch.
                 let [a, b] = pair.geoms;
-                let near = near.and(point.distance.lt(self.poses.travel[a] + self.poses.travel[b] + self.slack));
+                let near = near.and(point.distance.lt(self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack));
                 if near.none() {
                     return;
                 }

@@ -42,9 +42,9 @@ pub(super) struct Found<S> {
 #[derive(Clone, Debug)]
 pub(super) struct Queue<S> {
     pub(super) items: Vec<Item<S>>,
-    pub(super) found: Vec<Found<S>>,
-    /// Number of points of `found` that [`Scene::take_packed`](crate::collision::detection::Scene::take_packed) has already added to the
-    /// contacts.
+    pub(super) found_points: Vec<Found<S>>,
+    /// Number of points of `found_points` that [`Scene::take_packed`](crate::collision::detection::Scene::take_packed) has already added to
+    /// the contacts.
     pub(super) taken: usize,
 }
 
@@ -57,7 +57,7 @@ pub(crate) struct PackedPairs<S> {
 
 impl<S> Default for PackedPairs<S> {
     fn default() -> Self {
-        let queue = || Queue { items: vec![], found: vec![], taken: 0 };
+        let queue = || Queue { items: vec![], found_points: vec![], taken: 0 };
         Self { balls: queue(), capsules: queue() }
     }
 }
@@ -67,7 +67,7 @@ impl<S: Scalar> PackedPairs<S> {
     pub(crate) fn clear(&mut self) {
         for queue in [&mut self.balls, &mut self.capsules] {
             queue.items.clear();
-            queue.found.clear();
+            queue.found_points.clear();
             queue.taken = 0;
         }
     }

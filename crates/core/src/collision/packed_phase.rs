@@ -17,7 +17,7 @@ impl<R: Real> Scene<'_, R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let Queue { items, found, .. } = &mut packed.balls;
+                let Queue { items, found_points: found, .. } = &mut packed.balls;
                 for items in items.chunks(R::LANES) {
                     let [radius] = gather(
                         items,
@@ -33,7 +33,7 @@ impl<R: Real> Scene<'_, R> {
                     let point = sphere_box(centre, radius, &cuboid);
                     self.keep(items, &[point], [R::Mask::splat(true)], face_clearance(centre, &cuboid), found);
                 }
-                let Queue { items, found, .. } = &mut packed.capsules;
+                let Queue { items, found_points: found, .. } = &mut packed.capsules;
                 for items in items.chunks(R::LANES) {
                     let [radius, half_length] = gather(
                         items,
@@ -73,8 +73,8 @@ impl<R: Real> Scene<'_, R> {
     ) -> bool {
         let Some(queue) = packed.queue::<R>(pair.kernel, near.bits()) else { return false };
         let first = queue.taken;
-        queue.taken += queue.found[first..].iter().take_while(|found| found.index == index).count();
-        let own = &queue.found[first..queue.taken];
+        queue.taken += queue.found_points[first..].iter().take_while(|found| found.index == index).count();
+        let own = &queue.found_points[first..queue.taken];
         for feature in 0..2 {
             let (mut lanes, mut clearance) = (0, R::zero());
             let mut point = ContactPoint { distance: R::zero(), pos: zero(), normal: zero() };
@@ -137,7 +137,7 @@ impl<R: Real> Scene<'_, R> {
             #[inline(always)]
             |item| {
                 let [a, b] = item.geoms;
-                [self.poses.travel[a] + self.poses.travel[b] + self.slack]
+                [self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack]
             },
         );
         let mut near = [0; N];

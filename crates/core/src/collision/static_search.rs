@@ -28,7 +28,7 @@ pub(crate) struct StaticSearch<R: Real> {
     /// Bounding boxes of the moving geoms: for every lane and each of the six coordinates, a row with one number per geom.
     boxes: Vec<R::Scalar>,
     /// Found pairs of the present search, each with a lane, as [`with_lane`] combines them.
-    found: Vec<u64>,
+    found_pairs: Vec<u64>,
     /// Largest bounding radius of the static geoms, m.
     largest: R::Scalar,
     /// Smallest inscribed radius of the static geoms, m.
@@ -50,7 +50,7 @@ impl<R: Real> StaticSearch<R> {
             nodes: vec![[zero; 6]; nodes.len()],
             groups: vec![[R::zero(); 6]; groups.len()],
             boxes: vec![zero; R::LANES * 6 * Self::row(&compiled.static_pairs)],
-            found: Vec::with_capacity(capacity),
+            found_pairs: Vec::with_capacity(capacity),
             largest: zero,
             thinnest: zero,
             pairs: Vec::with_capacity(capacity),
@@ -92,13 +92,20 @@ impl<R: Real> StaticSearch<R> {
 
     /// Finds the static pairs whose boxes overlap in the lanes `alive` (bits), and stores them in `pairs`.
     ///
-    /// For each geom, `travel` returns the upper bound of its displacement, m, and whether to find all pairs whose bounding balls overlap.
-    pub(crate) fn find(&mut self, compiled: &LaneModel<R>, alive: u32, poses: (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
-        self.found.clear();
+    /// For each geom, `displacement` returns the upper bound of its displacement, m, and whether to find all pairs whose bounding balls
+    /// overlap.
+    pub(crate) fn find(
+        &mut self,
+        compiled: &LaneModel<R>,
+        alive: u32,
+        poses: (&[V3<R>], &[M3<R>]),
+        displacement: impl Fn(usize) -> (R, bool),
+    ) {
+        self.found_pairs.clear();
         R::vectorize(
             #[inline(always)]
             || {
-                self.update_boxes(compiled, poses, travel);
+                self.update_boxes(compiled, poses, displacement);
                 for lane in each_of(alive) {
                     for group in 0..self.groups.len() {
                         self.visit_tree(&compiled.static_pairs, group, lane);
@@ -106,21 +113,23 @@ impl<R: Real> StaticSearch<R> {
                 }
             },
         );
-        self.found.sort_unstable();
-        merge_lanes(&self.found, |number| number as u32, &mut self.pairs);
+        self.found_pairs.sort_unstable();
+        merge_lanes(&self.found_pairs, |number| number as u32, &mut self.pairs);
     }
 
-    /// Updates the boxes of the moving geoms and of each group of moving geoms. For each geom, `travel` returns the upper bound of its
-    /// displacement, m, and whether to enlarge its box so that it meets each static geom whose bounding ball overlaps its own.
+    /// Updates the boxes of the moving geoms and of each group of moving geoms.
+    ///
+    /// For each geom, `displacement` returns the upper bound of its displacement, m, and whether to enlarge its box so that it meets each
+    /// static geom whose bounding ball overlaps its own.
     #[inline(always)]
-    fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
+    fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), displacement: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;
         let row = Self::row(&compiled.static_pairs);
         let mut lanes = [R::Scalar::ZERO; MAX_LANES];
         for (range, whole) in groups.iter().zip(&mut self.groups) {
             for m in range.clone() {
                 let g = moving[m].geom;
-                let (mut reach, balls) = travel(g);
+                let (mut reach, balls) = displacement(g);
                 if balls {
                     reach += compiled.params.bounding_radius(g) + R::splat(self.largest);
                 }
@@ -136,7 +145,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Searches the tree with the box of group number `group` in lane `lane`, and adds the overlapping pairs to `found`.
+    /// Searches the tree with the box of group number `group` in lane `lane`, and adds the overlapping pairs to `found_pairs`.
     #[inline(always)]
     fn visit_tree(&mut self, pairs: &StaticPairs, group: usize, lane: usize) {
         let whole: Bounds<R::Scalar> = lane_of(&self.groups[group], lane);
@@ -168,7 +177,7 @@ impl<R: Real> StaticSearch<R> {
             }
             for i in each_of(overlaps.bits()).take_while(|i| first + i < geoms.end) {
                 if let Some(number) = pairs.number(&pairs.fixed[leaf], first + i) {
-                    self.found.push(with_lane(u64::from(number), lane as u64));
+                    self.found_pairs.push(with_lane(u64::from(number), lane as u64));
                 }
             }
         }
@@ -190,14 +199,14 @@ impl<R: Real> StaticSearch<R> {
     }
 }
 
-/// Axis-aligned bounding box of a convex geom, enlarged by `travel`, m.
+/// Axis-aligned bounding box of a convex geom, enlarged by `displacement`, m.
 #[inline(always)]
-fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>, travel: R) -> Bounds<R> {
+fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>, displacement: R) -> Bounds<R> {
     let solid = compiled.geoms[geom].solid.as_ref().expect("made for every geom of static pairs");
     let [centre, half] = BoundingBox::along_world(solid, compiled.params.geom_size(geom), mat).expect("convex");
     let centre = add(pos, centre);
     let sum = |v: V3<R>| v[0].abs() + v[1].abs() + v[2].abs();
-    let reach = travel + R::of(ROUNDING) * (sum(centre) + sum(half) + travel);
+    let reach = displacement + R::of(ROUNDING) * (sum(centre) + sum(half) + displacement);
     array_of(
         #[inline(always)]
         |k| if k < 3 { centre[k] - (half[k] + reach) } else { centre[k - 3] + (half[k - 3] + reach) },

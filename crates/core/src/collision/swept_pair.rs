@@ -11,7 +11,7 @@ use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::collision::detection::{GeomPoses, Scene, Search};
+use crate::collision::detection::{GeomPoses, NarrowWorkspace, Scene};
 use crate::compile::{CompiledPair, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -54,20 +54,24 @@ pub(crate) struct Gap<R> {
 pub(crate) struct SweptPair<R: Real> {
     /// Poses at the current time of the path. Only the poses of the tested pair are current.
     poses: GeomPoses<R>,
-    search: Search,
+    narrow_phase: NarrowWorkspace,
     contacts: Contacts<R>,
 }
 
 impl<R: Real> SweptPair<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
-        Self { poses: GeomPoses::new(compiled), search: Search::new(compiled, R::LANES), contacts: Contacts::new(MAX_PAIR_POINTS) }
+        Self {
+            poses: GeomPoses::new(compiled),
+            narrow_phase: NarrowWorkspace::new(compiled, R::LANES),
+            contacts: Contacts::new(MAX_PAIR_POINTS),
+        }
     }
 
     /// Sets the velocities of all links from the generalized velocity `v`. These velocities determine the paths.
     #[inline(always)]
     pub(crate) fn set_velocity(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
-        kinematics.velocities(compiled, v, &mut self.poses.velocity);
+        kinematics.velocities(compiled, v, &mut self.poses.search_velocity);
     }
 
     /// First touch of the pair on its path in the lanes `lanes`, see [`find_touch`]. `gap` is the distance at the start of the path.
@@ -89,7 +93,7 @@ impl<R: Real> SweptPair<R> {
     /// Spatial velocity of the link with frame number `frame`.
     #[inline(always)]
     pub(super) fn velocity_of(&self, frame: usize) -> V6<R> {
-        self.poses.velocity[frame - 1]
+        self.poses.search_velocity[frame - 1]
     }
 
     /// Lanes in which a body of the pair rotates by more than [`MAX_ROTATION`] on the path.
@@ -111,11 +115,11 @@ impl<R: Real> SweptPair<R> {
         for geom in pair.geoms {
             self.place(path, geom, time);
         }
-        let Self { poses, search, contacts, .. } = self;
+        let Self { poses, narrow_phase, contacts, .. } = self;
         contacts.clear();
-        let scene = Scene { compiled, kinematics, poses, h: path.time, slack, displacement_time: R::zero(), checks_passing: false };
-        scene.test_pair(index, &pair, lanes, search, contacts);
-        search.found.clear();
+        let scene = Scene { compiled, kinematics, poses, h: path.time, slack, passing_time: R::zero(), checks_passing: false };
+        scene.test_pair(index, &pair, lanes, narrow_phase, contacts);
+        narrow_phase.new_planes.clear();
         let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
         for k in 0..contacts.slots() {
             let point = &contacts.data[k].point;
@@ -135,7 +139,7 @@ impl<R: Real> SweptPair<R> {
         let Some([angular_velocity, velocity]) = self.poses.frame_motion(path, frame) else {
             self.poses.pos[geom] = start.pos[geom];
             self.poses.mat[geom] = start.mat[geom];
-            self.poses.travel[geom] = R::zero();
+            self.poses.search_displacement[geom] = R::zero();
             return;
         };
         let rotation = quat_to_mat(quat_exp(scale(angular_velocity, time)));
@@ -144,7 +148,7 @@ impl<R: Real> SweptPair<R> {
         self.poses.mat[geom] = mat_mul(&rotation, &start.mat[geom]);
         let reach = norm(arm) + path.compiled.params.bounding_radius(geom);
         let swing = R::select(norm(angular_velocity).gt(R::zero()), norm(angular_velocity) * reach, R::zero());
-        self.poses.travel[geom] = (norm(velocity) + swing) * (path.time + path.time);
+        self.poses.search_displacement[geom] = (norm(velocity) + swing) * (path.time + path.time);
     }
 }
 
@@ -208,7 +212,7 @@ impl<R: Real> GeomPoses<R> {
         let (motion, origin) = match frame.checked_sub(compiled.links.len() + 1) {
             _ if frame == 0 => return None,
             Some(mocap) => (&kinematics.posed[mocap], kinematics.pos[frame]),
-            None => (&self.velocity[frame - 1], kinematics.origin[compiled.links[frame - 1].tree]),
+            None => (&self.search_velocity[frame - 1], kinematics.origin[compiled.links[frame - 1].tree]),
         };
         Some([angular(motion), velocity_at(motion, sub(kinematics.pos[frame], origin))])
     }

@@ -53,7 +53,10 @@ impl<R: Real> Scene<'_, R> {
         let rise = dot(up, v) - norm(cross(up, w)) * core;
         let speed = norm(v) + norm(w) * core;
         let least = margin.max(R::zero()) + self.slack;
-        let around = self.compiled.params.bounding_radius(shape) + self.poses.travel[ground] + self.poses.travel[shape] + least;
+        let around = self.compiled.params.bounding_radius(shape)
+            + self.poses.search_displacement[ground]
+            + self.poses.search_displacement[shape]
+            + least;
         // Allowance for rounding errors, sufficient in single precision.
         let hair = R::of(1e-6) * (around + at[0].abs() + at[1].abs() + at[2].abs());
         let least = least + hair;

@@ -57,10 +57,10 @@ pub fn may_have_passed<R: Real>(
     // dynamic ones are searched again.
     let within_search = beyond_search.and(alive).none();
     if !within_search && compiled.dynamic_pairs.is_some() {
-        collision.find_static(compiled, alive, false, |poses| &poses.displacement);
-        collision.find_dynamic(compiled, alive, |poses| &poses.displacement);
+        collision.find_static(compiled, alive, false, |poses| &poses.passing_displacement);
+        collision.find_dynamic(compiled, alive, |poses| &poses.passing_displacement);
     }
-    let CollisionWorkspace { poses, near, near_count, broad, search, .. } = collision;
+    let CollisionWorkspace { poses, near, near_count, broad, narrow_phase, .. } = collision;
     let poses = &*poses;
     let paths = Path { compiled, kinematics, poses, step, slack };
     R::vectorize(
@@ -69,16 +69,16 @@ pub fn may_have_passed<R: Real>(
             let mut passed = R::Mask::splat(false);
             if within_search {
                 for &(index, _) in &near[..*near_count] {
-                    passed = paths.test(&compiled.pairs[index as usize], alive, passed, &mut search.narrow);
+                    passed = paths.test(&compiled.pairs[index as usize], alive, passed, &mut narrow_phase.narrow);
                 }
             } else {
                 for pair in &compiled.pairs {
-                    passed = paths.test(pair, alive, passed, &mut search.narrow);
+                    passed = paths.test(pair, alive, passed, &mut narrow_phase.narrow);
                 }
             }
             if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
                 for pair in broad.pairs.iter().filter_map(|p| dynamic_pairs.pair(p.0 as usize)) {
-                    passed = paths.test(&pair, alive, passed, &mut search.narrow);
+                    passed = paths.test(&pair, alive, passed, &mut narrow_phase.narrow);
                 }
             }
             passed
@@ -125,7 +125,7 @@ impl<R: Real> Path<'_, R> {
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let (Self { compiled, kinematics, poses, step, slack }, [a, b]) = (self, pair.geoms);
-        let scene = Scene { compiled, kinematics, poses, h: step.h, slack: *slack, displacement_time: step.h, checks_passing: false };
+        let scene = Scene { compiled, kinematics, poses, h: step.h, slack: *slack, passing_time: step.h, checks_passing: false };
         let displacement = scene.relative_displacement(a, b).min(scene.relative_displacement(b, a))
             + poses.arc_deviation(compiled, a, step.h)
             + poses.arc_deviation(compiled, b, step.h);
@@ -174,7 +174,7 @@ impl<R: Real> Path<'_, R> {
                 [angular(motion), linear(motion), cross(angular(motion), arm_from(kinematics.pos[own.frame]))]
             }
             None => {
-                let (motion, tree) = (&poses.displacing_velocity[own.frame - 1], compiled.links[own.frame - 1].tree);
+                let (motion, tree) = (&poses.passing_velocity[own.frame - 1], compiled.links[own.frame - 1].tree);
                 let root_velocity = self.velocity_of_root(tree);
                 [angular(motion), root_velocity, sub(velocity_at(motion, arm_from(kinematics.origin[tree])), root_velocity)]
             }
@@ -191,28 +191,28 @@ impl<R: Real> Path<'_, R> {
             let first = self.compiled.links[*link].joints.start;
             matches!(self.compiled.joints.get(first), Some(CompiledJoint { kind: JointKind::Free | JointKind::Slide, .. }))
         };
-        root.filter(floats).map_or_else(zero, |link| linear(&self.poses.displacing_velocity[link]))
+        root.filter(floats).map_or_else(zero, |link| linear(&self.poses.passing_velocity[link]))
     }
 }
 
 impl<R: Real> GeomPoses<R> {
     /// Whether in the lanes `alive` no geom moves by more than half its inscribed radius in a step at the free velocity.
     ///
-    /// The test compares [`GeomPoses::travel`], the displacement over two steps, with the whole radius.
+    /// The test compares [`GeomPoses::search_displacement`], the displacement over two steps, with the whole radius.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
         R::vectorize(
             #[inline(always)]
             || {
                 let mut moved = R::Mask::splat(false);
                 for &g in &compiled.moving_geoms {
-                    moved = moved.or(self.travel[g].gt(compiled.params.inscribed_radius(g)));
+                    moved = moved.or(self.search_displacement[g].gt(compiled.params.inscribed_radius(g)));
                 }
                 moved.and(alive).none()
             },
         )
     }
 
-    /// Updates `displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.
+    /// Updates `passing_displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.
     ///
     /// In the first set, some geom moves by more than half its inscribed radius; in other lanes no pair can pass. In the second set, some
     /// geom moves farther than stage 3 assumed.
@@ -225,15 +225,15 @@ impl<R: Real> GeomPoses<R> {
         h: R,
         slack: R,
     ) -> [R::Mask; 2] {
-        self.update_displacement(compiled, kinematics, v_next, h);
+        self.update_passing_displacement(compiled, kinematics, v_next, h);
         let [mut any, mut beyond_search] = [R::Mask::splat(false); 2];
         let half = R::of(0.5);
         for &g in &compiled.moving_geoms {
-            let displacement = self.displacement[g];
+            let displacement = self.passing_displacement[g];
             let moved = displacement.gt(compiled.params.inscribed_radius(g) * half);
             self.moved_far[g] = moved.any();
             any = any.or(moved);
-            beyond_search = beyond_search.or(displacement.gt(self.travel[g] + slack * half));
+            beyond_search = beyond_search.or(displacement.gt(self.search_displacement[g] + slack * half));
         }
         [any, beyond_search]
     }
@@ -246,7 +246,7 @@ impl<R: Real> GeomPoses<R> {
         if !(self.moved_far[a] || self.moved_far[b]) {
             return R::Mask::splat(false);
         }
-        let displacement = self.displacement[a] + self.displacement[b];
+        let displacement = self.passing_displacement[a] + self.passing_displacement[b];
         let far = displacement.gt(min_displacement(compiled, pair));
         if far.none() {
             return far;
@@ -264,7 +264,7 @@ impl<R: Real> GeomPoses<R> {
         if g.frame == 0 || g.frame > compiled.links.len() {
             return R::zero();
         }
-        let w = angular(&self.displacing_velocity[g.frame - 1]);
+        let w = angular(&self.passing_velocity[g.frame - 1]);
         dot(w, w) * h * h * R::of(0.5) * compiled.params.rotation_reach(geom)
     }
 }

@@ -16,8 +16,8 @@ pub struct CompiledActuator<S> {
     /// Terms of the actuator's moment, if it is constant: address in q, degree of freedom, and moment arm with the gear. Empty for an
     /// actuator on a site.
     pub moment: Vec<(usize, usize, S)>,
-    /// Wrench of an actuator on a site; `None` for an actuator on a joint or tendon.
-    pub wrench: Option<CompiledWrench<S>>,
+    /// Wrench (force and torque) of an actuator on a site; `None` for an actuator on a joint or tendon.
+    pub site_wrench: Option<CompiledWrench<S>>,
     /// Lowest and highest control; `None` if the control has no bounds.
     pub ctrl_range: Option<[S; 2]>,
     /// Lowest and highest force; `None` if the force has no bounds.
@@ -32,7 +32,7 @@ pub struct CompiledActuator<S> {
     pub needs_motion: bool,
     /// Index in the compiled model's list of servos, the actuators whose force depends on length or velocity; `None` for other actuators.
     pub servo: Option<usize>,
-    /// Part of the actuator dynamics that acts within a step; `None` if there is none.
+    /// Actuator dynamics: the part of the actuator model that acts within a step; `None` if there is none.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,
     /// Index of the joint's force range in the list of force ranges (`actuatorfrcrange`). `None` if the joint has no force range, and for
     /// actuators on tendons and sites.
@@ -80,10 +80,10 @@ pub enum MotorControl {
     Voltage,
 }
 
-/// Part of an actuator's dynamics that acts within a step: force bounds and affine forces, which may differ between environments.
+/// Actuator dynamics: the part of an actuator model that acts within a step, with force bounds and affine force.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
-    /// Index in the list of actuator dynamics that act within a step.
+    /// Index in the list of actuator dynamics.
     pub index: usize,
     /// Whether the dynamics have a continuous servo: a proportional-derivative law that acts within the step.
     pub servo: bool,
@@ -153,12 +153,12 @@ pub(super) struct CompiledActuators<S> {
     pub(super) arms: usize,
     /// Number of actuators on sites.
     pub(super) wrenches: usize,
-    /// Number of actuators whose dynamics act within a step.
+    /// Number of actuators with dynamics.
     pub(super) num_actuator_dynamics: usize,
 }
 
 impl<S: Scalar> CompiledActuators<S> {
-    /// Compiles the actuators of the model. `specs` has the actuator dynamics of every actuator, or is empty.
+    /// Compiles the actuators of the model. `specs` has the actuator model of every actuator, or is empty.
     pub(super) fn new(scene: Scene<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = scene.model;
         let mut all = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, num_actuator_dynamics: 0 };
@@ -200,7 +200,7 @@ impl<S: Scalar> CompiledActuators<S> {
         }
         self.actuators.push(CompiledActuator {
             moment: arms.iter().map(|&(j, c)| (addresses[j].0, addresses[j].1, S::from_f64(c * a.gear))).collect(),
-            wrench,
+            site_wrench: wrench,
             ctrl_range: a.ctrl_range.map(scalars),
             force_range: a.force_range.map(scalars),
             act_range: a.act_range.map(scalars),
@@ -234,7 +234,7 @@ impl<S: Scalar> CompiledActuators<S> {
         Some(compiled)
     }
 
-    /// Compiles the part of an actuator's dynamics that acts within a step; `None` if there is none. Delay, lag and sampled servos act
+    /// Compiles the part of an actuator model that acts within a step; `None` if there is none. Delay, lag and sampled servos act
     /// between steps.
     fn dynamics(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let spec = spec?;

@@ -190,8 +190,8 @@ pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Opti
 /// Compiles the collision geometry of a model.
 pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S> {
     let filter = Filter::new(model);
-    let among = dynamic(model);
-    let moving: Vec<usize> = (0..model.geoms.len()).filter(|&g| among[g] && merged.frame[model.geoms[g].body] != 0).collect();
+    let has_dynamic_pairs = geoms_with_dynamic_pairs(model);
+    let moving: Vec<usize> = (0..model.geoms.len()).filter(|&g| has_dynamic_pairs[g] && merged.frame[model.geoms[g].body] != 0).collect();
     let listed_moving = if number_of_pairs(moving.len()) <= LISTED_PAIRS { &moving[..] } else { &[] };
     let mut slot = vec![None; model.geoms.len()];
     let mut geoms: Vec<CompiledGeom<S>> = Vec::new();
@@ -202,7 +202,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         })
     };
     let mut pairs = Vec::new();
-    for pair in listed_pairs(model, &filter, &among, listed_moving) {
+    for pair in listed_pairs(model, &filter, &has_dynamic_pairs, listed_moving) {
         let shapes = pair.geoms.map(|g| &model.geoms[g].shape);
         let Some(kernel) = Kernel::of(shapes[0], shapes[1]) else { continue };
         let places = pair.geoms.map(|g| place(g, &mut geoms));
@@ -214,7 +214,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         pairs.push(pair_plan(&pair, kernel, places));
     }
     let mut members = Vec::new();
-    for g in (0..model.geoms.len()).filter(|&g| among[g]) {
+    for g in (0..model.geoms.len()).filter(|&g| has_dynamic_pairs[g]) {
         members.push(Member { geom: place(g, &mut geoms), model_geom: g, margin: model.geoms[g].margin });
     }
     for (m, shape) in members.iter().map(|m| (m, &model.geoms[m.model_geom].shape)) {
@@ -262,15 +262,15 @@ pub(super) fn contact_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair
 }
 
 /// For each geom, whether its pairs are dynamic (found by the broad phase in every step). All are false if there are few pairs.
-fn dynamic(model: &Model) -> Vec<bool> {
+fn geoms_with_dynamic_pairs(model: &Model) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
     let size = |g: &Geom| bounding_radius(model, &g.shape);
     let mut sizes: Vec<f64> = model.geoms.iter().filter(|g| can(g)).map(size).collect();
     sizes.sort_by(f64::total_cmp);
     let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
-    let among: Vec<bool> = model.geoms.iter().map(|g| can(g) && size(g) <= LARGE * median).collect();
-    let n = among.iter().filter(|&&x| x).count();
-    if number_of_pairs(n) > LISTED_PAIRS && n < (1 << 16) { among } else { vec![false; model.geoms.len()] }
+    let has_dynamic_pairs: Vec<bool> = model.geoms.iter().map(|g| can(g) && size(g) <= LARGE * median).collect();
+    let n = has_dynamic_pairs.iter().filter(|&&x| x).count();
+    if number_of_pairs(n) > LISTED_PAIRS && n < (1 << 16) { has_dynamic_pairs } else { vec![false; model.geoms.len()] }
 }
 
 /// Number of pairs among `n` geoms.
@@ -281,14 +281,18 @@ fn number_of_pairs(n: usize) -> usize {
 /// Makes the listed pairs of the model: all pairs that can collide and are not dynamic pairs. Pairs with torsional or rolling friction come
 /// first; otherwise the order is that of the geoms.
 ///
-/// `among` marks the geoms whose pairs with each other are dynamic. Pairs of two geoms in `listed_moving` are listed even if `among` marks
-/// both. Contacts are stored in the order of the pairs, so that contacts with six constraint rows have the same indices in all lanes.
-fn listed_pairs(model: &Model, filter: &Filter, among: &[bool], listed_moving: &[usize]) -> Vec<GeomPair> {
+/// `has_dynamic_pairs` marks the geoms whose pairs with each other are dynamic. Pairs of two geoms in `listed_moving` are listed even if
+/// `has_dynamic_pairs` marks both. Contacts are stored in the order of the pairs. Contacts with six constraint rows therefore fill the
+/// first slots of every lane.
+fn listed_pairs(model: &Model, filter: &Filter, has_dynamic_pairs: &[bool], listed_moving: &[usize]) -> Vec<GeomPair> {
     let all = 0..model.geoms.len();
-    let one_outside = all.clone().filter(|&a| !among[a]).flat_map(|a| all.clone().filter(move |&b| among[b] || b > a).map(move |b| [a, b]));
+    let one_outside = all
+        .clone()
+        .filter(|&a| !has_dynamic_pairs[a])
+        .flat_map(|a| all.clone().filter(move |&b| has_dynamic_pairs[b] || b > a).map(move |b| [a, b]));
     let both_move = (1..listed_moving.len()).flat_map(|k| listed_moving[..k].iter().map(move |&a| [a, listed_moving[k]]));
     let is_listed = |g| listed_moving.binary_search(&g).is_ok();
-    let explicit = filter.explicit().filter(|&[a, b]| among[a] && among[b] && !(is_listed(a) && is_listed(b)));
+    let explicit = filter.explicit().filter(|&[a, b]| has_dynamic_pairs[a] && has_dynamic_pairs[b] && !(is_listed(a) && is_listed(b)));
     let mut pairs: Vec<GeomPair> = one_outside.chain(both_move).chain(explicit).filter_map(|g| filter.pair(filter.ordered(g))).collect();
     pairs.sort_by_key(|p| (p.condim <= 3, p.geoms));
     pairs

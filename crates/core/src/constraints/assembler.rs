@@ -11,7 +11,8 @@ use crate::constraints::velocity_solution::VelocitySolution;
 use crate::dynamics::inertia::NewtonEuler;
 use crate::tuning::WIDE_GAP_RATIO;
 
-/// Assembler of the constraint rows of a step. The rows of each kind of element (contacts, limits ...) are in a separate file.
+/// Assembler of the constraint rows of a step. The methods for each kind of element (contacts, limits ...) are in a separate file of this
+/// folder.
 pub(crate) struct Assembler<'a, R: Real> {
     /// Constraint problem to which the assembler adds rows.
     pub(crate) problem: &'a mut ConstraintProblem<R>,
@@ -44,9 +45,8 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub in_the_middle: bool,
     /// Fraction of a contact gap that may close in the step.
     pub closing_fraction: R,
-    /// Lanes that evaluate contacts at the beginning of the step because their bodies are very fast. Lanes with an impact within the step
-    /// are not included.
-    pub very_fast: R::Mask,
+    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are very fast.
+    pub at_start: R::Mask,
     /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. They decide which rows
     /// correct an overlap, so that all these evaluations have the same corrections.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
@@ -71,7 +71,7 @@ impl<R: Real> AssemblyInput<'_, R> {
     pub(crate) fn gap_of_slot(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];
         let (phi, part) = (slot.point.distance, self.gap(slot.point.distance));
-        let fast = self.very_fast.and(R::Mask::from_bits(lanes)).and(slot.restitution.le(R::zero()));
+        let fast = self.at_start.and(R::Mask::from_bits(lanes)).and(slot.restitution.le(R::zero()));
         if fast.none() {
             return part;
         }

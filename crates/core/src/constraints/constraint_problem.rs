@@ -24,7 +24,7 @@ pub struct ConstraintProblem<R: Real> {
     pub impulse_indices: Vec<usize>,
     /// Contacts with three rows (sliding friction): index of the slot in the contact set, and lanes in which the contact exists. A slot has
     /// up to one contact per lane.
-    pub slots: Vec<(usize, R::Mask)>,
+    pub sliding_slots: Vec<(usize, R::Mask)>,
     /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes in which the contact exists.
     /// The lengths, m, scale the three rotation rows.
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
@@ -35,9 +35,9 @@ pub struct ConstraintProblem<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes with an impact, if the integrator is Euler's rule. In them the largest speed of the step bounds the position correction,
-    /// instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns the lanes with an impact.
-    pub euler_impact_lanes: R::Mask,
+    /// Lanes in which a contact bounces, if the integrator is Euler's rule. In them the largest speed of the step bounds the position
+    /// correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns such lanes.
+    pub euler_rebounding: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
     /// Impact of every contact, contacts with three rows first. Empty if no contact is elastic.
@@ -116,12 +116,12 @@ impl<R: Real> ConstraintProblem<R> {
         Self {
             rows: Problem::new(&capacity),
             impulse_indices: Vec::with_capacity(capacity.scalars),
-            slots: Vec::with_capacity(soft_contacts),
+            sliding_slots: Vec::with_capacity(soft_contacts),
             rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
             constrained: none,
             needs_position_solve: none,
             biased: none,
-            euler_impact_lanes: none,
+            euler_rebounding: none,
             may_have_immovable_rows: false,
             impacts: Vec::with_capacity(max_contacts + rolling_contacts),
             elastic: false,
@@ -136,7 +136,7 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Index of the slot of contact `i` of the problem. The contacts with three rows come first, then those with six.
     pub(crate) fn slot_of(&self, i: usize) -> usize {
-        i.checked_sub(self.slots.len()).map_or_else(|| self.slots[i].0, |k| self.rolling_slots[k].0)
+        i.checked_sub(self.sliding_slots.len()).map_or_else(|| self.sliding_slots[i].0, |k| self.rolling_slots[k].0)
     }
 
     /// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of all rows. Overwrites `change`.

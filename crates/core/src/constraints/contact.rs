@@ -1,4 +1,19 @@
 //! Rows of contacts with sliding friction: one along the normal and two along the tangents.
+//!
+//! This file calls methods of `Assembler` and of the row builder that are defined in other files of this folder:
+//!
+//! | file | methods |
+//! |---|---|
+//! | `jacobian.rs` | `contact_columns`: Jacobian and velocities along the three axes; `half_solve`: L^-T J^T |
+//! | `target_velocities.rs` | `biases`: target velocity for a gap or an overlap |
+//! | `contact_spring.rs` | `comply`: bias and compliance of a soft surface |
+//! | `restitution.rs` | `free_change`, and the functions that begin with `bounce`: target velocity of a rebound |
+//! | `elimination.rs` | `eliminate` and `add_removed_scales`: remove hard equalities from the rows |
+//! | `approaching.rs` | `approaching_lanes`: lanes in which the rows are deferred |
+//! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`, `store_curvature`: velocity changes by the motion of the contact point |
+//! | `equality.rs` | `pass_on_scales`: sizes of the terms of which entries are sums |
+//!
+//! The rows become part of the solver's problem in `crates/solve/src/constraints/friction.rs`.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::velocity_rounding;
@@ -38,9 +53,12 @@ fn least_lever<R: Real>() -> f64 {
 /// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Example: a face that is
 /// normal to a hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
 ///
-/// The result is normally the resting speed, at which a touching contact takes about a second to exceed the slop. It is 0 if no other part
-/// of the step reports that the contact's overlap cannot be corrected. The speed of the correction is the difference of the two offsets.
-/// Stage 8 reports a speed above [`MIN_UNMET_TARGET`], and a speed up to the resting speed needs no report.
+/// The result depends on the speed at which the overlap should be corrected, which is the difference of the two offsets:
+///
+/// * Up to the resting speed, the missing correction needs no report. The result is the resting speed, at which a touching contact takes
+///   about a second to exceed the slop.
+/// * Above [`MIN_UNMET_TARGET`], stage 8 reports the missing correction. The result is the resting speed.
+/// * Between the two, the residual must report the missing correction. The result is 0, so that any approach counts.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -114,7 +132,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
         self.velocity.impulses.contacts.push(select(active_lanes.and_not(immovable), slot.impulse, zero()));
-        self.problem.slots.push((k, R::Mask::from_bits(lanes)));
+        self.problem.sliding_slots.push((k, R::Mask::from_bits(lanes)));
         self.problem.constrained = self.problem.constrained.or(active_lanes);
     }
 
@@ -146,7 +164,7 @@ impl<R: Real> Assembler<'_, R> {
                     let d = self.builder.support[i] as usize;
                     let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
-                    // The scale of a lever arm is the square of the size of its terms.
+                    // A lever arm is a sum of terms. `square` is the squared size of these terms.
                     let (motion, squared_rotation) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
                     let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
                     // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
@@ -208,7 +226,7 @@ impl<R: Real> Assembler<'_, R> {
         let impulse = [R::zero(); 6];
         let doubtful = R::Mask::splat(false);
         let deferred = DeferredContact { contact: 0, slot: k, lanes, doubtful, bounces, bias: offsets[0][0] - free_eliminated[0], impulse };
-        // Curvature comes last, because the offsets before it decide above whether the contact is deferred.
+        // Curvature terms are added last. The code above needs offsets without them to decide whether the contact is deferred.
         let curvature = has_curvature.then(|| self.add_curvature(input, contacts, k, exists, [free, change], &mut offsets));
         SlidingRows { offsets, curvature, lengths, exists, deferred, compliance: springs.map(|row| row.compliance) }
     }

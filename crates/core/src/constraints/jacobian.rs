@@ -25,7 +25,7 @@ impl<R: Real> RowBuilder<R> {
         path.fill(R::zero());
         path[0] = R::one();
         let mut rest = &mut path[..];
-        // Row k of the chain has entries for all later rows. Two rows at a time therefore need no index.
+        // Row k of L has an entry for each later degree of freedom of the chain, in the order of `path`. The loop takes two rows at a time.
         for pair in chain.chunks(2) {
             let [x, y, tail @ ..] = rest else { break };
             let ((row, _), (above, _)) = (mass.row(compiled, pair[0] as usize), mass.row(compiled, pair[1] as usize));

@@ -199,7 +199,7 @@ impl<R: Real> ContactGroups<R> {
         for group in groups.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
             let lane = group.lane;
             let slips = |i: usize| iterate.contacts[i][0].lane(lane).to_f64() > 0.0 && slip(of_lane(&velocities[i], lane)) > SLIP_SPEED;
-            group.slips = group.contacts::<R>(slots, &assembled.slots, &assembled.rows).any(slips);
+            group.slips = group.contacts::<R>(slots, &assembled.sliding_slots, &assembled.rows).any(slips);
             slipping |= u32::from(group.slips) << lane;
         }
         R::Mask::from_bits(slipping)
@@ -254,7 +254,7 @@ impl<R: Real> ContactGroups<R> {
     fn gather(&mut self, group: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
         let Self { slots, groups, points, velocities, .. } = self;
         let lane = groups[group].lane;
-        for i in groups[group].contacts::<R>(slots, &assembled.slots, &assembled.rows) {
+        for i in groups[group].contacts::<R>(slots, &assembled.sliding_slots, &assembled.rows) {
             let (velocity, before) = (of_lane(&velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
             points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIP_SPEED });
         }
@@ -268,7 +268,7 @@ impl<R: Real> ContactGroups<R> {
         let lane = all[groups.start].lane;
         let contacts = &assembled.rows.contacts;
         for p in groups.clone() {
-            for contact in all[p].contacts::<R>(slots, &assembled.slots, &assembled.rows).map(|i| &contacts[i]) {
+            for contact in all[p].contacts::<R>(slots, &assembled.sliding_slots, &assembled.rows).map(|i| &contacts[i]) {
                 let (support, y) = contacts.entries(contact);
                 for (&c, _) in support.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
                     let (owner, cluster) = (owners[c as usize], all[p].cluster);

@@ -76,7 +76,7 @@ impl<R: Real> Assembler<'_, R> {
         let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
         self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces);
-        self.problem.euler_impact_lanes = self.problem.euler_impact_lanes.or(bounces);
+        self.problem.euler_rebounding = self.problem.euler_rebounding.or(bounces);
         let impact = Impact { lanes: bounces, time_fraction: R::one(), normal_factor: e + R::one(), rebound: e * free };
         self.problem.impacts.push(impact);
         let stays = exists.and_not(elastic).or(bounces).or(elastic.and(rests));
@@ -233,7 +233,7 @@ impl<R: Real> ConstraintProblem<R> {
     /// Implementation of [`ConstraintProblem::drop_restitution`] inside its kernel.
     #[inline(always)]
     fn make_inelastic(&mut self, impulses: &Iterate<R>, [energy, max_rounding]: [R; 2], [unsolved, all_or_none]: [R::Mask; 2]) -> R::Mask {
-        let Self { rows, impacts, euler_impact_lanes, deferred, resolves_impacts, .. } = self;
+        let Self { rows, impacts, euler_rebounding, deferred, resolves_impacts, .. } = self;
         let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
         let implausible = |rows: &Problem<R>, i: usize| {
             R::vectorize(
@@ -264,7 +264,7 @@ impl<R: Real> ConstraintProblem<R> {
             impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
             (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
         }
-        *euler_impact_lanes = euler_impact_lanes.and_not(changed.and_not(still_elastic));
+        *euler_rebounding = euler_rebounding.and_not(changed.and_not(still_elastic));
         changed
     }
 

@@ -88,7 +88,7 @@ impl<R: Real> ConstraintNames<'_, R> {
         let Self { problem, contacts } = self;
         let (k, lanes) = match kind {
             0 => return problem.impulse_indices[i] as u64,
-            1 => problem.slots[i],
+            1 => problem.sliding_slots[i],
             _ => (problem.rolling_slots[i].0, problem.rolling_slots[i].1),
         };
         if lanes.bits() >> lane & 1 == 1 { contacts.ids[k][lane].0 } else { Self::NOBODY }

@@ -24,6 +24,7 @@ pub(crate) fn assemble_problem<R: Real>(
 ) {
     let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = context;
     let Evaluation { scheme, at_start, q, kinematics, contacts, impacts, solved_overlaps, .. } = evaluation;
+    let at_start = at_start.and_not(impacts.lanes);
     let assembly = AssemblyInput {
         q,
         v: &state.v,
@@ -33,8 +34,8 @@ pub(crate) fn assemble_problem<R: Real>(
         h: scheme.h,
         time_before: scheme.time_before,
         in_the_middle: scheme.in_the_middle,
-        closing_fraction: scheme.closing_fraction(*at_start, impacts.lanes),
-        very_fast: at_start.and_not(impacts.lanes),
+        closing_fraction: scheme.closing_fraction(at_start, impacts.lanes),
+        at_start,
         solved_overlaps: solved_overlaps.as_deref(),
         alive,
     };

@@ -12,7 +12,7 @@ use crate::sensing::memory::Memory;
 pub struct Devices<'a, S> {
     /// Index of the group in the batch.
     pub(crate) group: usize,
-    /// Actuator pipelines between controls and forces; `None` without actuator dynamics.
+    /// Actuator pipelines (delay, servo, lag). `None` if no actuator has an actuator model, and in a trial step, whose result is discarded.
     pub(crate) actuators: Option<ActuatorDevices<'a, S>>,
     /// Sensors; `None` in a trial step, whose result is discarded.
     pub(crate) sensors: Option<SensorDevices<'a, S>>,

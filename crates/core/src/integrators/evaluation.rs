@@ -19,7 +19,8 @@ use crate::options::StepSettings;
 pub(crate) struct Evaluation<R: Real> {
     /// Scheme of the step, with the evaluation time of each lane.
     pub(crate) scheme: Scheme<R>,
-    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are fast.
+    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are very fast. If such a lane
+    /// is also in `impacts`, it is evaluated at the time of its impact.
     pub(crate) at_start: R::Mask,
     /// Configuration at the evaluation point, nq.
     pub(crate) q: Vec<R>,

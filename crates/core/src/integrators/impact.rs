@@ -131,11 +131,12 @@ pub(crate) fn drop_restitution<R: Real>(
 
 /// Prepares the rows and the free velocity of the position solve, if any lane needs it. Returns the lanes with impacts, which need it.
 ///
-/// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore contains two
-/// more terms. The first is 1 + (time_before - t) / h times the velocity change by each impulse, where t is the time of its impact. The 1
-/// restores the velocity change of the impulse, because the impulse itself is removed. The second is (time_before / h - 1/2) times the
-/// change by smooth forces, because the step was not evaluated in its middle. `impulses` are the impulses of the velocity solution; the
-/// function removes the impulses of impacts from them.
+/// An impact at time t changes the velocity by dv, and the positions at the end of the step by (h - t) dv. Stage 7 advances positions from
+/// `time_before`, so that they change by (h - time_before) dv. To correct this, the function removes the impulses of impacts from
+/// `impulses`, those of the velocity solution. It adds two terms to the free velocity of the position solve:
+///
+/// * (1 + (time_before - t) / h) dv for each impact: dv, and the missing displacement (time_before - t) dv divided by h.
+/// * (time_before / h - 1/2) times the velocity change by smooth forces, because the step was not evaluated in its middle.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
     context: StepContext<'_, R>,
@@ -232,7 +233,7 @@ fn lanes_with_impacts<R: Real>(
             let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
             // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
-            let slots = problem.slots.iter().map(|slot| slot.1).chain(problem.rolling_slots.iter().map(|slot| slot.1));
+            let slots = problem.sliding_slots.iter().map(|slot| slot.1).chain(problem.rolling_slots.iter().map(|slot| slot.1));
             let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
             touching.and(alive).and_not(free.unresolved).and(matters)
         },

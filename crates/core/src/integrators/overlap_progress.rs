@@ -46,9 +46,9 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     correction.fill(R::zero());
     let times = [R::of(options.timestep), R::zero()];
     // This detection starts from the separating planes of stage 3, and discards those that it finds.
-    evaluation.collision.search.begin_step();
+    evaluation.collision.narrow_phase.begin_step();
     detect(compiled, kinematics, [&*correction; 2], times, infeasible, &mut evaluation.collision, contacts, NoProbe);
-    evaluation.collision.search.begin_step();
+    evaluation.collision.narrow_phase.begin_step();
     let system = rows.system(&problem.rows);
     let min_decrease = MIN_DECREASE.max(MIN_DECREASE_ROUNDINGS * <R::Scalar as Scalar>::EPSILON.to_f64());
     for lane in each_of(infeasible.bits()) {

@@ -80,7 +80,7 @@ pub(crate) fn correct_free_velocity<R: Real>(
     }
     probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity));
     advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
-    // Spinners are links alone on a free or ball joint. Their gyroscopic torque follows the discrete midpoint rule instead.
+    // Spinners are single bodies on a free or ball joint. `correct` replaces their gyroscopic torque by one that keeps angular momentum.
     if !compiled.spinners.is_empty() && scheme.in_the_middle {
         let times = [scheme.time_before, scheme.time_after];
         gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, force_velocity], v_free_corrected);

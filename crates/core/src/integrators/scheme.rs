@@ -44,11 +44,11 @@ impl<R: Real> Scheme<R> {
     ///
     /// The fraction is h / T, where T is the time from the evaluation point of this step to the evaluation point of the next step. A body
     /// that closes this fraction of its gap per time step h touches the surface exactly at the next evaluation point. T is normally h, so
-    /// that the fraction is 1. In the lanes `at_beginning` T is 1.5 h, from the beginning of this step to the middle of the next. In the
+    /// that the fraction is 1. In the lanes `at_start` T is 1.5 h, from the beginning of this step to the middle of the next. In the
     /// lanes `impacts` T is the rest of this step plus h / 2.
     #[inline(always)]
-    pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
-        let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
+    pub(crate) fn closing_fraction(&self, at_start: R::Mask, impacts: R::Mask) -> R {
+        let whole = R::select(at_start, R::of(2.0 / 3.0), R::one());
         if impacts.none() {
             return whole;
         }

@@ -77,7 +77,7 @@ pub(crate) fn solve_velocities<R: Real>(
             (passes, inelastic) = (0, inelastic.or(lanes));
         }
         if lanes.none() {
-            let changed = update_active_bounds(context, free, velocity, reassemblies < SATURATION_PASSES);
+            let changed = assume_bounds_of_solution(context, free, velocity, reassemblies < SATURATION_PASSES);
             if changed.none() || reassemblies == SATURATION_PASSES {
                 break changed;
             }
@@ -98,7 +98,7 @@ pub(crate) fn solve_velocities<R: Real>(
 /// solution. Returns the lanes in which any of them changed.
 ///
 /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
-fn update_active_bounds<R: Real>(
+fn assume_bounds_of_solution<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
     velocity: &VelocitySolution<R>,
@@ -111,7 +111,7 @@ fn update_active_bounds<R: Real>(
     let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *free;
     advance(&velocity.v, &state.v, -R::one(), velocity_change);
     let bounds_at = scheme.implicit_servos();
-    actuator_forces.update_active_bounds(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change).and(alive)
+    actuator_forces.set_bounds_at_velocity_change(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change).and(alive)
 }
 
 /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
@@ -152,7 +152,7 @@ pub(crate) fn bound_velocities<R: Real>(
 ) -> StepOutcome<R> {
     let StepContext { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = context;
     let impulses_act = velocity.impulses.changes_velocity();
-    let (lanes, rebounding) = (problem.needs_position_solve, problem.euler_impact_lanes);
+    let (lanes, rebounding) = (problem.needs_position_solve, problem.euler_rebounding);
     let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
     let infeasible = probe.span(Span::Stabilise, || limit_baumgarte(compiled, options, &rows, &free.v, velocity, position, &mut outcome));
     let [ambiguous, limited] = probe.span(Span::GuardEnergy, || limit_speed(context, free, problem, velocity, outcome.residual));
@@ -188,7 +188,7 @@ fn limit_speed<R: Real>(
 #[inline(always)]
 fn count_iterations<R: Real>(outcome: &Outcome<R>, problem: &ConstraintProblem<R>, probe: impl Probe) {
     probe.count(Counter::ScalarRows, || problem.impulse_indices.len() as f64);
-    probe.count(Counter::ContactSlots, || (problem.slots.len() + problem.rolling_slots.len()) as f64);
+    probe.count(Counter::ContactSlots, || (problem.sliding_slots.len() + problem.rolling_slots.len()) as f64);
     let lanes = |x: R| (0..R::LANES).map(move |l| x.lane(l).to_f64());
     probe.count(Counter::Sweeps, || lanes(outcome.sweeps).sum());
     probe.count(Counter::SlowestSweeps, || lanes(outcome.sweeps).fold(0.0, f64::max));

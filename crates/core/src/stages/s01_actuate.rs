@@ -170,7 +170,7 @@ fn nearest_equivalent_angle<R: Real>(
     input: R,
     angle: R,
 ) -> R {
-    let Some(turn) = actuator.wrench.as_ref().and_then(|w| w.turn) else { return input };
+    let Some(turn) = actuator.site_wrench.as_ref().and_then(|w| w.turn) else { return input };
     if actuator.dynamics.is_some() {
         return input;
     }

@@ -129,7 +129,7 @@ impl<R: Real> Smooth<R> {
     }
 
     /// Adds implicit damping to the mass matrix: the added inertia of servos, and `h` times the fluid drag. The function leaves out entries
-    /// of servos whose two degrees of freedom are on different branches of a tree.
+    /// that couple two degrees of freedom on different branches of a tree.
     pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [added_inertias, arms]: [&[R]; 2], v: &[R], h: R) {
         R::vectorize(
             #[inline(always)]

@@ -35,7 +35,7 @@ pub fn detect<R: Real>(
     probe: impl Probe,
 ) -> R::Mask {
     contacts.clear();
-    collision.search.found.clear();
+    collision.narrow_phase.new_planes.clear();
     if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
@@ -72,17 +72,17 @@ fn find_pairs<R: Real>(
         || {
             collision.slack = slack(compiled, h);
             collision.poses.update_poses(compiled, kinematics);
-            collision.poses.update_travel(compiled, kinematics, v_free, h + h);
+            collision.poses.update_search_displacement(compiled, kinematics, v_free, h + h);
             if checks_static {
-                collision.poses.update_displacement(compiled, kinematics, v, time_before);
+                collision.poses.update_passing_displacement(compiled, kinematics, v, time_before);
             }
             collision.find_near(compiled, alive);
         },
     );
     // A static pair is a listed or a dynamic pair. Each kind is merged with the other pairs of its kind.
-    collision.find_static(compiled, alive, checks_static, |poses| &poses.travel);
+    collision.find_static(compiled, alive, checks_static, |poses| &poses.search_displacement);
     collision.add_static(compiled);
-    collision.find_dynamic(compiled, alive, |poses| &poses.travel);
+    collision.find_dynamic(compiled, alive, |poses| &poses.search_displacement);
 }
 
 /// Narrow phase: finds the contacts of the pairs from [`find_pairs`].
@@ -98,7 +98,7 @@ fn find_contacts<R: Real>(
     collision: &mut CollisionWorkspace<R>,
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
-    let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, search, .. } = collision;
+    let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, narrow_phase, .. } = collision;
     let (near, slack) = (&near[..*near_count], *slack);
     // A plane is infinite, so that nothing passes through it.
     let can_be_passed = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
@@ -107,13 +107,13 @@ fn find_contacts<R: Real>(
     if checks_passing && compiled.static_pairs.is_empty() {
         R::vectorize(
             #[inline(always)]
-            || poses.update_displacement(compiled, kinematics, v, time_before),
+            || poses.update_passing_displacement(compiled, kinematics, v, time_before),
         );
     }
     R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { compiled, kinematics, poses, h, slack, displacement_time: time_before, checks_passing };
+            let scene = Scene { compiled, kinematics, poses, h, slack, passing_time: time_before, checks_passing };
             // Pairs of a ball or capsule with a box that are near in few lanes are packed: several share a SIMD register, in which
             // `test_packed` computes their contact points. `collide` then adds these points in the order of all pairs.
             packed.clear();
@@ -136,10 +136,10 @@ fn find_contacts<R: Real>(
             let mut unreliable = R::Mask::splat(false);
             for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                unreliable = unreliable.or(scene.collide(index, &compiled.pairs[index], lanes, packed, search, contacts));
+                unreliable = unreliable.or(scene.collide(index, &compiled.pairs[index], lanes, packed, narrow_phase, contacts));
             }
             for (number, lanes, pair) in &*dynamic {
-                unreliable = unreliable.or(scene.collide(*number, pair, *lanes, packed, search, contacts));
+                unreliable = unreliable.or(scene.collide(*number, pair, *lanes, packed, narrow_phase, contacts));
             }
             unreliable
         },

@@ -84,13 +84,13 @@ impl<R: Real> Assembler<'_, R> {
         velocity.impulses.clear();
         problem.impulse_indices.clear();
         builder.velocity_scales.clear();
-        problem.slots.clear();
+        problem.sliding_slots.clear();
         problem.rolling_slots.clear();
         problem.curvature_terms.clear();
         problem.deferred.clear();
         problem.impacts.clear();
         problem.closing_time = assembly.h / assembly.closing_fraction;
-        [problem.constrained, problem.needs_position_solve, problem.biased, problem.euler_impact_lanes] = [none; 4];
+        [problem.constrained, problem.needs_position_solve, problem.biased, problem.euler_rebounding] = [none; 4];
         problem.may_have_immovable_rows = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
     }
@@ -105,7 +105,8 @@ impl<R: Real> Assembler<'_, R> {
         }
         velocity.contact_groups.find(compiled, contacts, problem.constrained.bits());
         velocity.impulses.compute_w(&problem.rows);
-        problem.rows.newly_loaded = velocity.contact_groups.newly_loaded_lanes(contacts, &problem.slots, &problem.rows, &velocity.impulses);
+        problem.rows.newly_loaded =
+            velocity.contact_groups.newly_loaded_lanes(contacts, &problem.sliding_slots, &problem.rows, &velocity.impulses);
     }
 }
 

@@ -9,7 +9,7 @@ use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
-    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MAX_ROUGH_MOTION, MIN_ROUGH_MOTION_OF_STRUCTURES, MIN_TOLERANCE,
+    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MAX_ROUGH_MOTION, MIN_ROUGH_MOTION_OF_SEVERAL_TREES, MIN_TOLERANCE,
     RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS,
 };
 
@@ -62,7 +62,7 @@ pub fn solve_to<R: Real>(
 /// to the velocity solution.
 #[inline(always)]
 pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>, contacts: &mut Contacts<R>) {
-    let ConstraintProblem { impulse_indices, slots, rolling_slots, .. } = problem;
+    let ConstraintProblem { impulse_indices, sliding_slots, rolling_slots, .. } = problem;
     let VelocitySolution { impulses, scalar_impulse, .. } = velocity;
     R::vectorize(
         #[inline(always)]
@@ -70,7 +70,7 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
             for (&impulse_index, &lambda) in impulse_indices.iter().zip(&impulses.scalars) {
                 scalar_impulse[impulse_index] = lambda;
             }
-            for (&(k, lanes), &lambda) in slots.iter().zip(&impulses.contacts) {
+            for (&(k, lanes), &lambda) in sliding_slots.iter().zip(&impulses.contacts) {
                 contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
             }
             for (&(k, lanes, scale), &[n, a, b, spin, roll_a, roll_b]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
@@ -118,11 +118,10 @@ fn share_loads<R: Real>(
 /// Predictor of this step's constraint impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpulsePredictor<R: Real> {
-    /// Lanes that move. Their prediction hardly depends on the previous impulses, from which it starts in lanes outside `rough`. Lanes at
-    /// rest keep the previous impulses as their prediction.
+    /// Lanes that move. Lanes at rest keep the previous impulses as their prediction.
     moving: R::Mask,
     /// Moving lanes in which [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero impulses predict accurately enough. The other moving
-    /// lanes iterate to `tolerance`.
+    /// lanes iterate from the previous impulses to `tolerance`.
     rough: R::Mask,
     /// Change of the contact velocities per iteration at which lanes outside `rough` stop iterating, m/s.
     tolerance: R,
@@ -136,9 +135,9 @@ impl<R: Real> ImpulsePredictor<R> {
     /// groups, whose loads are shared.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
-        let error = ESTIMATE_ERROR / options.refinement();
-        let exact = error < ESTIMATE_ERROR || options.solver == Solver::Newton;
-        let least = if compiled.ntree > 1 { MIN_ROUGH_MOTION_OF_STRUCTURES } else { REST_MOTION };
+        let error = ESTIMATE_ERROR / options.tolerance_ratio();
+        let never_rough = error < ESTIMATE_ERROR || options.solver == Solver::Newton;
+        let least = if compiled.ntree > 1 { MIN_ROUGH_MOTION_OF_SEVERAL_TREES } else { REST_MOTION };
         R::vectorize(
             #[inline(always)]
             || {
@@ -148,7 +147,7 @@ impl<R: Real> ImpulsePredictor<R> {
                 let moving = is_moving(displacement);
                 let rough =
                     displacement.gt(R::of(least)).and(displacement.lt(R::of(MAX_ROUGH_MOTION))).and_not(velocity.contact_groups.lanes());
-                Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
+                Self { moving, rough: if never_rough { R::Mask::splat(false) } else { rough }, tolerance }
             },
         )
     }
@@ -174,7 +173,7 @@ impl<R: Real> ImpulsePredictor<R> {
         if solved.any() {
             // Rounding may prevent a small tolerance from being met, so that the iteration limit of the solver applies too.
             let limit = f64::from(options.iterations).max(ESTIMATE_ITERATIONS);
-            let sweeps = (ESTIMATE_ITERATIONS * options.refinement()).min(limit) as u32;
+            let sweeps = (ESTIMATE_ITERATIONS * options.tolerance_ratio()).min(limit) as u32;
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
             stepper_solve::gauss_seidel::estimate(rows, impulses, settings, solved, solved.and(self.moving));
         }

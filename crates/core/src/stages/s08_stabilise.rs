@@ -172,7 +172,7 @@ pub fn limit_baumgarte<R: Real>(
             for (v, &more) in v.iter_mut().zip(&*correction) {
                 *v += R::select(lanes, more, R::zero());
             }
-            // The user can read the impulses, so that `w` must be the scaled velocity change that leads to this velocity.
+            // `w` becomes the scaled velocity change from `v_free` to the limited `v`. The joint impulses that users read follow from `w`.
             for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
                 *change = v - free;
             }
@@ -199,11 +199,11 @@ fn correct<R: Real>(
     let lanes = input.lanes;
     damp_rows(compiled, input, &velocity.impulses, position);
     let [sweeps, newton] = options.effort();
-    let refinement = options.refinement();
-    let tolerance = (CORRECTION_TOLERANCE / refinement).max(options.tolerance);
-    let sweeps = sweeps.min((CORRECTION_ITERATIONS * refinement) as u32);
-    let newton = newton.min((CORRECTION_NEWTON_STEPS * refinement) as u32);
-    let rough = CORRECTION_NEWTON_THRESHOLD / refinement.powi(2);
+    let tolerance_ratio = options.tolerance_ratio();
+    let tolerance = (CORRECTION_TOLERANCE / tolerance_ratio).max(options.tolerance);
+    let sweeps = sweeps.min((CORRECTION_ITERATIONS * tolerance_ratio) as u32);
+    let newton = newton.min((CORRECTION_NEWTON_STEPS * tolerance_ratio) as u32);
+    let rough = CORRECTION_NEWTON_THRESHOLD / tolerance_ratio.powi(2);
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
@@ -403,10 +403,10 @@ fn prove_infeasible<R: Real>(
 /// the lower bound of the inverse inertia that scales the damping of the contact.
 #[inline(always)]
 fn find_unconstrained_mobility<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, unconstrained_mobility: &mut Vec<R>) {
-    let ConstraintProblem { rows, slots, rolling_slots, .. } = input.problem;
+    let ConstraintProblem { rows, sliding_slots, rolling_slots, .. } = input.problem;
     unconstrained_mobility.clear();
     unconstrained_mobility.resize(rows.scalars.len(), R::zero());
-    let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
+    let all = sliding_slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
     for (k, lanes) in all {
         let mut floor = R::zero();
         for (pair, lanes) in input.contacts.pairs(k, lanes.bits()) {

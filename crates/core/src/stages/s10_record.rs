@@ -146,7 +146,7 @@ pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, la
         #[inline(always)]
         || {
             let mut deepest = R::zero();
-            let slots = problem.slots.iter().map(|slot| (slot.0, slot.1));
+            let slots = problem.sliding_slots.iter().map(|slot| (slot.0, slot.1));
             for (k, here) in slots.chain(problem.rolling_slots.iter().map(|slot| (slot.0, slot.1))) {
                 deepest = R::select(here, deepest.max(-contacts.data[k].point.distance), deepest);
             }

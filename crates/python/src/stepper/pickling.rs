@@ -42,7 +42,7 @@ impl Stepper {
         slf.simulation.restore_state(&saved).map_err(value_error)?;
         if !randomized.is_empty() {
             let all = slf.selection(None)?;
-            slf.assign_parameters(Some(randomized), &all)?;
+            slf.randomize_from_dict(Some(randomized), &all)?;
         }
         for (input, given) in AppliedInput::ALL.into_iter().zip(&applied) {
             slf.applied[input as usize] = None;

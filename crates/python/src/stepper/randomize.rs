@@ -22,7 +22,7 @@ impl Stepper {
     /// The dictionary `fields` has an array (num_envs, ...) for each field name, and the actuator model under the key "actuators". A value
     /// None restores the values of the model, or the drives (models of single actuators) that the stepper was created with. An empty or
     /// missing `fields` restores everything.
-    pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
+    pub(super) fn randomize_from_dict(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
         let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
         let mut specs = None;
@@ -162,7 +162,7 @@ impl Stepper {
         if selection.envs.is_empty() {
             return Ok(());
         }
-        this.assign_parameters(fields.as_ref(), &selection)?;
+        this.randomize_from_dict(fields.as_ref(), &selection)?;
         let recorder = recorder_of(slf.py(), this);
         notify(slf, recorder, "randomize", &[("envs", envs), ("fields", fields.map(Bound::into_any))])
     }

@@ -137,7 +137,7 @@ impl Simulation {
         self.roll_out(inputs, Schedule { controls, nstep }, recording, Some(watch))
     }
 
-    /// Makes the steps of a schedule with a recording, and keeps the last controls that were used in force.
+    /// Makes the steps of a schedule with a recording. Afterwards, the controls of the last step are those in force.
     fn roll_out(
         &mut self,
         inputs: &StepInputs<'_>,

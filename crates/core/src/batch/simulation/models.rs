@@ -21,7 +21,7 @@ impl Simulation {
         self.engine.set_sensor_models(&self.model, transfers)
     }
 
-    /// Sets the actuator dynamics, one entry for every actuator. `None` gives an actuator no dynamics. All environments are reset.
+    /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. All environments are reset.
     ///
     /// # Errors
     /// [`Error::Count`] when `specs` does not have one entry for every actuator; [`Error::DrivesAfterParameters`] when there are

@@ -79,7 +79,7 @@ impl Simulation {
             return Ok(());
         }
         let differences = self.parameter_differences(&assigned, envs)?;
-        self.randomization.assign(&self.model, self.num_envs, &assigned, envs);
+        self.randomization.store_fields(&self.model, self.num_envs, &assigned, envs);
         self.engine_mut().override_parameters(envs, &differences);
         Ok(())
     }

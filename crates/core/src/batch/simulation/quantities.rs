@@ -12,8 +12,8 @@ use crate::math::precision::Precision;
 impl Simulation {
     /// Snapshot of one environment at its present state, from which mass matrix, energy and similar quantities can be computed.
     ///
-    /// `inputs` has arrays for this environment alone; they replace the inputs in force. With actuator dynamics, the controls are the
-    /// outputs of the dynamics.
+    /// `inputs` has arrays for this environment alone; they replace the inputs in force. With actuator pipelines, the controls are the
+    /// outputs of the pipelines.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`] and [`Error::MocapPoses`] for the inputs.

@@ -37,7 +37,7 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error::OtherModel`] for a state of another model, [`Error::StatePrecision`] for one of the other precision. [`Error::StateMisfit`]
-    /// for another number of environments, other sensors or actuator dynamics, or damaged contents. Nothing is changed then.
+    /// for another number of environments, other sensors or actuator models, or damaged contents. Nothing is changed then.
     pub fn restore_state(&mut self, state: &SavedState) -> Result<(), Error> {
         self.restore_state_in(state, &(0..self.num_envs).collect::<Vec<_>>())
     }

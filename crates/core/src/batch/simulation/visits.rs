@@ -18,7 +18,7 @@ impl Simulation {
     /// The worker threads call the visitor. The step leaves out error models of sensors.
     ///
     /// # Errors
-    /// [`Error::Option`] in 32 bits and with actuator dynamics, [`Error::Length`] for controls of the wrong length, [`Error::Threads`] when
+    /// [`Error::Option`] in 32 bits and with actuator models, [`Error::Length`] for controls of the wrong length, [`Error::Threads`] when
     /// threads cannot be started.
     pub fn visit_groups<V: GroupVisitor>(&mut self, ctrl: &[f64], tolerance: f64, visitor: &V) -> Result<(), Error> {
         let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });

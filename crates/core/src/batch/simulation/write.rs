@@ -78,7 +78,7 @@ impl Simulation {
         self.check_time(env, keyframe.time).map(|_| ())
     }
 
-    /// Sets a state field of one environment. Clears warm start, contacts, and the memory of sensors and actuator dynamics.
+    /// Sets a state field of one environment. Clears warm start, contacts, and the memory of sensors and actuator pipelines.
     ///
     /// The next steps then depend on the new state alone.
     ///

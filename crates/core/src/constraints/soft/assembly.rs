@@ -20,7 +20,7 @@ impl<R: Real> Assembler<'_, R> {
             || {
                 system.problem.clear();
                 self.problem.impulse_indices.clear();
-                self.problem.slots.clear();
+                self.problem.sliding_slots.clear();
                 self.problem.rolling_slots.clear();
                 self.problem.constrained = R::Mask::splat(false);
                 self.add_soft_equalities(input, &mut system);
@@ -67,7 +67,7 @@ impl<R: Real> ConstraintProblem<R> {
                 for (i, &impulse_index) in self.impulse_indices.iter().enumerate() {
                     scalar_impulse[impulse_index] = system.solver.row_force(&system.problem, i) * h;
                 }
-                for (i, &(k, lanes)) in self.slots.iter().enumerate() {
+                for (i, &(k, lanes)) in self.sliding_slots.iter().enumerate() {
                     let force = system.solver.contact_force(&system.problem, i);
                     let slot = &mut contacts.data[k];
                     slot.impulse = select(lanes, in_standard_frame(slot, scale(force, h)), slot.impulse);

@@ -226,7 +226,7 @@ impl<R: Real> Assembler<'_, R> {
             weight,
             scales,
         );
-        self.problem.slots.push((k, active));
+        self.problem.sliding_slots.push((k, active));
         self.problem.constrained = self.problem.constrained.or(active);
     }
 

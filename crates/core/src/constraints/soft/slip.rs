@@ -40,7 +40,7 @@ impl<R: Real> ConstraintProblem<R> {
             let range = &mut places[slot][rolling];
             *range = if range.start == range.end { index } else { range.start }..index + 1;
         };
-        self.slots.iter().enumerate().for_each(|(index, slot)| place(slot.0, 0, index));
+        self.sliding_slots.iter().enumerate().for_each(|(index, slot)| place(slot.0, 0, index));
         self.rolling_slots.iter().enumerate().for_each(|(index, slot)| place(slot.0, 1, index));
         order.clear();
         order.resize(slots * R::LANES, u32::MAX);
@@ -66,7 +66,7 @@ impl<R: Real> ConstraintProblem<R> {
                 let there = R::Mask::from_bits(same);
                 for (rolling, places) in places.iter().enumerate() {
                     for index in places.clone() {
-                        let active = if rolling == 1 { self.rolling_slots[index].1 } else { self.slots[index].1 };
+                        let active = if rolling == 1 { self.rolling_slots[index].1 } else { self.sliding_slots[index].1 };
                         let lanes = active.and(there);
                         if lanes.any() {
                             visits.push(ContactVisit { rolling: rolling == 1, index, lanes });

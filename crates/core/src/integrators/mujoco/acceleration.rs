@@ -159,7 +159,7 @@ impl<R: Real> Acceleration<'_, R> {
             time_before: R::zero(),
             in_the_middle: false,
             closing_fraction: R::one(),
-            very_fast: R::Mask::splat(false),
+            at_start: R::Mask::splat(false),
             solved_overlaps: evaluation.solved_overlaps.as_deref(),
             alive,
         };

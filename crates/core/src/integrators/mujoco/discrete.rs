@@ -61,7 +61,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
                 let [stiffness, damping] = servo_slopes(compiled, &at, servo.actuator, forces);
                 let push = h * stiffness * forces.project(actuator, v);
                 let on_site =
-                    actuator.wrench.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
+                    actuator.site_wrench.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
                 let parts = || actuator.moment.iter().map(|&(_, dof, arm)| (dof, R::splat(arm))).chain(on_site.clone());
                 for (dof, arm) in parts() {
                     applied[dof] -= push * arm;

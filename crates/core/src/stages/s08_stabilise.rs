@@ -79,8 +79,8 @@ pub struct PositionInput<'a, R: Real> {
 /// Corrects the configuration `position.q`, which has advanced with `velocity.v`, and writes the result to `position.q_corrected`. Returns
 /// the lanes whose position errors provably cannot be removed.
 ///
-/// The caller has computed the position rows and the free velocity with `integrators::impact::prepare_position_solve`. The solve starts from the impulses of
-/// the velocity solution and overwrites them.
+/// The caller has computed the position rows and the free velocity with `integrators::impact::prepare_position_solve`. The solve starts
+/// from the impulses of the velocity solution and overwrites them.
 #[inline(always)]
 pub fn stabilise<R: Real>(
     compiled: &LaneModel<R>,

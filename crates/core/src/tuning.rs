@@ -267,11 +267,12 @@ pub(crate) const LIMIT_RETURN: f64 = 10.0;
 /// Position error of an equality below which the step does not correct it, m or rad. A loop at rest then needs no position solve.
 pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
-/// Smallest relative decrease of the overlap penalty at which a position correction is accepted. The penalty is a sum over all overlaps of
-/// an island (`overlap_progress.rs`).
+/// Smallest relative decrease of the overlap penalty at which a position correction is accepted. The penalty of an island
+/// is the sum, over its overlaps, of a number that grows with the overlap (`overlap_progress.rs`).
 ///
-/// Evidence: a wheel 0.1 m inside the base of Unitree's G1-D decreases the penalty by less than 1e-7 per step. A slide joint between two
-/// walls that both overlap its body still comes within 0.5 % of their middle at a time step of 0.1 ms.
+/// Evidence: the base of Unitree's G1-D overlaps one of its wheels by 0.1 m, and no motion can separate them. Corrections, which should be
+/// rejected, decrease the penalty by less than 1e-7 per step. Useful small corrections must be accepted. A body on a slide joint overlaps
+/// the walls on both of its sides, and still comes within 0.5 % of their middle at a time step of 0.1 ms.
 pub(crate) const MIN_DECREASE: f64 = 2e-7;
 
 /// Lower bound of the smallest relative decrease of the overlap penalty, in machine epsilons of the lane type. It replaces [`MIN_DECREASE`]

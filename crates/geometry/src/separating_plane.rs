@@ -28,8 +28,8 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 
-/// Bulge of the ball around the second hull towards the first, as a fraction of the gap that the motion of the step cannot close. A larger
-/// bulge allows a smaller ball, but the hulls may then move less.
+/// Bulge of the ball around the second hull towards the first, relative to the gap between the hulls. The gap is reduced by the motion of
+/// the step. A larger bulge allows a smaller ball, but the plane becomes invalid after a smaller motion of the hulls.
 const BULGE: f64 = 0.05;
 /// Gap between two hulls below which no separating plane is computed, relative to the size of the hulls. The gap is reduced by the motion
 /// of the step. With a smaller gap, the plane would be valid for a step or two only.

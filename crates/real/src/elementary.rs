@@ -146,7 +146,8 @@ fn ln_of_parts<R: Real>(m: R, e: R) -> R {
 
 /// Exponential e^x, see `Real::exp`.
 ///
-/// The formula is 2^k e^r with r = x - k ln 2, and e^r = 1 + r + r c / (2 - c), where c = r - r^2 P(r^2).
+/// The formula is 2^k e^r with r = x - k ln 2 and an integer k. Here e^r = 1 + r + r c / (2 - c), where c = r - r^2 P(r^2) and P is a
+/// polynomial.
 #[inline(always)]
 pub fn exp<R: Real>(x: R) -> R {
     let [ln2_high, ln2_low] = R::Scalar::LN_2;

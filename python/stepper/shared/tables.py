@@ -109,7 +109,9 @@ def check_number(name: str, value: Any) -> None:
 
 
 def check_numbers(part: Any, *others: str) -> None:
-    """Checks that the fields of a dataclass are numbers, except those named in `others`.
+    """Checks that the fields of a dataclass are numbers or arrays of numbers, except those named in `others`.
+
+    A field with the name `limits` must be a pair of them.
 
     Raises:
         TypeError: A field is not a number.

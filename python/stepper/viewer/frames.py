@@ -51,7 +51,7 @@ class Frame:
 
 
 def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
-    """Indices of the environments to show, (n,), from a number of environments or a list. None selects all, up to `most`.
+    """Indices of the environments to show, (n,). `envs` is their number or a list of indices; None selects all, up to `most`.
 
     Raises:
         ValueError: The stepper has no such environments, or none is selected.

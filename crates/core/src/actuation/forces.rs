@@ -113,7 +113,8 @@ pub struct ForceState<'a, R: Real> {
     pub act: &'a [R],
     /// Controls after the actuator pipelines (delay, lag ...), nu.
     pub ctrl: &'a [R],
-    /// Parameters of the actuator dynamics.
+    /// Parameters of the actuator models within a step (torque-speed curves, friction of gears ...), one entry for each actuator that has
+    /// them.
     pub actuator_dynamics: &'a [ActuatorDynamics<R>],
 }
 
@@ -449,11 +450,11 @@ impl<R: Real> ActuatorForces<R> {
         );
     }
 
-    /// Updates the active bounds of servos to those at the generalized velocity change `dv` in the step. Returns the lanes in which an
-    /// active bound changed. There the forces must be recomputed.
+    /// Finds the active bounds of servos at the generalized velocity change `dv` in the step, and the saturated actuators. Returns the lanes
+    /// in which an active bound differs from the assumed one. There the forces must be recomputed.
     ///
-    /// If all servos are implicit, only changes of stiff servos count: stage 1 has clamped the others at the predicted velocity. If
-    /// `may_change` is false, the assumed bounds stay, and the function only finds the lanes and the saturated actuators.
+    /// If `may_change` is true, the found bounds replace the assumed ones. If all servos are implicit, only bounds of stiff servos count:
+    /// stage 1 has clamped the others at the predicted velocity.
     pub(crate) fn set_bounds_at_velocity_change(
         &mut self,
         compiled: &LaneModel<R>,

@@ -30,7 +30,7 @@ pub struct CompiledActuator<S> {
     pub activation: Activation,
     /// Whether the force depends on length or velocity, by gain, bias or actuator dynamics.
     pub needs_motion: bool,
-    /// Index in the compiled model's list of servos, the actuators whose force depends on length or velocity; `None` for other actuators.
+    /// Index in the compiled model's list of servos; `None` for actuators without [`needs_motion`](Self::needs_motion).
     pub servo: Option<usize>,
     /// Actuator dynamics: the part of the actuator model that acts within a step; `None` if there is none.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,

@@ -30,7 +30,7 @@ use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
 
-/// Solved step with hard contact, near which other steps are evaluated.
+/// Results of the solved step with hard contact, which evaluations of steps from nearby states use (for derivatives).
 #[derive(Clone, Debug)]
 pub(super) struct HardNominal<R: Real> {
     /// Contacts of the solved step.

@@ -63,7 +63,7 @@ pub(crate) fn resolve_ambiguous<R: Real>(
 /// Solves the lanes `lanes` to a residual that changes the kinetic energy only a little, as far as rounding permits.
 ///
 /// Different impulses may give the same motion: two walls can press on a wedge with any pair of equal forces. The function therefore first
-/// computes the impulses of least norm. It then solves the lanes that are still ambiguous to a smaller residual.
+/// computes the impulses of least norm. Lanes whose energy is still ambiguous are then solved again, to a smaller residual.
 #[cold]
 #[inline(never)]
 fn solve_further<R: Real>(

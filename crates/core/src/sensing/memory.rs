@@ -80,7 +80,7 @@ impl<S: Scalar> Memory<S> {
         self.fresh |= 1 << lane;
     }
 
-    /// Clears the results of the last step in a lane, and requests a new first observation of its transfer functions.
+    /// Clears the results of the last step in a lane. The sensors' transfer functions begin again with the next observation of the lane.
     pub fn forget(&mut self, lane: usize) {
         let lanes = self.seed.len();
         for numbers in [&mut self.acceleration, &mut self.xfrc] {

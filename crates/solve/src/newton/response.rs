@@ -132,7 +132,7 @@ struct Block {
     /// Step rho of the constraint's natural map lambda - P_K(lambda - rho u), kg. Here lambda is the impulse, u the velocity, and P_K the
     /// projection on the admissible impulses. The map is zero at the solution.
     rho: f64,
-    /// Compliance of all rows of the constraint, 1/kg, without the additional one of the normal row.
+    /// Compliance that each row of the constraint has, 1/kg. The normal row of a contact may have more, which is not included.
     compliance: f64,
 }
 

@@ -243,7 +243,7 @@ def _runs_with(integrator: str, runs: Sequence[Trace], again: Callable[..., Trac
         integrator: Name of the integrator.
         runs: Given runs.
         again: Function that runs the episodes with some settings.
-        stage: Stage of the time budget.
+        stage: Stage of the computation, which limits the time of the runs.
         study: The study.
     """
     made: list[Trace] = []

@@ -1,8 +1,8 @@
 """Batches of a study's episodes, which are stepped together, and whose results (rows) are stored in the journal.
 
-An episode belongs to a point, a set of parameter values with a name of settings. Batches have points with the same settings. Batches
-depend only on the points, not on the rows in the journal. After an interruption, an unfinished batch is repeated as a whole, and only its
-missing rows are stored.
+An episode belongs to a point: values of the parameters, and the name of the settings for which they are used. All points of a batch have
+the same settings. Batches depend only on the points, not on the rows in the journal. After an interruption, an unfinished batch is repeated
+as a whole, and only its missing rows are stored.
 """
 
 from __future__ import annotations

@@ -12,8 +12,10 @@ use stepper_core::model::{
 use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{
     AppliedInput, DerivedQuantity, Episode, Error, Field, Model, ModelError, Options, Parameter, Precision, RayCast, Simulation, StateRows,
-    StepInputs,
+    StepInputs, Transfer,
 };
+
+use crate::common::errors;
 
 const NUM_ENVS: usize = 4;
 
@@ -304,6 +306,18 @@ fn a_clone_goes_on_with_the_same_bits_and_by_itself() {
         let text = format!("{clone:?}");
         assert!(text.starts_with("Simulation { model: \"arm\", num_envs: 40"), "{text}");
     }
+}
+
+#[test]
+fn uniform_noise_takes_no_density() {
+    let mut sim = simulation();
+    let given = |noise_density: f64| {
+        let gaussian = errors(&scene()).swap_remove(0).unwrap();
+        [Some(Transfer { uniform: true, noise_density: vec![noise_density], ..gaussian })]
+    };
+    let error = sim.set_sensor_models(&given(0.01)).unwrap_err();
+    assert!(error.to_string().contains("noise_density is 0.01, must be 0 with uniform noise"), "{error}");
+    sim.set_sensor_models(&given(0.0)).unwrap();
 }
 
 #[test]

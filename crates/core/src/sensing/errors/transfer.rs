@@ -29,7 +29,7 @@ pub struct Transfer {
     pub noise_std: Vec<f64>,
     /// Whether the noise is uniform instead of Gaussian.
     pub uniform: bool,
-    /// Density of white noise, in the sensor's unit per sqrt(Hz).
+    /// Density of Gaussian white noise, in the sensor's unit per sqrt(Hz); 0 if the noise is uniform.
     pub noise_density: Vec<f64>,
     /// Quantisation step of the readings; 0 for none.
     pub quantum: Vec<f64>,
@@ -108,6 +108,10 @@ impl Transfer {
             if steps > LONGEST {
                 return Err(DeviceError::TooLong { name: "delay and jitter", steps, timestep: h, longest: LONGEST });
             }
+        }
+        if let Some(density) = self.noise_density.iter().find(|x| self.uniform && **x != 0.0) {
+            // A density is that of Gaussian noise, and `noise_std` the half width.
+            return Err(DeviceError::Range { name: "noise_density", found: *density, must: "0 with uniform noise" });
         }
         if !self.matrix.is_empty() && (self.matrix.len() != dim * dim || !self.matrix.iter().all(|x| x.is_finite())) {
             return Err(DeviceError::Matrix { found: self.matrix.len(), dim });

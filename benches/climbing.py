@@ -1,7 +1,7 @@
 """Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: climbing of stairs, and returns in the task.
 
-    stepper train stepper/Go1Rough-v0
-    python benches/climbing.py out/train/stepper_Go1Rough-v0/seed1/policy.npz
+    python examples/train_stairs.py
+    python benches/climbing.py out/train/stairs/rough/policy.npz
 
 The script prints two tables. The first has the fraction of episodes in which the robot climbs five steps out of a pit in 20 s. The robot
 starts at a random heading, and is commanded to turn to the x axis and to walk along it. The second table has returns of the task itself,
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from typing import Any
 import gymnasium
 import mujoco_vector
 import numpy as np
+from sections import write_section
 from stepper import Options, Stepper
 from stepper.envs.locomotion import Go1Rough
 from stepper.envs.task import Array, Moment, Terms
@@ -26,6 +28,7 @@ from stepper.envs.terrain import PyramidStairs, Terrain
 from stepper.policies import Evaluation, evaluate, load
 from stepper.shared.streams import Rng
 
+PAGE = Path(__file__).parents[1] / "docs/benchmarks/training.md"
 HEIGHTS = (0.05, 0.1, 0.15, 0.2)
 """Heights of the steps, m."""
 SPEED = 0.7
@@ -86,10 +89,10 @@ def pit(height: float) -> Terrain:
     return Terrain(sub_terrains={"stairs": stairs}, num_rows=1, border_width=4.0)
 
 
-def print_climbs(policy: Any, episodes: int) -> None:
-    """Print the fraction of episodes in which the robot leaves the pit, by simulator (rows) and height of a step (columns).
+def climbs(policy: Any, episodes: int) -> Iterator[str]:
+    """Lines of a Markdown table of climbing: the fraction of episodes in which the robot leaves the pit.
 
-    The table is in Markdown.
+    Rows are simulators, and columns heights of a step.
     """
     gymnasium.register(
         "stepper/Go1Climb-v0",
@@ -98,8 +101,8 @@ def print_climbs(policy: Any, episodes: int) -> None:
         kwargs={"task": Go1Climb},
     )
     mujoco_vector.register("Go1Climb-v0")
-    print("| simulator | " + " | ".join(f"steps of {100 * height:.0f} cm" for height in HEIGHTS) + " |")
-    print("|---" * (1 + len(HEIGHTS)) + "|", flush=True)
+    yield "| simulator | " + " | ".join(f"steps of {100 * height:.0f} cm" for height in HEIGHTS) + " |"
+    yield "|---" * (1 + len(HEIGHTS)) + "|"
     for name, (space, given) in simulators().items():
         cells = []
         for height in HEIGHTS:
@@ -115,25 +118,34 @@ def print_climbs(policy: Any, episodes: int) -> None:
                 **given,
             )
             cells.append(f"{100 * np.mean(found.infos['climbed'] > 0.0):.0f} %")
-        print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+        yield f"| {name} | " + " | ".join(cells) + " |"
 
 
-def print_returns(policy: Any, episodes: int) -> None:
-    """Print the returns in `stepper/Go1Rough-v0`, with a row for each simulator.
+def returns(policy: Any, episodes: int) -> Iterator[str]:
+    """Lines of a Markdown table of returns in `stepper/Go1Rough-v0`, with a row for each simulator.
 
     Robots start in all rows of the task's terrain grid. The rows differ in difficulty.
     """
     mujoco_vector.register("Go1Rough-v0")
-    print("| simulator | mean return | 95 % confidence | velocity error, m/s | ended early |", "|---" * 5 + "|", sep="\n")
+    yield "| simulator | mean return | 95 % confidence | velocity error, m/s | ended early |"
+    yield "|---" * 5 + "|"
+    weights = policy.environment["task"]["weights"]
+    levels = {"max_init_level": Go1Rough().terrain.num_rows - 1}
     for name, (space, given) in simulators().items():
-        levels = {"max_init_level": Go1Rough().terrain.num_rows - 1}
         found: Evaluation = evaluate(
-            policy, f"{space}/Go1Rough-v0", episodes=episodes, seed=2**32, infos=("tracking_error",), **levels, **given
+            policy,
+            f"{space}/Go1Rough-v0",
+            episodes=episodes,
+            seed=2**32,
+            infos=("tracking_error",),
+            weights=weights,
+            **levels,
+            **given,
         )
         low, high = found.interval()
         early = f"{np.sum(found.lengths < Go1Rough.episode_steps)} of {episodes}"
         error = found.infos["tracking_error"].mean()
-        print(f"| {name} | {found.mean:.1f} | {low:.1f} to {high:.1f} | {error:.3f} | {early} |", flush=True)
+        yield f"| {name} | {found.mean:.1f} | {low:.1f} to {high:.1f} | {error:.3f} | {early} |"
 
 
 def main() -> None:
@@ -141,11 +153,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policy", type=Path, help="file of the policy")
     parser.add_argument("--episodes", type=int, default=200, help="number of episodes per cell [200]")
+    parser.add_argument("--update-docs", action="store_true", help="replace the tables in docs/benchmarks/training.md")
     given = parser.parse_args()
     policy = load(given.policy)
-    print_climbs(policy, given.episodes)
-    print()
-    print_returns(policy, given.episodes)
+    for name, table in (("climbs", climbs), ("rough returns", returns)):
+        lines = []
+        for line in table(policy, given.episodes):
+            print(line, flush=True)
+            lines.append(line)
+        print()
+        if given.update_docs:
+            write_section(PAGE, name, "\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -146,8 +146,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`.
     ///
-    /// A lag after a continuous servo passes on only a part of the servo's change of effort within a step, and so has smaller gains. The
-    /// loaded gains are those at the end of a step. [`Self::advance`] replaces them by their means over the step.
+    /// If a lag follows a continuous servo, the lag's output has only a part of the servo's change within a step. The servo's gains are
+    /// therefore reduced by this part, here that at the end of a step. [`Self::advance`] replaces these gains by their means over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]

@@ -20,7 +20,7 @@ const BITS: u32 = 21;
 /// The other four neighbouring rows come before it, and their balls have already been tested against those of this row.
 const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
-/// Bounding ball of a geom during the whole step, in world axes and m.
+/// Ball that contains a geom during the whole search time (that of `displacement` in [`Broad::find`]), in world axes and m.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ball {
     centre: [f64; 3],
@@ -76,8 +76,8 @@ impl Broad {
             self.visit_without_cell(lane as u64);
         }
         self.found_pairs.sort_unstable();
-        let number = |pair: u64| dynamic_pairs.number((pair >> 32) as usize, pair as u32 as usize) as u32;
-        merge_lanes(&self.found_pairs, number, &mut self.pairs);
+        let index = |pair: u64| dynamic_pairs.pair_index((pair >> 32) as usize, pair as u32 as usize) as u32;
+        merge_lanes(&self.found_pairs, index, &mut self.pairs);
     }
 
     /// Sorts the balls into cells.

@@ -225,7 +225,7 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Solid (collision shape) of a geom, with the size of the model. [`Scene::solid_in`] has the size of a lane.
+    /// Solid (collision shape) of a geom, with the geom's size in the model. [`Scene::solid_in`] has the geom's size in one lane.
     #[inline(always)]
     fn solid(&self, geom: usize) -> &Solid {
         self.compiled.geoms[geom].solid.as_ref().expect("a solid for every geom of this kernel")

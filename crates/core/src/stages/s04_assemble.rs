@@ -56,7 +56,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
                 let lanes = contacts.lanes_of(k);
                 let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
                 if sliding != 0 {
-                    assembler.builder.gather_support(assembler.problem, compiled, contacts, k, sliding);
+                    assembler.builder.gather_dofs(assembler.problem, compiled, contacts, k, sliding);
                     assembler.add_contact(input, contacts, k, sliding);
                 }
             }
@@ -96,7 +96,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 
     /// Completes the problem. It activates deferred contacts of two faces that already rest on each other. Then it finds the contact
-    /// groups, and the lanes in which a group with redundant supports takes up load for the first time.
+    /// groups (redundant supports), and the lanes in which a group takes up load for the first time.
     #[inline(always)]
     fn finish(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
         let Self { problem, velocity, .. } = self;

@@ -84,7 +84,7 @@ fn run_stages<R: Real>(
 #[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
-    // `resolution` has the buffers of the guard against motion that the time step does not resolve (is too long for).
+    // `resolution` has buffers for the treatment of motion that is too fast for the time step.
     let (collisions, resolution, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
     // 1 actuate, 2 smooth dynamics, 3 detect, at the evaluation point of the step. A loop in `locate` moves this point in lanes with fast
     // bodies or impacts.

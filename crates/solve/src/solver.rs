@@ -122,7 +122,7 @@ fn solve_system<R: Real>(
         let redistributed = newly_loaded.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
         newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A newly loaded lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
-        // There sweeps bring the motion to rest, and hardly change the distribution of the load.
+        // In such a lane, sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     // In 32 bits, sweeps continue to their limit (see `FIRST_SWEEPS`).

@@ -20,7 +20,7 @@ const BITS: u32 = 21;
 /// The other four neighbouring rows come before it, and their balls have already been tested against those of this row.
 const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
-/// Ball that contains a geom during the whole search time (that of `displacement` in [`Broad::find`]), in world axes and m.
+/// Ball that contains a geom during the time of a search ([`Broad::find`]), in world axes and m.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ball {
     centre: [f64; 3],
@@ -47,8 +47,8 @@ pub(crate) struct Broad {
 impl Broad {
     /// Finds the dynamic pairs that can touch in the lanes `alive` (bits), and stores them in `pairs`.
     ///
-    /// `pos` has the centres of all geoms, m, and `displacement` the upper bounds of their displacements, m. `slack` is added to each
-    /// bound, m.
+    /// `pos` has the centres of all geoms, m. `displacement` has the upper bounds of their displacements during the time of the search, m:
+    /// two steps in stage 3, one step in the tunnelling check. The function adds `slack`, m, to each bound.
     pub(crate) fn find<R: Real>(
         &mut self,
         compiled: &LaneModel<R>,

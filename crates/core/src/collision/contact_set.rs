@@ -119,8 +119,8 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Returns the contact buffers with buffers for angular impulses, if `any` is true. `any` tells whether the scene has torsional or
-    /// rolling friction.
+    /// Returns the contact buffers with buffers for angular impulses, if `any` is true: if the scene has torsional or rolling
+    /// friction.
     pub fn with_torques(mut self, any: bool) -> Self {
         self.torque = vec![zero(); if any { self.data.len() } else { 0 }];
         self

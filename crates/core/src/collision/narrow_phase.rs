@@ -85,7 +85,8 @@ impl<R: Real> Scene<'_, R> {
         let normal = column(&self.poses.mat[a], 2);
         let frame = self.compiled.geoms[b].frame;
         let links = 1..=self.compiled.links.len();
-        // Change of the normal within the step, as seen from the rotating cylinder. It selects the points of the rim that come down.
+        // Change of the plane's normal within the step, in the frame of the rotating cylinder. `cylinder_rims` finds the points of the rim
+        // toward which the cylinder tips.
         let normal_change =
             if links.contains(&frame) { scale(cross(normal, angular(&self.poses.search_velocity[frame - 1])), self.h) } else { zero() };
         for (k, &rim) in cylinder_rims(normal, normal_change, &self.cylinder(b)).iter().enumerate() {

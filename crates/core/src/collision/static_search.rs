@@ -119,8 +119,8 @@ impl<R: Real> StaticSearch<R> {
 
     /// Updates the boxes of the moving geoms and of each group of moving geoms.
     ///
-    /// For each geom, `displacement` returns the upper bound of its displacement, m, and whether to enlarge its box so that it meets each
-    /// static geom whose bounding ball overlaps its own.
+    /// For each geom, `displacement` returns the upper bound of its displacement, m. It also returns whether to enlarge the box, so that it
+    /// overlaps every static geom whose bounding ball overlaps that of the geom.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), displacement: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;

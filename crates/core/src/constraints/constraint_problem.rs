@@ -11,9 +11,9 @@ use crate::math::spatial::*;
 
 /// Constraint problem of a step, with the model element of each row.
 ///
-/// The rows do not change after stage 4 has assembled them. A step later changes two things. It updates the offsets g of the rows, which
-/// contain the free velocity, without constraints ([`ConstraintProblem::shift`]). And it activates deferred contacts, whose rows the solver
-/// left out at first (`ConstraintProblem::activate`).
+/// Stage 4 assembles the rows. Afterwards the step updates their offsets g, which contain the free velocity
+/// ([`ConstraintProblem::shift`]). It also activates deferred contacts, whose rows the solver leaves out at first
+/// (`ConstraintProblem::activate`).
 #[derive(Clone, Debug)]
 pub struct ConstraintProblem<R: Real> {
     /// Rows of the problem, as input of the solver.

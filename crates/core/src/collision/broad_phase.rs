@@ -126,7 +126,7 @@ impl Broad {
         for (k, &a) in self.without_cell.iter().enumerate() {
             let rest = self.cells.iter().map(|c| c.1).chain(self.without_cell[k + 1..].iter().copied());
             for b in rest {
-                offer(&self.balls, &mut self.found_pairs, a, b, lane);
+                add_if_overlapping(&self.balls, &mut self.found_pairs, a, b, lane);
             }
         }
     }
@@ -143,13 +143,13 @@ impl Broad {
 /// most `last`.
 fn visit(balls: &[Ball], cells: &[(u64, u32)], found: &mut Vec<u64>, a: u32, from: usize, last: u64, lane: u64) {
     for &(_, b) in cells[from..].iter().take_while(|c| c.0 <= last) {
-        offer(balls, found, a, b, lane);
+        add_if_overlapping(balls, found, a, b, lane);
     }
 }
 
 /// Appends the pair of the balls `a` and `b` to `found` if they overlap.
 #[inline]
-fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
+fn add_if_overlapping(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     let (p, q) = (&balls[a as usize], &balls[b as usize]);
     let reach = p.radius + q.radius;
     let apart = sub(p.centre, q.centre);

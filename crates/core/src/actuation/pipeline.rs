@@ -147,7 +147,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`.
     ///
     /// If a lag follows a continuous servo, the lag's output has only a part of the servo's change within a step. The servo's gains are
-    /// therefore reduced by this part, here that at the end of a step. [`Self::advance`] replaces these gains by their means over the step.
+    /// therefore multiplied by this part. Here it is the part at the end of a step; [`Self::advance`] uses the mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]

@@ -84,7 +84,7 @@ fn run_stages<R: Real>(
 #[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
-    // `resolution` has the buffers of the guard against motion that the time step does not resolve (is too long for).
+    // `resolution` has buffers for the treatment of motion that is too fast for the time step.
     let (collisions, resolution, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
     // 1 actuate, 2 smooth dynamics, 3 detect, at the evaluation point of the step. A loop in `locate` moves this point in lanes with fast
     // bodies or impacts.
@@ -95,14 +95,14 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let context = StepContext { input, evaluation };
     // 4 assemble, 5 solve, 6 integrate velocity. A loop in `solve_velocities` repeats them until the solution satisfies the assumptions of
     // the assembly. After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
-    let (solver, inconsistent) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
+    let (solver, energy_unresolved) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
     // Velocities are bounded in lanes whose solution cannot be right.
     let mut outcome = bound_velocities(context, free, problem, velocity, position, solver, probe);
     // With the Runge-Kutta method, `replace_step` below replaces the solution of lanes without constraints. Their energy is not checked
     // here.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved =
-        probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, resolution, excluded)).or(inconsistent);
+        probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, resolution, excluded)).or(energy_unresolved);
     if options.poison {
         free.scratch.poison();
         collisions.poison();

@@ -83,9 +83,9 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// beginning. If another contact slows the body down, it does not reach the surface before the middle of the next step.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of solves of a step that take collisions in order. After each of these first solves, only the earliest collision of a body
-/// becomes an active contact. After each later solve, all pairs that collide within the step become active contacts.
-pub(crate) const ORDERED_PASSES: usize = 6;
+/// Number of solves of a step after which only the earliest collision of each body becomes an active contact. After each later solve, all
+/// pairs that collide within the step become active contacts.
+pub(crate) const FIRST_COLLISION_PASSES: usize = 6;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
 /// find the collisions that remain.
@@ -303,7 +303,7 @@ pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 
 // Redundant supports, whose loads are shared.
 
-/// Smallest number of contacts between two bodies at which statics does not determine their forces.
+/// Smallest number of contacts of a contact group. With three contacts between two bodies, statics does not determine the forces.
 pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
 
 /// Sliding speed above which a loaded contact of a redundant support counts as slipping, m/s. The torque of friction then depends on how
@@ -321,8 +321,8 @@ pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 /// Largest number of contacts in a cluster of redundant supports that share their loads. The work grows with the cube of the number.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 
-/// Largest number of contacts in an environment for which Newton's method solves a contact group (contacts between the same two bodies)
-/// that has just become loaded.
+/// Largest number of contacts in an environment for which Newton's method computes the first impulses of a contact group (see
+/// `constraints/redundant_supports.rs`).
 ///
 /// Evidence: in a heap of ten boxes with 45 contacts it would take half of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;

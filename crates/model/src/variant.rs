@@ -3,8 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::pair_overrides::PairOverrides;
 use crate::replace::{find, write};
+use crate::replaced_geom_fields::ReplacedGeomFields;
 use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
 
 /// Declares [`Parameter`] with the names of the model's fields.
@@ -100,7 +100,8 @@ pub struct Variants<'a> {
     base: &'a Model,
     model: Model,
     fields: Vec<&'static Field>,
-    overrides: PairOverrides<'a>,
+    /// Fields of geoms that contacts of explicit pairs ignore. A new value of such a field is an error.
+    replaced_fields: ReplacedGeomFields<'a>,
 }
 
 impl<'a> Variants<'a> {
@@ -110,8 +111,8 @@ impl<'a> Variants<'a> {
     /// [`ModelError::Invalid`] for a name that is not a field.
     pub fn new<'n>(base: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Result<Self, ModelError> {
         let fields: Vec<&'static Field> = names.into_iter().map(find).collect::<Result<_, _>>()?;
-        let overrides = PairOverrides::new(base, fields.iter().map(|field| field.name));
-        Ok(Self { base, model: base.clone(), fields, overrides })
+        let replaced_fields = ReplacedGeomFields::new(base, fields.iter().map(|field| field.name));
+        Ok(Self { base, model: base.clone(), fields, replaced_fields })
     }
 
     /// Variant of the model with new values. `values` has the new values of each field, in the order of the names in [`Variants::new`].
@@ -126,7 +127,7 @@ impl<'a> Variants<'a> {
             write(self.model.trusted_mut(), field, values.unwrap_or(base_values))?;
             given.extend(values.map(|values| (field.name, values)));
         }
-        self.overrides.check(&given)?;
+        self.replaced_fields.check(&given)?;
         self.model.check_parameters()?;
         same_structure(self.base, &self.model)?;
         self.model.check_inertia()?;

@@ -12,7 +12,7 @@ by_kind! {
         /// Number of Jacobian entries of all scalar rows together.
         pub scalar_entries: usize,
         /// Largest number of coordinates at which one contact has Jacobian entries in any of its lanes.
-        pub contact_support: usize,
+        pub columns_per_contact: usize,
     } each count
 }
 

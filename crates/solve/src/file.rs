@@ -142,7 +142,7 @@ impl Payload {
         if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && newton_threshold >= tolerance) {
             return Err(format!("{dimension} coordinates, tolerances {tolerance} and {newton_threshold}: not of a problem"));
         }
-        let capacity = make_kinds!(Capacity { dimension, scalar_entries: 0, contact_support: 0, } [saved: &self] => saved.len());
+        let capacity = make_kinds!(Capacity { dimension, scalar_entries: 0, columns_per_contact: 0, } [saved: &self] => saved.len());
         let (mut problem, mut iterate) = (Problem::<R>::new(&capacity), Iterate::<R>::new(&capacity));
         each_kind!([saved: &self] [set: &mut problem] [impulses: &mut iterate] => {
             for (i, saved) in saved.iter().enumerate() {

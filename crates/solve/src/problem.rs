@@ -58,7 +58,7 @@ impl<R: Real> Problem<R> {
             scalars,
             scalar_entries: scalars * dimension,
             contacts,
-            contact_support: dimension,
+            columns_per_contact: dimension,
             ..Capacity::default()
         };
         Self::new(&capacity)
@@ -91,23 +91,23 @@ impl<R: Real> Problem<R> {
         empty
     }
 
-    /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `support`, ascending.
+    /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `columns`, ascending.
     ///
     /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
     /// its bias (minus the target velocity).
     #[inline(always)]
-    pub fn push_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
-        self.contacts.push(support, y, active, mu, g, self.least_mobility);
+    pub fn push_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
+        self.contacts.push(columns, y, active, mu, g, self.least_mobility);
     }
 
     /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
-    /// `support`, ascending.
+    /// `columns`, ascending.
     ///
     /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
     /// its bias (minus the target velocity). The rows must be scaled so that all of them have the friction coefficient `mu`.
     #[inline(always)]
-    pub fn push_rolling_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
-        self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
+    pub fn push_rolling_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
+        self.rolling_contacts.push(columns, y, active, mu, g, self.least_mobility);
     }
 
     /// Changes the offsets g of all rows, for velocities and positions, in the lanes `lanes`, after a change of the free velocity.
@@ -219,7 +219,7 @@ impl<R: Real> System<'_, R> {
 
     /// Calls `f` for each row or contact that exists in a lane. `f` gets an iterator over the coordinates (columns of the Jacobian)
     /// at which this row or contact has entries in the lane, ascending.
-    pub fn for_each_support(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
-        each_kind!([set: &self.problem] [rows: self] => set.for_each_support(rows, lane, &mut f));
+    pub fn for_each_column_set(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
+        each_kind!([set: &self.problem] [rows: self] => set.for_each_column_set(rows, lane, &mut f));
     }
 }

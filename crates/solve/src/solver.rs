@@ -49,11 +49,11 @@ impl<R: Real> Outcome<R> {
     }
 }
 
-/// Residual above which the load of redundant supports is redistributed, m/s. With a larger residual, the distribution of the load would
-/// depend on the order of the supports.
+/// Residual above which the load of redundant supports is redistributed, m/s. With a larger value of this constant, the distribution of
+/// the load would depend on the order of the supports.
 ///
 /// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of docs/benchmarks/atlas.md). The order of its legs
-/// changes the result by 2e-6 m with a goal of 1e-8, by 1e-7 m with 1e-9.
+/// changes the result by 2e-6 m with the value 1e-8, by 1e-7 m with 1e-9.
 const LEAST_NORM_GOAL: f64 = 1e-9;
 
 /// Speed above which a loaded contact counts as slipping, m/s. Its friction torque then depends on the distribution of the load.
@@ -122,7 +122,7 @@ fn solve_system<R: Real>(
         let redistributed = newly_loaded.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
         newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A newly loaded lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
-        // There sweeps bring the motion to rest, and hardly change the distribution of the load.
+        // In such a lane, sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     // In 32 bits, sweeps continue to their limit (see `FIRST_SWEEPS`).
@@ -140,7 +140,8 @@ fn solve_system<R: Real>(
     left = left.and_not(newly_loaded);
     let passes = match newton_steps {
         MIN_STEPS_FOR_EXACT.. => PASSES,
-        // A position correction without certified residual makes one pass. The next step corrects the errors that it leaves.
+        // A solve whose residual need not be exact (`System::certified`) is a position correction. It makes one pass, and the next step
+        // corrects the remaining errors.
         _ if !system.certified => 1,
         _ => PASSES - 1,
     };

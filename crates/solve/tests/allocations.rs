@@ -38,9 +38,9 @@ fn chain(contacts: usize) -> (Problem<f64>, Iterate<f64>) {
     iterate.clear();
     for k in 0..contacts {
         let at = 2 * k;
-        let support = [at as u32, at as u32 + 1, at as u32 + 2];
+        let columns = [at as u32, at as u32 + 1, at as u32 + 2];
         let y = move |c: usize| [[1.0, 0.3, 0.0], [0.2, 1.0, 0.1], [-0.9, 0.1, 1.0]][c - at];
-        problem.push_contact(&support, y, true, 0.3, [-1.0, 0.4, 0.1 * k as f64]);
+        problem.push_contact(&columns, y, true, 0.3, [-1.0, 0.4, 0.1 * k as f64]);
         iterate.contacts.push([0.0; 3]);
     }
     iterate.compute_w(&problem);

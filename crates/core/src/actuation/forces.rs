@@ -22,9 +22,10 @@
 //! ```
 //!
 //! For a damper alone, that is the Pade approximation `(1 - z/3) / (1 + 2 z/3 + z^2/6)` of exp(-z), Radau IIA's of third order (Hairer &
-//! Wanner, section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a
-//! step. This factor is 1 - z + O(z^2), as that of the true motion, exp(-z) (Liouville), and tends to 1/7 for strong damping. The added
-//! terms are of the order h^2, and zero without damping. The rule stays of second order, and keeps the energy of undamped springs.
+//! Wanner, section IV.3): it tends to 0. For a stiff spring with a damper, the measure of damping is the area of a set of
+//! states in the phase plane (x, v). The true motion multiplies this area by exp(-z) in a step (Liouville). The rule multiplies it by
+//! 1 / (1 + 6 s) = 1 - z + O(z^2), which tends to 1/7 for strong damping. The added terms are of the order h^2, and zero without damping.
+//! The rule stays of second order, and keeps the energy of undamped springs.
 //!
 //! In all these forms the whole force in the step is `f = e - (w/h) a.dv`. Here e is the explicit part, which stage 1 passes to stage
 //! 2, and w is the added inertia, kg or kg m^2. The mass matrix with w a a^T supplies the second term.
@@ -450,8 +451,8 @@ impl<R: Real> ActuatorForces<R> {
         );
     }
 
-    /// Finds the active bounds of servos at the generalized velocity change `dv` in the step, and the saturated actuators. Returns the lanes
-    /// in which an active bound differs from the assumed one. There the forces must be recomputed.
+    /// Finds the active bounds of servos at the generalized velocity change `dv` in the step, and the saturated actuators. Returns the
+    /// lanes in which an active bound differs from the assumed one. There the forces must be recomputed.
     ///
     /// If `may_change` is true, the found bounds replace the assumed ones. If all servos are implicit, only bounds of stiff servos count:
     /// stage 1 has clamped the others at the predicted velocity.

@@ -146,8 +146,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`.
     ///
-    /// A lag after a continuous servo passes on only a part of the servo's change of effort within a step, and so has smaller gains. The
-    /// loaded gains are those at the end of a step. [`Self::advance`] replaces them by their means over the step.
+    /// If a lag follows a continuous servo, the lag's output has only a part of the servo's change within a step. The servo's gains are
+    /// therefore multiplied by this part. Here it is the part at the end of a step; [`Self::advance`] uses the mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
@@ -457,9 +457,9 @@ impl ActuatorPipeline {
 
     /// Mean output of the lag over the step, for the input `u`. The function also stores the output for the next step.
     ///
-    /// Without a continuous servo, the function advances the stored output to the end of this step. With one, the input depends on the
-    /// motion of this step, which is unknown yet. The stored output therefore lags one step behind: the function first advances it over the
-    /// previous step, whose motion is known now. `u` and the result exclude the part that depends on the motion of this step.
+    /// Without a continuous servo, the function stores the output at the end of this step. With one, the input depends on the motion within
+    /// this step, which is unknown yet. The function then stores the output at the beginning of this step. For this it advances the last
+    /// stored output over the previous step. `u` and the result exclude the part that depends on the motion of this step.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

@@ -441,7 +441,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     }
 }
 
-/// Adds one to the count of every actuator whose force the last step clamped, to bounds of this force or of a sum that contains it.
+/// Adds one to the count of every actuator if the last step clamped its force, or a sum of forces that contains it.
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     R::vectorize(
         #[inline(always)]

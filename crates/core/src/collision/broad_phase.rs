@@ -20,7 +20,7 @@ const BITS: u32 = 21;
 /// The other four neighbouring rows come before it, and their balls have already been tested against those of this row.
 const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
-/// Bounding ball of a geom during the whole step, in world axes and m.
+/// Ball that contains a geom during the time of a search ([`Broad::find`]), in world axes and m.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ball {
     centre: [f64; 3],
@@ -47,8 +47,8 @@ pub(crate) struct Broad {
 impl Broad {
     /// Finds the dynamic pairs that can touch in the lanes `alive` (bits), and stores them in `pairs`.
     ///
-    /// `pos` has the centres of all geoms, m, and `displacement` the upper bounds of their displacements, m. `slack` is added to each
-    /// bound, m.
+    /// `pos` has the centres of all geoms, m. `displacement` has the upper bounds of their displacements during the time of the search, m:
+    /// two steps in stage 3, one step in the tunnelling check. The function adds `slack`, m, to each bound.
     pub(crate) fn find<R: Real>(
         &mut self,
         compiled: &LaneModel<R>,
@@ -76,8 +76,8 @@ impl Broad {
             self.visit_without_cell(lane as u64);
         }
         self.found_pairs.sort_unstable();
-        let number = |pair: u64| dynamic_pairs.number((pair >> 32) as usize, pair as u32 as usize) as u32;
-        merge_lanes(&self.found_pairs, number, &mut self.pairs);
+        let index = |pair: u64| dynamic_pairs.pair_index((pair >> 32) as usize, pair as u32 as usize) as u32;
+        merge_lanes(&self.found_pairs, index, &mut self.pairs);
     }
 
     /// Sorts the balls into cells.
@@ -126,7 +126,7 @@ impl Broad {
         for (k, &a) in self.without_cell.iter().enumerate() {
             let rest = self.cells.iter().map(|c| c.1).chain(self.without_cell[k + 1..].iter().copied());
             for b in rest {
-                offer(&self.balls, &mut self.found_pairs, a, b, lane);
+                add_if_overlapping(&self.balls, &mut self.found_pairs, a, b, lane);
             }
         }
     }
@@ -143,13 +143,13 @@ impl Broad {
 /// most `last`.
 fn visit(balls: &[Ball], cells: &[(u64, u32)], found: &mut Vec<u64>, a: u32, from: usize, last: u64, lane: u64) {
     for &(_, b) in cells[from..].iter().take_while(|c| c.0 <= last) {
-        offer(balls, found, a, b, lane);
+        add_if_overlapping(balls, found, a, b, lane);
     }
 }
 
 /// Appends the pair of the balls `a` and `b` to `found` if they overlap.
 #[inline]
-fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
+fn add_if_overlapping(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     let (p, q) = (&balls[a as usize], &balls[b as usize]);
     let reach = p.radius + q.radius;
     let apart = sub(p.centre, q.centre);

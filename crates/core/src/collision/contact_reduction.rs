@@ -1,12 +1,12 @@
 //! Reduction of contacts: in a flat contact area, the contacts at the corners can carry every load, and the others are redundant.
 //!
-//! Two bodies may touch by several geoms (a foot of seven capsules). Their contacts form a contact group. The contacts of a group with the
-//! same normal and coefficient of friction, and without restitution, form a contact area.
+//! Two bodies may touch by several geoms (a foot of seven capsules). The listed pairs of these geoms form a pair group. The contacts of a
+//! pair group with the same normal and coefficient of friction, and without restitution, form a contact area.
 //!
 //! A contact of an area is redundant if its gap is at least the linear interpolation, at its position, of the gaps of other contacts. There
 //! are two reasons. The contact's normal velocity is the same interpolation of the velocities of the other contacts, so that it opens with
-//! them. And forces at the other contacts, within their friction cones, can replace any force at the contact within its cone, with the same
-//! sum and moment. A flat contact area therefore needs only the contacts at the corners of its convex hull.
+//! them. And any force at the contact, within its friction cone, can be replaced by forces at the other contacts, within their
+//! cones. These have the same sum and moment. A flat contact area therefore needs only the contacts at the corners of its convex hull.
 //!
 //! Rigid-body mechanics does not determine how friction is shared in an area that rotates while it slips, with or without the redundant
 //! contacts.
@@ -14,7 +14,7 @@
 use stepper_real::{Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::{ModelStructure, NO_CONTACT_GROUP};
+use crate::compile::{ModelStructure, NO_PAIR_GROUP};
 use crate::math::spatial::*;
 
 /// Smallest number of contacts of a contact area for which the search for redundant contacts runs. Four contacts are usually all corners.
@@ -32,7 +32,7 @@ const FLAT: f64 = 1e-5;
 /// Workspace of the search for redundant contacts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContactReduction {
-    /// Contact group of each contact of the present lane; [`NO_CONTACT_GROUP`] for contacts that [`ContactReduction::gather`] has assigned
+    /// Pair group of each contact of the present lane; [`NO_PAIR_GROUP`] for contacts that [`ContactReduction::gather`] has assigned
     /// to an area.
     groups: Vec<u32>,
     /// Contacts of the present area.
@@ -57,7 +57,7 @@ struct Point {
 impl ContactReduction {
     /// Removes the redundant contacts of all lanes.
     pub(crate) fn reduce<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>) {
-        if compiled.contact_groups.is_empty() {
+        if compiled.pair_groups.is_empty() {
             return;
         }
         for l in 0..R::LANES {
@@ -85,12 +85,12 @@ impl ContactReduction {
     fn reduce_lane<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>, l: usize) {
         let n = contacts.count[l];
         self.clear(contacts.data.len());
-        self.groups.extend((0..n).map(|k| compiled.contact_groups.get(contacts.ids[k][l].pair()).copied().unwrap_or(NO_CONTACT_GROUP)));
+        self.groups.extend((0..n).map(|k| compiled.pair_groups.get(contacts.ids[k][l].pair()).copied().unwrap_or(NO_PAIR_GROUP)));
         self.kept.resize(n, true);
         let mut redundant = false;
         for first in 0..n {
             let group = self.groups[first];
-            if group == NO_CONTACT_GROUP || n - first < MIN_CONTACTS {
+            if group == NO_PAIR_GROUP || n - first < MIN_CONTACTS {
                 continue;
             }
             let size = self.gather(contacts, l, first, group);
@@ -103,10 +103,11 @@ impl ContactReduction {
         }
     }
 
-    /// Gathers the contact area of contact `first` of lane `l`: the contacts of the contact group `group` with the same normal and
+    /// Gathers the contact area of contact `first` of lane `l`: the contacts of the pair group `group` with the same normal and
     /// friction, and without restitution.
     ///
-    /// Sets their entries of `groups` to [`NO_CONTACT_GROUP`], and returns the size of the area, m.
+    /// Sets their entries of `groups` to [`NO_PAIR_GROUP`]. Returns the size of the area, m, but at least a size with which the tolerance
+    /// [`FLAT`] exceeds the rounding errors of positions.
     fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, group: u32) -> f64 {
         let (origin, normal) = (of_lane(&contacts.data[first].point.pos, l), of_lane(&contacts.data[first].point.normal, l));
         let [_, a, b] = contact_frame(normal);
@@ -123,12 +124,12 @@ impl ContactReduction {
             if norm(cross(own, normal)) > parallel || dot(own, normal) < 0.0 {
                 continue;
             }
-            self.groups[k] = NO_CONTACT_GROUP;
+            self.groups[k] = NO_PAIR_GROUP;
             let x = [dot(arm, a), dot(arm, b)];
             size = size.max(x[0].abs()).max(x[1].abs());
             self.points.push(Point { slot: k, x, gap: slot.point.distance.lane(l).to_f64() });
         }
-        // Positions have the rounding error of world coordinates.
+        // The rounding errors grow with the distance of the area from the world's origin.
         let place = origin.iter().fold(size, |most, x| most.max(x.abs()));
         size.max(place * 64.0 * R::Scalar::EPSILON.to_f64() / FLAT)
     }

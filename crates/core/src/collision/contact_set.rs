@@ -119,8 +119,8 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Returns the contact buffers with buffers for angular impulses, if `any` is true. `any` tells whether the scene has torsional or
-    /// rolling friction.
+    /// Returns the contact buffers with buffers for angular impulses, if `any` is true: if the scene has torsional or rolling
+    /// friction.
     pub fn with_torques(mut self, any: bool) -> Self {
         self.torque = vec![zero(); if any { self.data.len() } else { 0 }];
         self
@@ -220,10 +220,12 @@ impl<R: Real> Contacts<R> {
 
     /// Sets gaps to zero that are smaller than their rounding error, in single precision.
     ///
-    /// The rounding of positions can open a gap under a body at rest. The body would then fall in the next step. The rounding error of a
-    /// joint angle also moves a link: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. The function allows
-    /// for this part only if a gap of one rounding error changes the normal force by more than [`FORCE_ERROR`]. `drop` is the distance that
+    /// The rounding of positions can open a gap under a body at rest. In the next step the body would fall through this gap, and its normal
+    /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
+    ///
+    /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. The function adds this
+    /// rounding error to that of the positions only if both together exceed [`FORCE_ERROR`] times `drop`.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

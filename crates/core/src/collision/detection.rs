@@ -179,8 +179,8 @@ impl<R: Real> CollisionWorkspace<R> {
             statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (displacements(poses)[g] + *slack, may_tunnel[g]));
             // For those geoms the search returned a superset of the pairs, so that each listed pair is tested here.
             if checks_passing {
-                statics.pairs.retain_mut(|(number, lanes)| {
-                    let pair = compiled.pairs.get(*number as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));
+                statics.pairs.retain_mut(|(index, lanes)| {
+                    let pair = compiled.pairs.get(*index as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));
                     *lanes &= pair.map_or(u32::MAX, |pair| poses.balls_touch(pair, *slack).bits());
                     *lanes != 0
                 });
@@ -327,7 +327,7 @@ fn displacement_bounds<R: Real>(
             let arm = sub(pos[i], kinematics.origin[compiled.links[g.frame - 1].tree]);
             out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.bounding_radius(i)) * time;
         } else {
-            let motion = &kinematics.posed[g.frame - compiled.links.len() - 1];
+            let motion = &kinematics.mocap_velocities[g.frame - compiled.links.len() - 1];
             // The bounding radius of a plane is infinite, and 0 * infinity must not become NaN.
             let spin = norm(angular(motion));
             let swing = R::select(spin.gt(R::zero()), spin * compiled.params.bounding_radius(i), R::zero());
@@ -460,7 +460,7 @@ impl<R: Real> Scene<'_, R> {
         let frame = self.compiled.geoms[geom].frame;
         let (motion, origin) = match frame.checked_sub(self.compiled.links.len() + 1) {
             _ if frame == 0 => return [zero(); 2],
-            Some(mocap) => (&self.kinematics.posed[mocap], self.kinematics.pos[frame]),
+            Some(mocap) => (&self.kinematics.mocap_velocities[mocap], self.kinematics.pos[frame]),
             None => (&links[frame - 1], self.kinematics.origin[self.compiled.links[frame - 1].tree]),
         };
         [angular(motion), velocity_at(motion, sub(p, origin))]

@@ -17,7 +17,7 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Finds the contacts of the pair with index `index` in the lanes `near`, and adds them to the contacts.
+    /// Finds the contacts of the pair `index` in the lanes `near`, and adds them to the contacts.
     ///
     /// The function is compiled separately. Inlined at each call, its many cases would take most of the build time.
     #[inline(never)]
@@ -52,7 +52,7 @@ impl<R: Real> Scene<'_, R> {
         let [a, b] = pair.geoms;
         let radius = self.compiled.params.geom_size(b)[0];
         let point = plane_sphere(self.poses.pos[a], column(&self.poses.mat[a], 2), self.poses.pos[b], radius);
-        self.offer(index, 0, pair, near, point, contacts);
+        self.add_point(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
@@ -64,7 +64,7 @@ impl<R: Real> Scene<'_, R> {
             let x = if end == 0 { capsule.half_length } else { -capsule.half_length };
             let centre = add_scaled(capsule.centre, capsule.axis, x);
             let point = plane_sphere(self.poses.pos[a], normal, centre, capsule.radius);
-            self.offer(index, end, pair, near, point, contacts);
+            self.add_point(index, end, pair, near, point, contacts);
         }
     }
 
@@ -75,7 +75,7 @@ impl<R: Real> Scene<'_, R> {
         let normal = column(&self.poses.mat[a], 2);
         for corner in 0..8 {
             let point = plane_box(self.poses.pos[a], normal, self.poses.pos[b], &self.poses.mat[b], half, corner);
-            self.offer(index, corner as u32, pair, near, point, contacts);
+            self.add_point(index, corner as u32, pair, near, point, contacts);
         }
     }
 
@@ -85,12 +85,13 @@ impl<R: Real> Scene<'_, R> {
         let normal = column(&self.poses.mat[a], 2);
         let frame = self.compiled.geoms[b].frame;
         let links = 1..=self.compiled.links.len();
-        // Change of the normal within the step, as seen from the rotating cylinder. It selects the points of the rim that come down.
+        // Change of the plane's normal within the step, in the frame of the rotating cylinder. `cylinder_rims` finds the points of the rim
+        // toward which the cylinder tips.
         let normal_change =
             if links.contains(&frame) { scale(cross(normal, angular(&self.poses.search_velocity[frame - 1])), self.h) } else { zero() };
         for (k, &rim) in cylinder_rims(normal, normal_change, &self.cylinder(b)).iter().enumerate() {
             let point = plane_point(self.poses.pos[a], normal, rim);
-            self.offer(index, k as u32, pair, near, point, contacts);
+            self.add_point(index, k as u32, pair, near, point, contacts);
         }
     }
 
@@ -98,7 +99,7 @@ impl<R: Real> Scene<'_, R> {
     fn plane_ellipsoid(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &self.ellipsoid(b));
-        self.offer(index, 0, pair, near, point, contacts);
+        self.add_point(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
@@ -107,11 +108,11 @@ impl<R: Real> Scene<'_, R> {
         let cuboid = self.cuboid(b);
         let point = sphere_box(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &cuboid);
         let over_face = self.stays_over_face(pair, &point, face_clearance(self.poses.pos[a], &cuboid));
-        self.offer_over_face(index, 0, pair, near, over_face, point, contacts);
+        self.add_point_over_face(index, 0, pair, near, over_face, point, contacts);
     }
 
-    /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during the step. There the contact normal
-    /// cannot change.
+    /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during the step. Its contact
+    /// normal cannot change.
     ///
     /// `clearance` is the distance of the ball's centre from the border of the face, m.
     #[inline(always)]
@@ -126,22 +127,22 @@ impl<R: Real> Scene<'_, R> {
     fn sphere_cylinder(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let point = sphere_cylinder(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.cylinder(b));
-        self.offer(index, 0, pair, near, point, contacts);
+        self.add_point(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
     fn sphere_ellipsoid(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let point = sphere_ellipsoid(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.ellipsoid(b));
-        self.offer(index, 0, pair, near, point, contacts);
+        self.add_point(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
     fn capsule_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let (points, exist) = capsule_box(&self.segment(a), &self.cuboid(b));
-        self.offer(index, 0, pair, near.and(exist[0]), points[0], contacts);
-        self.offer(index, 1, pair, near.and(exist[1]), points[1], contacts);
+        self.add_point(index, 0, pair, near.and(exist[0]), points[0], contacts);
+        self.add_point(index, 1, pair, near.and(exist[1]), points[1], contacts);
     }
 
     #[inline(always)]
@@ -164,10 +165,10 @@ impl<R: Real> Scene<'_, R> {
     fn segments(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let (points, two) = segments(&self.segment(a), &self.segment(b));
-        self.offer(index, 0, pair, near, points[0], contacts);
+        self.add_point(index, 0, pair, near, points[0], contacts);
         let both = near.and(two);
         if both.any() {
-            self.offer(index, 1, pair, both, points[1], contacts);
+            self.add_point(index, 1, pair, both, points[1], contacts);
         }
     }
 
@@ -220,12 +221,12 @@ impl<R: Real> Scene<'_, R> {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
                 let own = R::Mask::from_bits(1 << lane);
                 let over_face = if p.stays_over_face { own } else { R::Mask::splat(false) };
-                self.offer_over_face(index, p.feature, pair, own, over_face, point, contacts);
+                self.add_point_over_face(index, p.feature, pair, own, over_face, point, contacts);
             }
         }
     }
 
-    /// Solid (collision shape) of a geom, with the size of the model. [`Scene::solid_in`] has the size of a lane.
+    /// Solid (collision shape) of a geom, with the geom's size in the model. [`Scene::solid_in`] has the geom's size in one lane.
     #[inline(always)]
     fn solid(&self, geom: usize) -> &Solid {
         self.compiled.geoms[geom].solid.as_ref().expect("a solid for every geom of this kernel")
@@ -327,7 +328,7 @@ impl<R: Real> Scene<'_, R> {
     /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps. `feature` is the number of the
     /// contact within the pair, which stays the same from step to step.
     #[inline(always)]
-    pub(crate) fn offer(
+    pub(crate) fn add_point(
         &self,
         index: usize,
         feature: u32,
@@ -336,7 +337,7 @@ impl<R: Real> Scene<'_, R> {
         point: ContactPoint<R>,
         contacts: &mut Contacts<R>,
     ) {
-        self.offer_over_face(index, feature, pair, near, R::Mask::splat(false), point, contacts);
+        self.add_point_over_face(index, feature, pair, near, R::Mask::splat(false), point, contacts);
     }
 
     /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps. `feature` is the number of the
@@ -347,7 +348,7 @@ impl<R: Real> Scene<'_, R> {
     /// is.
     #[expect(clippy::too_many_arguments, reason = "contact, pair and lanes are separate")]
     #[inline(never)]
-    pub(crate) fn offer_over_face(
+    pub(crate) fn add_point_over_face(
         &self,
         index: usize,
         feature: u32,

@@ -89,7 +89,7 @@ impl<R: Real> Scene<'_, R> {
             }
             if lanes != 0 {
                 let over_face = self.stays_over_face(pair, &point, clearance);
-                self.offer_over_face(index, feature, pair, R::Mask::from_bits(lanes), over_face, point, contacts);
+                self.add_point_over_face(index, feature, pair, R::Mask::from_bits(lanes), over_face, point, contacts);
             }
         }
         true

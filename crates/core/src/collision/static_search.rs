@@ -114,13 +114,13 @@ impl<R: Real> StaticSearch<R> {
             },
         );
         self.found_pairs.sort_unstable();
-        merge_lanes(&self.found_pairs, |number| number as u32, &mut self.pairs);
+        merge_lanes(&self.found_pairs, |index| index as u32, &mut self.pairs);
     }
 
     /// Updates the boxes of the moving geoms and of each group of moving geoms.
     ///
-    /// For each geom, `displacement` returns the upper bound of its displacement, m, and whether to enlarge its box so that it meets each
-    /// static geom whose bounding ball overlaps its own.
+    /// For each geom, `displacement` returns the upper bound of its displacement, m. It also returns whether to enlarge the box, so that it
+    /// overlaps every static geom whose bounding ball overlaps that of the geom.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), displacement: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;
@@ -176,8 +176,8 @@ impl<R: Real> StaticSearch<R> {
                 overlaps = overlaps.and(low.le(own[k + 3])).and(own[k].le(high));
             }
             for i in each_of(overlaps.bits()).take_while(|i| first + i < geoms.end) {
-                if let Some(number) = pairs.number(&pairs.fixed[leaf], first + i) {
-                    self.found_pairs.push(with_lane(u64::from(number), lane as u64));
+                if let Some(index) = pairs.pair_index(&pairs.fixed[leaf], first + i) {
+                    self.found_pairs.push(with_lane(u64::from(index), lane as u64));
                 }
             }
         }

@@ -28,8 +28,8 @@ pub fn motion<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, cont
         let frame = compiled.geoms[surface.geom].frame;
         let mut m = zero();
         if let Some(k) = surface.mocap {
-            let posed = &kinematics.posed[k];
-            m = spatial(angular(posed), velocity_at(posed, sub(point.pos, kinematics.pos[frame])));
+            let motion = &kinematics.mocap_velocities[k];
+            m = spatial(angular(motion), velocity_at(motion, sub(point.pos, kinematics.pos[frame])));
         }
         if let Some(own) = surface.own {
             let mat = &kinematics.mat[frame];

@@ -211,7 +211,7 @@ impl<R: Real> GeomPoses<R> {
         let Path { compiled, kinematics, .. } = *path;
         let (motion, origin) = match frame.checked_sub(compiled.links.len() + 1) {
             _ if frame == 0 => return None,
-            Some(mocap) => (&kinematics.posed[mocap], kinematics.pos[frame]),
+            Some(mocap) => (&kinematics.mocap_velocities[mocap], kinematics.pos[frame]),
             None => (&self.search_velocity[frame - 1], kinematics.origin[compiled.links[frame - 1].tree]),
         };
         Some([angular(motion), velocity_at(motion, sub(kinematics.pos[frame], origin))])

@@ -100,7 +100,7 @@ impl<R: Real> Scene<'_, R> {
         if pair.kernel == Kernel::Surface && lanes.any() {
             for k in 0..contacts.slots() {
                 let mut pairs = contacts.pairs(k, lanes.bits() & contacts.lanes_of(k));
-                let own = pairs.find(|&(number, _)| number == index).map_or(0, |(_, own)| own);
+                let own = pairs.find(|&(other, _)| other == index).map_or(0, |(_, own)| own);
                 let point = &contacts.data[k].point;
                 let closes = point.distance.lt(self.closing_speed(pair.geoms, point) * self.h);
                 hits = hits.or(closes.and(R::Mask::from_bits(own)));

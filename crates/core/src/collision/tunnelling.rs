@@ -170,7 +170,7 @@ impl<R: Real> Path<'_, R> {
         let [angular, root_velocity, linear] = match own.frame.checked_sub(compiled.links.len() + 1) {
             _ if own.frame == 0 => [zero(); 3],
             Some(mocap) => {
-                let motion = &kinematics.posed[mocap];
+                let motion = &kinematics.mocap_velocities[mocap];
                 [angular(motion), linear(motion), cross(angular(motion), arm_from(kinematics.pos[own.frame]))]
             }
             None => {

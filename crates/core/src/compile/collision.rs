@@ -103,46 +103,46 @@ pub struct Member {
 impl<S: Scalar> DynamicPairs<S> {
     /// Index in the compiled model of the dynamic pair that consists of `members[i]` and `members[j]`. The index increases with `i`, then
     /// with `j`.
-    pub fn number(&self, i: usize, j: usize) -> usize {
+    pub fn pair_index(&self, i: usize, j: usize) -> usize {
         self.first + i * self.members.len() + j
     }
 
-    /// The two entries of `members` that form the dynamic pair with index `number`; `None` if there is no such pair.
-    fn members_of(&self, number: usize) -> Option<[&Member; 2]> {
-        let (n, k) = (self.members.len(), number.checked_sub(self.first)?);
+    /// The two entries of `members` that form the dynamic pair `index`; `None` if there is no such pair.
+    fn members_of(&self, index: usize) -> Option<[&Member; 2]> {
+        let (n, k) = (self.members.len(), index.checked_sub(self.first)?);
         Some([self.members.get(k / n)?, &self.members[k % n]])
     }
 
-    /// Geoms of the dynamic pair with index `number`, as indices in the compiled model. The simpler shape is first.
-    pub fn geoms(&self, number: usize) -> Option<[usize; 2]> {
-        let [a, b] = self.members_of(number)?;
+    /// Geoms of the dynamic pair `index`, as indices in the compiled model. The simpler shape is first.
+    pub fn geoms(&self, index: usize) -> Option<[usize; 2]> {
+        let [a, b] = self.members_of(index)?;
         let swap = self.filter.ordered([a.model_geom, b.model_geom])[0] != a.model_geom;
         Some(if swap { [b.geom, a.geom] } else { [a.geom, b.geom] })
     }
 
-    /// Compiled form of the dynamic pair with index `number`; `None` if its geoms do not collide.
-    pub fn pair(&self, number: usize) -> Option<CompiledPair<S>> {
-        let [a, b] = self.members_of(number)?;
+    /// Compiled form of the dynamic pair `index`; `None` if its geoms do not collide.
+    pub fn pair(&self, index: usize) -> Option<CompiledPair<S>> {
+        let [a, b] = self.members_of(index)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);
         if self.filter.is_explicit(geoms) {
             return None;
         }
         let shapes = geoms.map(|g| &self.shapes[g]);
         let pair = self.filter.pair(geoms)?;
-        Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
+        Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(index)?))
     }
 
-    /// Collision parameters of the dynamic pair with index `number`, with the geoms as indices in the model. `None` if the two geoms do not
+    /// Collision parameters of the dynamic pair `index`, with the geoms as indices in the model. `None` if the two geoms do not
     /// collide.
-    pub(crate) fn geom_pair(&self, number: usize) -> Option<GeomPair> {
-        let [a, b] = self.members_of(number)?;
+    pub(crate) fn geom_pair(&self, index: usize) -> Option<GeomPair> {
+        let [a, b] = self.members_of(index)?;
         self.filter.pair(self.filter.ordered([a.model_geom, b.model_geom]))
     }
 
-    /// Contact parameters of the dynamic pair with index `number`, combined from those of its geoms (see [`Filter::precedence`]).
+    /// Contact parameters of the dynamic pair `index`, combined from those of its geoms (see [`Filter::precedence`]).
     #[inline(always)]
-    pub(super) fn contact<R: Real<Scalar = S>>(&self, number: usize, params: &Params<R>) -> ContactParams<R> {
-        let [a, b] = self.members_of(number).expect("a pair of the dynamic pairs").map(|m| m.model_geom);
+    pub(super) fn contact<R: Real<Scalar = S>>(&self, index: usize, params: &Params<R>) -> ContactParams<R> {
+        let [a, b] = self.members_of(index).expect("a pair of the dynamic pairs").map(|m| m.model_geom);
         let (order, condim) = self.filter.precedence([a, b]);
         let rigid = self.filter.is_rigid([a, b]);
         let (a, b) = (params.member(a), params.member(b));
@@ -241,24 +241,24 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     (geoms, pairs, dynamic_pairs)
 }
 
-/// Number in [`contact_groups`](crate::compile::ModelStructure::contact_groups) of a pair that belongs to no contact group.
-pub const NO_CONTACT_GROUP: u32 = u32::MAX;
+/// Number in [`pair_groups`](crate::compile::ModelStructure::pair_groups) of a pair without a pair group.
+pub const NO_PAIR_GROUP: u32 = u32::MAX;
 
-/// For each pair in `pairs`, number of its contact group. A contact group consists of all pairs that join the same two frames. The number
-/// is [`NO_CONTACT_GROUP`] if no other pair joins these frames.
+/// Number of the pair group of each pair in `pairs`; [`NO_PAIR_GROUP`] for a pair without a group. A pair group has all listed pairs that
+/// join the same two frames, and at least two.
 ///
 /// Pairs with torsional or rolling friction or with contact springs have no group. The list is empty if no pair has a group.
-pub(super) fn contact_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
+pub(super) fn pair_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
     let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3 && pair.spring.is_none()) {
         of_frames.entry(pair.geoms.map(|g| geoms[g].frame)).or_default().push(i);
     }
-    let mut contact_groups = vec![];
+    let mut pair_groups = vec![];
     for (pairs_of_group, number) in of_frames.values().filter(|pairs| pairs.len() > 1).zip(0..) {
-        contact_groups.resize(pairs.len(), NO_CONTACT_GROUP);
-        pairs_of_group.iter().for_each(|&i| contact_groups[i] = number);
+        pair_groups.resize(pairs.len(), NO_PAIR_GROUP);
+        pairs_of_group.iter().for_each(|&i| pair_groups[i] = number);
     }
-    contact_groups
+    pair_groups
 }
 
 /// For each geom, whether its pairs are dynamic (found by the broad phase in every step). All are false if there are few pairs.

@@ -85,10 +85,10 @@ pub struct ModelStructure<S: Scalar> {
     /// Listed pairs: pairs of geoms that can collide, that have a collision function, and that are not in `dynamic_pairs`. Their order is
     /// fixed.
     pub pairs: Vec<CompiledPair<S>>,
-    /// For every pair in `pairs`, number of its contact group; `NO_CONTACT_GROUP` without a group. A contact group consists of at least two
-    /// pairs that join the same two frames. They have at most sliding friction and no contact springs. The list is empty if no pair belongs
-    /// to a group.
-    pub contact_groups: Vec<u32>,
+    /// Number of the pair group of each pair in `pairs`; `NO_PAIR_GROUP` for a pair without a group. A pair group has all listed pairs that
+    /// join the same two frames, and at least two. They have at most sliding friction and no contact springs. The list is empty if no pair
+    /// has a group.
+    pub pair_groups: Vec<u32>,
     /// Whether any pair has contact springs.
     pub has_contact_springs: bool,
     /// Dynamic pairs: pairs of geoms that are too numerous to list. `None` if all pairs are listed.
@@ -153,25 +153,25 @@ impl<S: Scalar> ModelStructure<S> {
         Some(self.dofs[64 * w + word.trailing_zeros() as usize].tree)
     }
 
-    /// Pair with index `number`: a pair in `pairs`, or one of the dynamic pairs.
+    /// Pair `index`: a pair in `pairs`, or one of the dynamic pairs.
     ///
     /// # Panics
     /// When the model has no such pair.
     #[inline(always)]
-    pub fn pair(&self, number: usize) -> CompiledPair<S> {
-        match self.pairs.get(number) {
+    pub fn pair(&self, index: usize) -> CompiledPair<S> {
+        match self.pairs.get(index) {
             Some(pair) => *pair,
-            None => self.dynamic_pairs.as_ref().and_then(|c| c.pair(number)).expect("a contact belongs to a pair"),
+            None => self.dynamic_pairs.as_ref().and_then(|c| c.pair(index)).expect("a contact belongs to a pair"),
         }
     }
 
-    /// Geoms of the pair with index `number`, as indices in the compiled model; `None` if there is no such pair. The simpler shape is
+    /// Geoms of the pair `index`, as indices in the compiled model; `None` if there is no such pair. The simpler shape is
     /// first.
     #[inline(always)]
-    pub fn pair_geoms(&self, number: usize) -> Option<[usize; 2]> {
-        match self.pairs.get(number) {
+    pub fn pair_geoms(&self, index: usize) -> Option<[usize; 2]> {
+        match self.pairs.get(index) {
             Some(pair) => Some(pair.geoms),
-            None => self.dynamic_pairs.as_ref()?.geoms(number),
+            None => self.dynamic_pairs.as_ref()?.geoms(index),
         }
     }
 

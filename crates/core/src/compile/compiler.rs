@@ -67,7 +67,7 @@ impl<S: Scalar> CompiledModel<S> {
             moved_dofs,
             mocap: merging::mocap(model, &merged),
             bodies: merging::bodies(model, &merged),
-            contact_groups: collision::contact_groups(&geoms, &pairs),
+            pair_groups: collision::pair_groups(&geoms, &pairs),
             moving_geoms: (0..geoms.len()).filter(|&g| geoms[g].frame != 0).collect(),
             geoms,
             has_rolling_friction: dynamic_pairs.as_ref().is_some_and(DynamicPairs::has_rolling_friction)

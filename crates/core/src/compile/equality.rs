@@ -97,7 +97,7 @@ pub struct CompiledEquality<S> {
     /// Parameters of the equality's constraint rows.
     pub rows: EqualityRows<S>,
     /// Degrees of freedom on which the equality acts, and all their ancestors, ascending.
-    pub support: Vec<u32>,
+    pub dofs: Vec<u32>,
     /// Spring of a soft equality; `None` for a hard equality.
     pub spring: Option<Spring<S>>,
     /// Index of the impulse of the first row in the list of impulses of scalar constraint rows.
@@ -123,7 +123,7 @@ pub struct EqualityBlock<S> {
     /// Equalities of the block.
     pub equalities: Vec<CompiledEquality<S>>,
     /// Degrees of freedom on which any equality of the block acts, with their ancestors, ascending.
-    pub support: Vec<u32>,
+    pub dofs: Vec<u32>,
     /// Number of constraint rows of the block.
     pub rows: usize,
     /// Whether all equalities of the block are hard. Their rows are then made orthogonal.
@@ -131,7 +131,7 @@ pub struct EqualityBlock<S> {
     /// Whether the block is hard and shares no degree of freedom with another hard block. The solver then eliminates its rows from all
     /// other rows.
     pub eliminated: bool,
-    /// Set of the degrees of freedom in `support`, as bits of 64-bit words.
+    /// Set of the degrees of freedom in `dofs`, as bits of 64-bit words.
     pub set: Vec<u64>,
 }
 
@@ -143,7 +143,7 @@ pub struct CompiledTendon<S> {
     /// Length of the tendon as a combination of joints.
     pub length: Combination<S>,
     /// Degrees of freedom of the tendon's joints, with their ancestors, ascending.
-    pub support: Vec<u32>,
+    pub dofs: Vec<u32>,
     /// Lowest and highest length, m or rad; `None` if the tendon has no limit.
     pub range: Option<[S; 2]>,
     /// Dry friction, N or N m; 0 for none.
@@ -205,9 +205,9 @@ impl Compiler<'_> {
         });
         let frames = bodies.map(|b| self.merged.frame[b]);
         let moved_dofs = frames.into_iter().filter_map(|f| self.merged.last_dof(f));
-        let support = self.with_ancestors(moved_dofs);
+        let dofs = self.with_ancestors(moved_dofs);
         let paths = self.paths(frames);
-        (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn, paths }, support)
+        (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn, paths }, dofs)
     }
 
     /// Kinematic paths to the two frames, from their nearest common ancestor.
@@ -239,9 +239,9 @@ impl Compiler<'_> {
         polynomial: &[f64; 5],
     ) -> (EqualityRows<S>, Vec<u32>) {
         let joints = first.iter().chain(second.into_iter().flatten());
-        let support = self.with_ancestors(joints.map(|&(j, _)| self.addresses[j].1));
+        let dofs = self.with_ancestors(joints.map(|&(j, _)| self.addresses[j].1));
         let (first, second) = (self.combination(first), second.map(|s| self.combination(s)));
-        (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, support)
+        (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, dofs)
     }
 
     /// Compiles the equalities and groups them in blocks, which a step assembles together. Hard equalities that share a degree of freedom
@@ -251,20 +251,20 @@ impl Compiler<'_> {
     pub(super) fn equalities<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
         for (index, equality) in self.model.equalities.iter().enumerate() {
-            let (rows, support) = self.rows(&equality.kind);
+            let (rows, dofs) = self.rows(&equality.kind);
             let count = equality.kind.rows();
             let compiled = CompiledEquality {
                 index,
                 active: equality.active,
                 rows,
-                support: support.clone(),
+                dofs: dofs.clone(),
                 spring: spring(equality),
                 impulse_index: *impulse_index,
             };
             *impulse_index += count;
             let hard = compiled.spring.is_none();
-            let mut block = EqualityBlock { equalities: vec![compiled], support, rows: count, hard, eliminated: false, set: vec![] };
-            let met = |b: &EqualityBlock<S>| hard && b.hard && b.support.iter().any(|d| block.support.binary_search(d).is_ok());
+            let mut block = EqualityBlock { equalities: vec![compiled], dofs, rows: count, hard, eliminated: false, set: vec![] };
+            let met = |b: &EqualityBlock<S>| hard && b.hard && b.dofs.iter().any(|d| block.dofs.binary_search(d).is_ok());
             let (together, apart): (Vec<_>, Vec<_>) = blocks.into_iter().partition(met);
             let total = count + together.iter().map(|b| b.rows).sum::<usize>();
             blocks = apart;
@@ -296,7 +296,7 @@ impl Compiler<'_> {
             plans.push(CompiledTendon {
                 index,
                 length: self.combination(&tendon.joints),
-                support: self.with_ancestors(tendon.joints.iter().map(|&(j, _)| self.addresses[j].1)),
+                dofs: self.with_ancestors(tendon.joints.iter().map(|&(j, _)| self.addresses[j].1)),
                 range: tendon.range.map(scalars),
                 friction: S::from_f64(tendon.frictionloss),
                 spring: sprung.then(|| (spring, scalars(tendon.spring_length))),
@@ -309,13 +309,13 @@ impl Compiler<'_> {
 }
 
 fn join<S: Scalar>(blocks: Vec<EqualityBlock<S>>, last: EqualityBlock<S>, rows: usize) -> EqualityBlock<S> {
-    let mut out = EqualityBlock { equalities: vec![], support: vec![], rows, hard: true, eliminated: false, set: vec![] };
+    let mut out = EqualityBlock { equalities: vec![], dofs: vec![], rows, hard: true, eliminated: false, set: vec![] };
     for block in blocks.into_iter().chain([last]) {
         out.equalities.extend(block.equalities);
-        out.support.extend(block.support);
+        out.dofs.extend(block.dofs);
     }
-    out.support.sort_unstable();
-    out.support.dedup();
+    out.dofs.sort_unstable();
+    out.dofs.dedup();
     out
 }
 
@@ -324,12 +324,12 @@ fn join<S: Scalar>(blocks: Vec<EqualityBlock<S>>, last: EqualityBlock<S>, rows: 
 fn mark_eliminated<S: Scalar>(blocks: &mut [EqualityBlock<S>], nv: usize) {
     let mut takers = vec![0; nv];
     for block in blocks.iter().filter(|b| b.hard) {
-        block.support.iter().for_each(|&d| takers[d as usize] += 1);
+        block.dofs.iter().for_each(|&d| takers[d as usize] += 1);
     }
     for block in &mut *blocks {
-        block.eliminated = block.hard && block.support.iter().all(|&d| takers[d as usize] == 1);
+        block.eliminated = block.hard && block.dofs.iter().all(|&d| takers[d as usize] == 1);
         block.set = vec![0; nv.div_ceil(64)];
-        block.support.iter().for_each(|&d| block.set[d as usize / 64] |= 1 << (d % 64));
+        block.dofs.iter().for_each(|&d| block.set[d as usize / 64] |= 1 << (d % 64));
     }
     blocks.sort_by_key(|b| !b.eliminated);
 }

@@ -21,7 +21,7 @@ mod tree;
 
 pub use crate::model::Kernel;
 pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledWrench, MotorControl, Spot};
-pub use collision::{CompiledPair, DynamicPairs, NO_CONTACT_GROUP};
+pub use collision::{CompiledPair, DynamicPairs, NO_PAIR_GROUP};
 pub use compiled_model::{CompiledModel, ModelStructure};
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, FramePath, Spring};
 pub use lane_model::LaneModel;

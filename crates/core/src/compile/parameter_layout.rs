@@ -34,7 +34,7 @@ impl<S: Scalar> ModelStructure<S> {
             bodies: (0..model.bodies.len()).map(|b| source.position(Object::Body(b))).collect(),
             masses: model.bodies.iter().map(|b| b.mass).collect(),
             moments: (0..model.bodies.len()).map(|b| combined(model, &self.merged, |other| other == b).2).collect(),
-            compensations: self.compensation.iter().map(|hold| source.compensation(hold.body)).collect(),
+            compensations: self.compensation.iter().map(|compensated| source.compensation(compensated.body)).collect(),
             fluid: self.fluid.iter().map(|f| source.fluid(f.object, &f.shape)).collect(),
             places: self.sensing.places.iter().map(|&object| source.position(object)).collect(),
             sizes: self.sensing.shapes.iter().map(|&object| source.size(object)).collect(),

@@ -13,7 +13,7 @@ use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, Joint, 
 impl<S: Scalar> CompiledModel<S> {
     /// Adds the constraint parameters of MuJoCo's contact law, for steps of `timestep` seconds.
     ///
-    /// If `discrete` is true, a step evaluates constraints at its end. The function removes contact groups, because the law determines the
+    /// If `discrete` is true, a step evaluates constraints at its end. The function removes pair groups, because the law determines the
     /// force of every contact.
     pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64, discrete: bool) {
         let SoftSettings { cone, impratio, refsafe, noslip, .. } = model.soft;
@@ -63,7 +63,7 @@ impl<S: Scalar> CompiledModel<S> {
             geom_bodies: model.geoms.iter().map(|g| g.body as u32).collect(),
             order: order_by_size(model, &self.structure),
         };
-        self.structure.contact_groups.clear();
+        self.structure.pair_groups.clear();
         self.structure.softness = Some(softness);
     }
 }

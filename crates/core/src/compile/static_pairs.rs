@@ -9,7 +9,7 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 
-/// Mark for a missing index: of a row of pair numbers, of a member of the dynamic pairs, or of a leaf of the tree of static geoms.
+/// Mark for a missing index: of a row of pair indices, of a member of the dynamic pairs, or of a leaf of the tree of static geoms.
 const NONE: u32 = u32::MAX;
 
 /// Geom that is fixed to the world and may collide with a moving geom.
@@ -19,7 +19,7 @@ pub struct StaticGeom {
     pub geom: usize,
     /// Upper bound of the margins of the static pairs with this geom, m.
     pub margin: f64,
-    /// Index of the row of this static geom in the table [`StaticPairs::numbers`]; [`NONE`] if none of its pairs is in the compiled model's
+    /// Index of the row of this static geom in the table [`StaticPairs::indices`]; [`NONE`] if none of its pairs is in the compiled model's
     /// list of pairs.
     row: u32,
     /// Index of the static geom in [`DynamicPairs::members`]; [`NONE`] if the geom has no dynamic pairs.
@@ -68,7 +68,7 @@ pub struct StaticPairs {
     listed: Vec<bool>,
     /// Table of those static pairs that are in the compiled model's list of pairs. Rows are static geoms and columns moving geoms. A value
     /// is the index of the pair, or [`NONE`]. Static geoms without such a pair have no row.
-    numbers: Vec<u32>,
+    indices: Vec<u32>,
     /// Index of the first dynamic pair in the compiled model, and number of geoms that form the dynamic pairs.
     dynamic: [u32; 2],
 }
@@ -131,24 +131,24 @@ impl StaticPairs {
 
         let mut fixed: Vec<StaticGeom> =
             margins.into_iter().map(|(geom, margin)| StaticGeom { geom, margin, row: NONE, member: member(geom) }).collect();
-        let (mut numbers, mut rows) = (vec![], 0);
-        for (number, pair) in ones() {
+        let (mut indices, mut rows) = (vec![], 0);
+        for (index, pair) in ones() {
             let [a, b] = sorted(pair.geoms);
             let at = fixed.binary_search_by_key(&a, |f| f.geom).expect("made of these pairs");
             if fixed[at].row == NONE {
                 fixed[at].row = rows;
                 rows += 1;
-                numbers.resize(rows as usize * moving.len(), NONE);
+                indices.resize(rows as usize * moving.len(), NONE);
             }
             let column = moving.iter().position(|&g| g == b).expect("made of these pairs");
-            numbers[fixed[at].row as usize * moving.len() + column] = number;
+            indices[fixed[at].row as usize * moving.len() + column] = index;
         }
         let centres: Vec<[f64; 3]> = fixed.iter().map(|f| place(f.geom)).collect();
         let mut nodes = vec![];
         add_nodes(&mut (0..fixed.len()).collect::<Vec<_>>(), &centres, &mut nodes);
-        let first = dynamic_pairs.map_or(0, |dynamic| dynamic.number(0, 0) as u32);
+        let first = dynamic_pairs.map_or(0, |dynamic| dynamic.pair_index(0, 0) as u32);
         let moving = moving.into_iter().map(|geom| MovingGeom { geom, member: member(geom) }).collect();
-        Self { fixed, moving, groups, nodes, listed, numbers, dynamic: [first, members.len() as u32] }
+        Self { fixed, moving, groups, nodes, listed, indices, dynamic: [first, members.len() as u32] }
     }
 
     /// Whether the model has no static pairs.
@@ -166,11 +166,11 @@ impl StaticPairs {
     /// Index of the pair of a static geom and a moving geom in the compiled model; `None` if the model has no such pair. For a dynamic
     /// pair, [`DynamicPairs::pair`] returns whether the two geoms can collide.
     #[inline(always)]
-    pub fn number(&self, fixed: &StaticGeom, moving: usize) -> Option<u32> {
+    pub fn pair_index(&self, fixed: &StaticGeom, moving: usize) -> Option<u32> {
         if fixed.row != NONE {
-            let number = self.numbers[fixed.row as usize * self.moving.len() + moving];
-            if number != NONE {
-                return Some(number);
+            let index = self.indices[fixed.row as usize * self.moving.len() + moving];
+            if index != NONE {
+                return Some(index);
             }
         }
         let (i, j) = (fixed.member, self.moving[moving].member);

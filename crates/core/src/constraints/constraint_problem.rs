@@ -11,9 +11,9 @@ use crate::math::spatial::*;
 
 /// Constraint problem of a step, with the model element of each row.
 ///
-/// The rows do not change after stage 4 has assembled them. A step later changes two things. It updates the offsets g of the rows, which
-/// contain the free velocity, without constraints ([`ConstraintProblem::shift`]). And it activates deferred contacts, whose rows the solver
-/// left out at first (`ConstraintProblem::activate`).
+/// Stage 4 assembles the rows. Afterwards the step updates their offsets g, which contain the free velocity
+/// ([`ConstraintProblem::shift`]). It also activates deferred contacts, whose rows the solver leaves out at first
+/// (`ConstraintProblem::activate`).
 #[derive(Clone, Debug)]
 pub struct ConstraintProblem<R: Real> {
     /// Rows of the problem, as input of the solver.
@@ -106,10 +106,10 @@ pub(crate) struct CurvatureTerms<R: Real> {
 impl<R: Real> ConstraintProblem<R> {
     /// Workspace for a compiled model with at most `max_contacts` contacts per environment.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
-        // With MuJoCo's law, each slot has one contact for all lanes whose geoms belong to the same trees. With several trees there may be
-        // one contact per lane, with the coordinates of that lane.
+        // With MuJoCo's law, all lanes of a contact in the problem act on the same trees. A slot whose lanes have geoms of different trees
+        // becomes several contacts, at most one per lane.
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
-        let (soft_contacts, soft_support) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).contact_support);
+        let (soft_contacts, soft_columns) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).columns_per_contact);
         let capacity = capacity_of(compiled, max_contacts, R::LANES);
         let rolling_contacts = capacity.rolling_contacts;
         let none = R::Mask::splat(false);
@@ -130,7 +130,7 @@ impl<R: Real> ConstraintProblem<R> {
             curvature_terms: Vec::with_capacity(max_contacts + rolling_contacts),
             closing_time: R::zero(),
             active_equalities: ActiveEqualities::new(compiled),
-            soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_support),
+            soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_columns),
         }
     }
 
@@ -160,13 +160,13 @@ impl<R: Real> ConstraintProblem<R> {
 /// A contact involves the ancestors of two frames in each of its lanes. Every row also involves the degrees of freedom that equalities
 /// couple to it.
 pub(crate) fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
-    let coupled = compiled.equalities.iter().filter(|b| b.eliminated).map(|b| b.support.len()).sum::<usize>();
+    let coupled = compiled.equalities.iter().filter(|b| b.eliminated).map(|b| b.dofs.len()).sum::<usize>();
     let with_coupled = |entries: usize| (entries + coupled).min(compiled.nv);
     let depth = |dof: usize| with_coupled(compiled.dofs[dof].depth);
     let single = compiled.limits.iter().map(|l| depth(l.dof)).chain(compiled.frictions.iter().map(|f| depth(f.dof))).sum::<usize>();
     let balls = compiled.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
-    let equalities = compiled.equalities.iter().map(|b| b.rows * with_coupled(b.support.len())).sum::<usize>();
-    let tendons = compiled.tendons.iter().map(|t| 3 * with_coupled(t.support.len())).sum::<usize>();
+    let equalities = compiled.equalities.iter().map(|b| b.rows * with_coupled(b.dofs.len())).sum::<usize>();
+    let tendons = compiled.tendons.iter().map(|t| 3 * with_coupled(t.dofs.len())).sum::<usize>();
     let mut moved: Vec<usize> = compiled.moved_dofs.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
     moved.sort_unstable();
     let deepest: usize = moved.iter().rev().take(2).sum();
@@ -175,6 +175,6 @@ pub(crate) fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usi
     capacity.scalar_entries = single + balls + equalities + tendons;
     capacity.contacts = contacts;
     capacity.rolling_contacts = if compiled.has_rolling_friction { contacts } else { 0 };
-    capacity.contact_support = with_coupled(deepest * lanes);
+    capacity.columns_per_contact = with_coupled(deepest * lanes);
     capacity
 }

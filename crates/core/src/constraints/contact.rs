@@ -11,7 +11,7 @@
 //! | `elimination.rs` | `eliminate` and `add_removed_scales`: remove hard equalities from the rows |
 //! | `approaching.rs` | `approaching_lanes`: lanes in which the rows are deferred |
 //! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`, `store_curvature`: velocity changes by the motion of the contact point |
-//! | `equality.rs` | `pass_on_scales`: sizes of the terms of which entries are sums |
+//! | `equality.rs` | `propagate_scales`: sizes below which entries of the rows count as rounding errors |
 //!
 //! The rows become part of the solver's problem in `crates/solve/src/constraints/friction.rs`.
 
@@ -47,18 +47,18 @@ fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
-/// Approach speed that is negligible for an immovable contact, m/s. No degree of freedom moves such a contact along its normal. `velocity`
-/// and `position` are the offsets g of its normal row in the velocity and position solves, m/s.
+/// Approach speed that is negligible for an immovable contact, m/s. No degree of freedom moves such a contact along its normal, so that
+/// nothing can correct its overlap. `velocity` and `position` are the offsets g of its normal row in the velocity and position solves, m/s.
 ///
 /// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Example: a face that is
 /// normal to a hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
 ///
 /// The result depends on the speed at which the overlap should be corrected, which is the difference of the two offsets:
 ///
-/// * Up to the resting speed, the missing correction needs no report. The result is the resting speed, at which a touching contact takes
-///   about a second to exceed the slop.
-/// * Above [`MIN_UNMET_TARGET`], stage 8 reports the missing correction. The result is the resting speed.
-/// * Between the two, the residual must report the missing correction. The result is 0, so that any approach counts.
+/// * Up to the resting speed, the overlap needs no report. The result is the resting speed, at which a touching contact takes about a
+///   second to exceed the slop.
+/// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap. The result is the resting speed.
+/// * Between the two, the residual must report the overlap. The result is 0, so that any approach counts.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -85,14 +85,14 @@ pub(crate) struct SlidingRows<R: Real> {
 impl<R: Real> Assembler<'_, R> {
     /// Adds the three rows of the contact in slot `k`, in the lanes `lanes` (bits), which have sliding friction or none.
     ///
-    /// The caller must have gathered the row builder's `support`.
+    /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
         let SlidingRows { offsets: g, curvature, lengths, exists, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
         self.problem.rows.push_contact(
-            &self.builder.support,
+            &self.builder.dofs,
             #[inline(always)]
             |d| scale(column[d], mass.sqrt_inv_d[d]),
             exists,
@@ -106,12 +106,15 @@ impl<R: Real> Assembler<'_, R> {
         }
         if let Some(curvature) = curvature {
             self.problem.store_curvature(contact, curvature);
+            // A self-locking contact, such as a wedge, carries any load by friction. With curvature terms that the joints cannot produce,
+            // its rows would have no solution.
             let is_self_locking = self.problem.rows.contacts.is_self_locking();
             if is_self_locking.any() {
                 self.problem.remove_curvature(self.problem.curvature_terms.len() - 1, is_self_locking);
             }
         }
         if let Some(lengths) = lengths {
+            // The scale of the residual contains the trace of the contact's block of the Delassus matrix before equalities were eliminated.
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
         }
         if let Some(compliance) = compliance {
@@ -160,8 +163,8 @@ impl<R: Real> Assembler<'_, R> {
                 let mut speed = R::zero();
                 let arm_rounding = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
                 self.builder.contact_columns(input, contacts, k, lanes);
-                for i in 0..self.builder.support.len() {
-                    let d = self.builder.support[i] as usize;
+                for i in 0..self.builder.dofs.len() {
+                    let d = self.builder.dofs[i] as usize;
                     let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
                     // A lever arm is a sum of terms. `square` is the squared size of these terms.
@@ -174,12 +177,12 @@ impl<R: Real> Assembler<'_, R> {
                 }
                 // As in `sliding_rows`: from the Jacobian to the rows, without their factor D^-1/2.
                 self.builder.half_solve::<3>(compiled, mass);
-                self.builder.pass_on_scales(compiled, mass);
+                self.builder.propagate_scales(compiled, mass);
                 if self.builder.eliminate(&self.problem.rows, mass, &mut [[R::zero(); 2]; 3]).is_some() {
                     self.builder.add_removed_scales(&self.problem.rows, mass);
                 }
                 let (least, mut movable) = (R::of(least_lever::<R>().powi(2)), R::Mask::splat(false));
-                for &d in &self.builder.support {
+                for &d in &self.builder.dofs {
                     let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
                     movable = movable.or(x.square().gt(scale * least));
                 }
@@ -191,7 +194,7 @@ impl<R: Real> Assembler<'_, R> {
 
     /// Builds the rows of the contact in slot `k` along its normal and its tangents, in the lanes `lanes` (bits).
     ///
-    /// The caller must have gathered the row builder's `support`.
+    /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;

@@ -125,9 +125,9 @@ fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
     match frame.checked_sub(compiled.links.len() + 1) {
         _ if frame == 0 => Field { angular_velocity: zero(), velocity: zero(), rate: zero() },
         Some(mocap) => {
-            let posed = &kinematics.posed[mocap];
-            let velocity = velocity_at(posed, sub(p, kinematics.pos[frame]));
-            Field { angular_velocity: angular(posed), velocity, rate: cross(linear(posed), angular(posed)) }
+            let motion = &kinematics.mocap_velocities[mocap];
+            let velocity = velocity_at(motion, sub(p, kinematics.pos[frame]));
+            Field { angular_velocity: angular(motion), velocity, rate: cross(linear(motion), angular(motion)) }
         }
         None => {
             let (velocity, change) = (&assembly.motion.velocity[frame - 1], &assembly.motion.acceleration[frame - 1]);

@@ -29,18 +29,18 @@ use crate::tuning::MIN_REMAINING_LENGTH;
 
 impl<R: Real> RowBuilder<R> {
     /// Finds the eliminated equalities that share a degree of freedom with the row in construction. Adds their degrees of freedom to its
-    /// `support`, with zeros in `column`.
+    /// `dofs`, with zeros in `column`.
     #[inline(always)]
     pub(crate) fn couple(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         if problem.rows.scalars.eliminated() > 0 {
             self.words.fill(0);
-            for &d in &self.support {
+            for &d in &self.dofs {
                 self.words[d as usize / 64] |= 1 << (d % 64);
             }
         }
         self.find_coupled(problem, compiled);
         if !self.coupled.is_empty() {
-            self.list_support();
+            self.list_dofs();
         }
     }
 
@@ -68,7 +68,7 @@ impl<R: Real> RowBuilder<R> {
             if block.set.iter().zip(&self.words).all(|(coupled, moved)| coupled & moved == 0) {
                 continue;
             }
-            for &d in &block.support {
+            for &d in &block.dofs {
                 let d = d as usize;
                 if self.words[d / 64] >> (d % 64) & 1 == 0 {
                     self.column[d] = zero();
@@ -121,7 +121,7 @@ impl<R: Real> RowBuilder<R> {
         offsets: &mut [[R; 2]; N],
     ) -> SquaredLengths<R, N> {
         let mut before = [R::zero(); N];
-        for &d in &self.support {
+        for &d in &self.dofs {
             let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
             for n in 0..N {
                 before[n] += (x[n] * weight).square();
@@ -171,16 +171,16 @@ impl<R: Real> RowBuilder<R> {
             #[inline(always)]
             || {
                 let rounding = R::of(ROUNDING_RATIO / MIN_REMAINING_LENGTH);
-                let Self { column, coupled, projections, removed_scales, velocity_scales, support, .. } = self;
-                for &d in &*support {
+                let Self { column, coupled, projections, removed_scales, velocity_scales, dofs, .. } = self;
+                for &d in &*dofs {
                     removed_scales[d as usize] = zero();
                 }
                 let mut speed = [[R::zero(); 2]; N];
                 for k in coupled.iter().flat_map(Range::clone) {
                     let (row, coefficient) = (&rows.scalars[k], projections[k]);
-                    let (support, entries) = rows.scalars.entries(row);
+                    let (dofs, entries) = rows.scalars.entries(row);
                     let mut product = [R::zero(); N];
-                    for (&d, &y) in support.iter().zip(entries) {
+                    for (&d, &y) in dofs.iter().zip(entries) {
                         let (x, weight) = (&column[d as usize], mass.sqrt_inv_d[d as usize]);
                         for n in 0..N {
                             product[n] += x[n] * weight * y;
@@ -195,7 +195,7 @@ impl<R: Real> RowBuilder<R> {
                             *speed += (coefficient[n] * g).square() + other;
                         }
                     }
-                    for (&d, &y) in support.iter().zip(entries) {
+                    for (&d, &y) in dofs.iter().zip(entries) {
                         let (x, scale, y) = (&mut column[d as usize], &mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
                             let repeated = product[n] * y;
@@ -207,9 +207,9 @@ impl<R: Real> RowBuilder<R> {
                 // Rounding error that the coefficient transfers to entries that have no other terms.
                 for k in coupled.iter().flat_map(Range::clone) {
                     let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
-                    let (support, entries) = rows.scalars.entries(row);
+                    let (dofs, entries) = rows.scalars.entries(row);
                     let mut square = [R::zero(); N];
-                    for (&d, &y) in support.iter().zip(entries) {
+                    for (&d, &y) in dofs.iter().zip(entries) {
                         let (x, taken, y) = (&column[d as usize], &removed_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
                         for n in 0..N {
                             square[n] += (x[n].square() + taken[n]) * y.square();
@@ -221,8 +221,8 @@ impl<R: Real> RowBuilder<R> {
                 }
                 for k in coupled.iter().flat_map(Range::clone) {
                     let coefficient = projections[k];
-                    let (support, entries) = rows.scalars.entries(&rows.scalars[k]);
-                    for (&d, &y) in support.iter().zip(entries) {
+                    let (dofs, entries) = rows.scalars.entries(&rows.scalars[k]);
+                    for (&d, &y) in dofs.iter().zip(entries) {
                         let (scale, y) = (&mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
                             scale[n] += (coefficient[n] * y).square();
@@ -231,14 +231,14 @@ impl<R: Real> RowBuilder<R> {
                 }
                 for n in 0..N {
                     let (mut after, mut independent) = (R::zero(), R::Mask::splat(false));
-                    for &d in &*support {
+                    for &d in &*dofs {
                         let (x, scale) = (column[d as usize][n], removed_scales[d as usize][n]);
                         after += (x * mass.sqrt_inv_d[d as usize]).square();
                         independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
                     }
                     let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
                     let depends = short[n].and(lengths.after[n].lt(lengths.before[n] * R::of(threshold))).and_not(independent);
-                    for &d in &*support {
+                    for &d in &*dofs {
                         let x = &mut column[d as usize][n];
                         *x = R::select(depends, R::zero(), *x);
                     }
@@ -259,26 +259,26 @@ impl<R: Real> RowBuilder<R> {
         let Self { coupled, projections, scales, .. } = self;
         for k in coupled.iter().flat_map(Range::clone) {
             let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
-            let (support, entries) = rows.scalars.entries(row);
+            let (dofs, entries) = rows.scalars.entries(row);
             let mut square = R::zero();
-            for (&d, &y) in support.iter().zip(entries) {
+            for (&d, &y) in dofs.iter().zip(entries) {
                 square += scales[d as usize][0] * (y * mass.sqrt_inv_d[d as usize]).square();
             }
             coefficient[0] = row.projection(square.sqrt()).max(coefficient[0].abs());
         }
         for k in coupled.iter().flat_map(Range::clone) {
             let coefficient = projections[k];
-            let (support, entries) = rows.scalars.entries(&rows.scalars[k]);
-            for (&d, &y) in support.iter().zip(entries) {
+            let (dofs, entries) = rows.scalars.entries(&rows.scalars[k]);
+            for (&d, &y) in dofs.iter().zip(entries) {
                 scales[d as usize][0] += (coefficient[0] * y * mass.sqrt_d[d as usize]).square();
             }
         }
     }
 
-    /// Subtracts `K` equality rows with the same support, starting at row `first`, from the rows in `column`. Also reduces `after`, the
-    /// squared lengths of the rows in `column`, accordingly.
+    /// Subtracts `K` equality rows with the same degrees of freedom, starting at row `first`, from the rows in `column`. Also reduces
+    /// `after`, the squared lengths of the rows in `column`, accordingly.
     ///
-    /// One pass over the support computes the coefficients, and another subtracts. Entries outside the support keep their bits.
+    /// One pass over these degrees of freedom computes the coefficients, and another subtracts. Entries elsewhere keep their bits.
     #[inline(always)]
     fn eliminate_rows<const N: usize, const K: usize>(
         &mut self,
@@ -289,14 +289,14 @@ impl<R: Real> RowBuilder<R> {
     ) {
         let Self { column, eliminated_entries, projections, .. } = self;
         let chunk: &[ScalarRow<R>; K] = rows.scalars[first..].first_chunk().expect("a block has its rows");
-        let (support, _) = rows.scalars.entries(&chunk[0]);
+        let (dofs, _) = rows.scalars.entries(&chunk[0]);
         let at = chunk[0].entries().start;
         let [found, taken] = [&eliminated_entries[0], &eliminated_entries[1]].map(
             #[inline(always)]
             |entries| entries[at..].as_chunks::<K>().0,
         );
         let mut product = [[R::zero(); K]; N];
-        for (&d, y) in support.iter().zip(found) {
+        for (&d, y) in dofs.iter().zip(found) {
             let x = &column[d as usize];
             for n in 0..N {
                 for k in 0..K {
@@ -315,7 +315,7 @@ impl<R: Real> RowBuilder<R> {
                 product[n][k] = coefficient;
             }
         }
-        for (&d, y) in support.iter().zip(taken) {
+        for (&d, y) in dofs.iter().zip(taken) {
             let x = &mut column[d as usize];
             for n in 0..N {
                 for k in 0..K {
@@ -350,7 +350,7 @@ impl<R: Real> RowBuilder<R> {
             while first < end {
                 // Interleave the entries of up to four rows.
                 let chunk = &rows.scalars[first..end.min(first + 4)];
-                for (i, &d) in block.support.iter().enumerate() {
+                for (i, &d) in block.dofs.iter().enumerate() {
                     for row in chunk {
                         let y = rows.scalars.entries(row).1[i];
                         found.push(y * mass.sqrt_inv_d[d as usize]);

@@ -39,26 +39,26 @@ pub(crate) struct EqualityJacobian<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Sets the row builder's `support` to the degrees of freedom on which the equality acts.
+    /// Sets the row builder's `dofs` to the degrees of freedom on which the equality acts.
     #[inline(always)]
-    pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
-        self.support.clear();
-        self.support.extend_from_slice(&equality.support);
+    pub(crate) fn use_own_dofs(&mut self, equality: &CompiledEquality<R::Scalar>) {
+        self.dofs.clear();
+        self.dofs.extend_from_slice(&equality.dofs);
     }
 
-    /// Sets the row builder's `support` to the degrees of freedom of the equality's block. Sets `column` to zero at those on which the
+    /// Sets the row builder's `dofs` to the degrees of freedom of the equality's block. Sets `column` to zero at those on which the
     /// equality does not act.
     #[inline(always)]
-    fn use_block_support(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
-        let mut own = equality.support.iter().peekable();
-        for &d in &block.support {
+    fn use_block_dofs(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
+        let mut own = equality.dofs.iter().peekable();
+        for &d in &block.dofs {
             if own.next_if_eq(&&d).is_none() {
                 self.column[d as usize] = zero();
                 self.scales[d as usize] = zero();
             }
         }
-        self.support.clear();
-        self.support.extend_from_slice(&block.support);
+        self.dofs.clear();
+        self.dofs.extend_from_slice(&block.dofs);
     }
 
     /// Computes, into `column`, the Jacobian of two points that must coincide. The error is p0 - p1 (MuJoCo's `mjEQ_CONNECT`).
@@ -78,7 +78,7 @@ impl<R: Real> RowBuilder<R> {
         let RowInput { compiled, kinematics, .. } = input;
         let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
         let mut size = R::zero();
-        for &d in &self.support {
+        for &d in &self.dofs {
             let d = d as usize;
             let (origin, axis) = (kinematics.origin[compiled.dofs[d].tree], &kinematics.axes[d]);
             let (mut j, mut scale) = (zero(), R::zero());
@@ -110,7 +110,7 @@ impl<R: Real> RowBuilder<R> {
     fn align(&mut self, input: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = input;
         let mut size = R::zero();
-        for &d in &self.support {
+        for &d in &self.dofs {
             let d = d as usize;
             let (mut j, mut square) = (zero(), R::zero());
             let axis = angular(&kinematics.axes[d]);
@@ -142,7 +142,7 @@ impl<R: Real> RowBuilder<R> {
         c: [R; 5],
     ) -> EqualityJacobian<R> {
         let assembly = input.assembly;
-        for &d in &self.support {
+        for &d in &self.dofs {
             self.column[d as usize] = zero();
             self.scales[d as usize] = zero();
         }
@@ -184,12 +184,12 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Adds to `scales`, on `support`, the squares of the terms that the half solve (L^-T J^T) subtracted from the first `N` components of
+    /// Adds to `scales`, on `dofs`, the squares of the terms that the half solve (L^-T J^T) subtracted from the first `N` components of
     /// `column`.
     #[inline(always)]
     pub(crate) fn add_fill_scales<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
-        let Self { support, column, scales, .. } = self;
-        for &d in &*support {
+        let Self { dofs, column, scales, .. } = self;
+        for &d in &*dofs {
             let ((row, chain), x) = (mass.row(compiled, d as usize), column[d as usize]);
             for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
                 let scale = &mut scales[a as usize];
@@ -205,9 +205,9 @@ impl<R: Real> RowBuilder<R> {
     /// If all entries that the half solve adds to an entry are rounding errors, that entry then counts as rounding error too. In contrast,
     /// [`Self::add_fill_scales`] takes the added entries as exact.
     #[inline(always)]
-    pub(crate) fn pass_on_scales(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
-        let Self { support, scales, .. } = self;
-        for &d in support.iter().rev() {
+    pub(crate) fn propagate_scales(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
+        let Self { dofs, scales, .. } = self;
+        for &d in dofs.iter().rev() {
             let ((row, chain), scale) = (mass.row(compiled, d as usize), scales[d as usize][0]);
             for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
                 scales[a as usize][0] += scale * l.square();
@@ -219,7 +219,7 @@ impl<R: Real> RowBuilder<R> {
     #[inline(always)]
     pub(crate) fn gram(&self, mass: &MassMatrix<R>, k: usize) -> R {
         let mut sum = R::zero();
-        for &d in &self.support {
+        for &d in &self.dofs {
             sum += (self.column[d as usize][k] * mass.sqrt_inv_d[d as usize]).square();
         }
         sum
@@ -333,24 +333,24 @@ impl<R: Real> Assembler<'_, R> {
     ) {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
-                self.builder.use_own_support(equality);
+                self.builder.use_own_dofs(equality);
                 let rows = self.builder.connect_points(input, *frames, *anchors, true);
                 self.push_rows::<3>(input, block, equality, 0, &rows, with_scales);
                 if let Some((mats, weight)) = turn {
-                    self.builder.use_own_support(equality);
+                    self.builder.use_own_dofs(equality);
                     let rows = self.builder.align(input, *frames, mats, R::splat(*weight));
                     self.push_rows::<3>(input, block, equality, 3, &rows, with_scales);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
-                self.builder.use_own_support(equality);
+                self.builder.use_own_dofs(equality);
                 let rows = self.builder.couple_joints(input, first, second.as_ref(), splat(*polynomial));
                 self.push_rows::<1>(input, block, equality, 0, &rows, with_scales);
             }
         }
     }
 
-    /// Appends the first `N` components of `column` to the problem, as rows of an equality with the support of its block.
+    /// Appends the first `N` components of `column` to the problem, as rows of an equality with the degrees of freedom of its block.
     #[inline(always)]
     fn push_rows<const N: usize>(
         &mut self,
@@ -365,7 +365,7 @@ impl<R: Real> Assembler<'_, R> {
         let acts = self.problem.active_equalities.lanes(equality);
         let alive = input.assembly.alive.and(acts);
         let (mut free, mut before, mut speed) = ([R::zero(); 3], [R::zero(); 3], [R::zero(); 3]);
-        for &d in &self.builder.support {
+        for &d in &self.builder.dofs {
             let d = d as usize;
             free = add_scaled(free, self.builder.column[d], v_free[d]);
             before = add_scaled(before, self.builder.column[d], v[d]);
@@ -375,7 +375,7 @@ impl<R: Real> Assembler<'_, R> {
         if with_scales {
             self.builder.add_fill_scales::<N>(input.compiled, input.mass);
         }
-        self.builder.use_block_support(block, equality);
+        self.builder.use_block_dofs(block, equality);
         self.builder.couple(self.problem, input.compiled);
         let correction = self.correct(input, rows, h, alive);
         let mut laws = [RowLaw { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
@@ -413,7 +413,7 @@ impl<R: Real> Assembler<'_, R> {
             }
             if with_scales {
                 let (scales, inv_d) = (&self.builder.scales, &input.mass.inv_d);
-                self.builder.entry_scales.extend(block.support.iter().map(
+                self.builder.entry_scales.extend(block.dofs.iter().map(
                     #[inline(always)]
                     |&d| scales[d as usize][k] * inv_d[d as usize],
                 ));
@@ -468,7 +468,7 @@ impl<R: Real> Assembler<'_, R> {
     fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, impulse_index: usize, law: &RowLaw<R>) {
         let column = &self.builder.column;
         self.problem.rows.scalars.push(
-            &self.builder.support,
+            &self.builder.dofs,
             #[inline(always)]
             |d| column[d][k] * mass.sqrt_inv_d[d],
             R::one(),

@@ -34,7 +34,7 @@ impl Islands {
         self.most.fill(0.0);
         self.penalties.fill([0.0; 2]);
         self.exempt.fill(false);
-        system.for_each_support(lane, |dofs| {
+        system.for_each_column_set(lane, |dofs| {
             let mut first = None;
             for d in dofs {
                 let tree = self.root(compiled.dofs[d as usize].tree);

@@ -1,4 +1,4 @@
-//! Jacobians of rows: J^T of a row at the degrees of freedom on which it acts (its support), and the half solve L^-T J^T with the factor L
+//! Jacobians of rows: J^T of a row at the degrees of freedom on which it acts (`dofs`), and the half solve L^-T J^T with the factor L
 //! of the mass matrix.
 
 use stepper_real::{Mask, Real};
@@ -15,12 +15,12 @@ use crate::math::spatial::*;
 impl<R: Real> RowBuilder<R> {
     /// Writes the half-solved row of one degree of freedom, L^-T e, to the first component of `column`. e is the unit vector of `dof`.
     ///
-    /// `support` becomes the chain of `dof`: the dof and its ancestors.
+    /// `dofs` becomes the chain of `dof`: the dof and its ancestors.
     #[inline(always)]
     pub(crate) fn unit_column(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, dof: usize) {
         let chain = compiled.chain_of(dof);
-        self.support.clear();
-        self.support.extend(chain.iter().rev());
+        self.dofs.clear();
+        self.dofs.extend(chain.iter().rev());
         let path = &mut self.path[..chain.len()];
         path.fill(R::zero());
         path[0] = R::one();
@@ -40,11 +40,11 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Half solve: multiplies the first `N` components of `column` by L^-T on `support`, where L^T D L is the mass matrix. `support` must
+    /// Half solve: multiplies the first `N` components of `column` by L^-T on `dofs`, where L^T D L is the mass matrix. `dofs` must
     /// contain all ancestors of its degrees of freedom.
     #[inline(always)]
     pub(crate) fn half_solve<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
-        let (mut rest, column) = (&self.support[..], &mut self.column);
+        let (mut rest, column) = (&self.dofs[..], &mut self.column);
         while let [before @ .., d] = rest {
             rest = before;
             let d = *d as usize;
@@ -74,12 +74,12 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Sets `support` to the degrees of freedom, ascending, that move a geom of the contacts in slot `k` (one contact per lane). Degrees of
+    /// Sets `dofs` to the degrees of freedom, ascending, that move a geom of the contacts in slot `k` (one contact per lane). Degrees of
     /// freedom that equalities couple to them are included.
     ///
     /// For each degree of freedom, `signs` gets the lanes in which it moves the second geom, and the lanes in which it moves the first.
     #[inline(always)]
-    pub(crate) fn gather_support(
+    pub(crate) fn gather_dofs(
         &mut self,
         problem: &ConstraintProblem<R>,
         compiled: &LaneModel<R>,
@@ -114,17 +114,17 @@ impl<R: Real> RowBuilder<R> {
             self.moving = lanes;
         }
         self.find_coupled(problem, compiled);
-        self.list_support();
+        self.list_dofs();
     }
 
-    /// Sets the list `support` to the degrees of freedom in the bit set `words`, ascending.
+    /// Sets the list `dofs` to the degrees of freedom in the bit set `words`, ascending.
     #[inline(always)]
-    pub(crate) fn list_support(&mut self) {
-        self.support.clear();
+    pub(crate) fn list_dofs(&mut self) {
+        self.dofs.clear();
         for (w, &word) in self.words.iter().enumerate() {
             let mut bits = word;
             while bits != 0 {
-                self.support.push(64 * w as u32 + bits.trailing_zeros());
+                self.dofs.push(64 * w as u32 + bits.trailing_zeros());
                 bits &= bits - 1;
             }
         }
@@ -149,12 +149,12 @@ impl<R: Real> RowBuilder<R> {
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let carried = linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes));
+        let surface_velocity = linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes));
         // `map` of an array would not be inlined with the instructions of this CPU level.
-        let mut free = [dot(axes[0], carried), dot(axes[1], carried), dot(axes[2], carried)];
+        let mut free = [dot(axes[0], surface_velocity), dot(axes[1], surface_velocity), dot(axes[2], surface_velocity)];
         let mut before = free[0];
         let (mut arm, mut tree) = (zero(), usize::MAX);
-        for &d in &self.support {
+        for &d in &self.dofs {
             let d = d as usize;
             if compiled.dofs[d].tree != tree {
                 tree = compiled.dofs[d].tree;

@@ -5,7 +5,8 @@
 //! motion is the same for all solutions. When they slip, the torque of friction depends on how the points share the load. Gauss-Seidel
 //! iterations load the contacts that they visit first, and such forces rotate a box that two fingers hold.
 //!
-//! The contacts between two bodies form a contact group. Groups that act on a common degree of freedom form a cluster, whose loads are
+//! Three or more contacts between the same two bodies form a contact group, if one of the bodies floats freely (is alone on a free joint).
+//! Groups that act on a common degree of freedom form a cluster, whose loads are
 //! shared together. Example: a box between two fingers has two groups in one cluster. Among all nonnegative normal impulses with the same
 //! effect on the joints, the impulses of least norm are used. Friction of a slipping contact is recomputed as mu times the normal impulse,
 //! against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque changes, and the
@@ -22,7 +23,7 @@ use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::spatial::*;
 use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS, SLIP_SPEED};
 
-/// Contact groups of all lanes: sets of contacts between the same two bodies, at least one of which floats freely.
+/// Contact groups of all lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactGroups<R> {
     /// Slots of the contacts of all groups in the contact set, group by group. A slot has up to one contact per lane.
@@ -50,7 +51,7 @@ pub(crate) struct ContactGroups<R> {
     velocities: Vec<V3<R>>,
 }
 
-/// Contact group: contacts between the same two bodies in one lane. At least one of the bodies floats freely.
+/// Contact group: three or more contacts between the same two bodies in one lane. At least one of the bodies floats freely.
 #[derive(Clone, Copy, Debug)]
 struct ContactGroup {
     lane: usize,
@@ -112,7 +113,7 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the contact groups in the lanes `lanes` (bits): sets of contacts between the same two bodies.
+    /// Finds the contact groups in the lanes `lanes` (bits).
     pub(crate) fn find(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, lanes: u32) {
         self.slots.clear();
         self.groups.clear();
@@ -157,7 +158,7 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(self.groups.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
-    /// Lanes with a contact group that has no impulse yet and closes in this step, so that it takes up load for the first time.
+    /// Newly loaded lanes: those with a contact group without impulses, one of whose contacts closes in this step.
     ///
     /// The first impulses of such a group must have the least norm. Gauss-Seidel iterations would load the contacts that they visit first.
     pub(crate) fn newly_loaded_lanes(
@@ -269,8 +270,8 @@ impl<R: Real> ContactGroups<R> {
         let contacts = &assembled.rows.contacts;
         for p in groups.clone() {
             for contact in all[p].contacts::<R>(slots, &assembled.sliding_slots, &assembled.rows).map(|i| &contacts[i]) {
-                let (support, y) = contacts.entries(contact);
-                for (&c, _) in support.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
+                let (columns, y) = contacts.entries(contact);
+                for (&c, _) in columns.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
                     let (owner, cluster) = (owners[c as usize], all[p].cluster);
                     if owner == usize::MAX {
                         owners[c as usize] = cluster;
@@ -316,8 +317,8 @@ impl<R: Real> ContactGroups<R> {
         rows.clear();
         let n = points.len();
         for (k, p) in points.iter().enumerate() {
-            let (support, y) = problem.contacts.entries(&problem.contacts[p.contact]);
-            for (&c, y) in support.iter().zip(y) {
+            let (columns, y) = problem.contacts.entries(&problem.contacts[p.contact]);
+            for (&c, y) in columns.iter().zip(y) {
                 let y = y[0].lane(lane).to_f64();
                 if y == 0.0 {
                     continue;

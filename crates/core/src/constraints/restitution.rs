@@ -37,7 +37,7 @@ impl<R: Real> RowBuilder<R> {
     #[inline(always)]
     pub(crate) fn free_change(&self, assembly: &AssemblyInput<'_, R>) -> V3<R> {
         let mut change = zero();
-        for &d in &self.support {
+        for &d in &self.dofs {
             let d = d as usize;
             change = add_scaled(change, self.column[d], assembly.v_free[d] - assembly.v[d]);
         }

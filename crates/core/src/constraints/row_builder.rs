@@ -11,8 +11,8 @@ use crate::math::spatial::*;
 /// problem.
 #[derive(Clone, Debug)]
 pub(crate) struct RowBuilder<R: Real> {
-    /// Support of the row: the degrees of freedom at which it may have entries, ascending.
-    pub(crate) support: Vec<u32>,
+    /// Degrees of freedom at which the row may have entries, ascending.
+    pub(crate) dofs: Vec<u32>,
     /// Entries of up to three rows, by degree of freedom. They are J^T at first, and L^-T J^T after the half solve, where L^T D L is the
     /// mass matrix.
     pub(crate) column: Vec<V3<R>>,
@@ -59,9 +59,9 @@ impl<R: Real> RowBuilder<R> {
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
         let rows = compiled.equalities.iter().map(|b| b.rows).sum();
-        let entries = || compiled.equalities.iter().map(|b| b.rows * b.support.len());
+        let entries = || compiled.equalities.iter().map(|b| b.rows * b.dofs.len());
         Self {
-            support: Vec::with_capacity(compiled.nv),
+            dofs: Vec::with_capacity(compiled.nv),
             column: vec![zero(); compiled.nv],
             linear: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
             path: vec![R::zero(); compiled.nv],

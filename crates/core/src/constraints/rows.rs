@@ -41,7 +41,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         let column = &self.builder.column;
         self.problem.rows.scalars.push(
-            &self.builder.support,
+            &self.builder.dofs,
             #[inline(always)]
             |d| column[d][0] * mass.sqrt_inv_d[d],
             sign,

@@ -16,10 +16,10 @@ impl<R: Real> RowBuilder<R> {
     /// Computes the half-solved row of a tendon's length, times `sign`, into the first component of `column`.
     #[inline(always)]
     fn tendon_columns(&mut self, problem: &ConstraintProblem<R>, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
-        self.support.clear();
-        self.support.extend_from_slice(&tendon.support);
+        self.dofs.clear();
+        self.dofs.extend_from_slice(&tendon.dofs);
         self.couple(problem, input.compiled);
-        for &d in &self.support {
+        for &d in &self.dofs {
             self.column[d as usize] = zero();
         }
         self.add_terms(input, &tendon.length, sign);
@@ -110,10 +110,10 @@ impl<R: Real> Assembler<'_, R> {
                         self.velocity.scalar_impulse[limit.impulse_index] = R::zero();
                         continue;
                     };
-                    self.builder.support.clear();
-                    self.builder.support.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
+                    self.builder.dofs.clear();
+                    self.builder.dofs.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
                     self.builder.couple(self.problem, input.compiled);
-                    for &d in &self.builder.support {
+                    for &d in &self.builder.dofs {
                         self.builder.column[d as usize] = zero();
                     }
                     for k in 0..3 {

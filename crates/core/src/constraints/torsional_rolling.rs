@@ -22,12 +22,12 @@ impl<R: Real> RowBuilder<R> {
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let carried = angular(&surface_velocity::motion(input.compiled, input.kinematics, contacts, k, lanes));
+        let surface_rotation = angular(&surface_velocity::motion(input.compiled, input.kinematics, contacts, k, lanes));
         let mut free: V3<R> = array_of(
             #[inline(always)]
-            |i| dot(axes[i], carried) * weight[i],
+            |i| dot(axes[i], surface_rotation) * weight[i],
         );
-        for &d in &self.support {
+        for &d in &self.dofs {
             let d = d as usize;
             let sign = self.sign_of(d);
             let axis = angular(&input.kinematics.axes[d]);
@@ -49,13 +49,13 @@ impl<R: Real> Assembler<'_, R> {
         R::vectorize(
             #[inline(always)]
             || {
-                self.builder.gather_support(self.problem, input.compiled, contacts, k, lanes);
+                self.builder.gather_dofs(self.problem, input.compiled, contacts, k, lanes);
                 self.push_rolling_contact_row(input, contacts, k, lanes);
             },
         )
     }
 
-    /// Builds the six rows, adds them to the problem, and sets their initial impulses. The caller must have gathered the `support`.
+    /// Builds the six rows, adds them to the problem, and sets their initial impulses. The caller must have called `gather_dofs`.
     #[inline(always)]
     fn push_rolling_contact_row(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let RowInput { compiled, mass, assembly, .. } = input;
@@ -65,7 +65,7 @@ impl<R: Real> Assembler<'_, R> {
         let SlidingRows { offsets: mut sliding_offsets, curvature, lengths: sliding, exists, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
         // The rotation rows use `column` too. The entries of the sliding rows are therefore copied to `linear`.
-        for &d in &self.builder.support {
+        for &d in &self.builder.dofs {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
         }
         let free_rotation = self.builder.rotation_columns(input, contacts, k, lanes, friction.scale);
@@ -79,7 +79,7 @@ impl<R: Real> Assembler<'_, R> {
         sliding_offsets[1] = scale(sliding_offsets[1], sliding_factor);
         sliding_offsets[2] = scale(sliding_offsets[2], sliding_factor);
         self.problem.rows.push_rolling_contact(
-            &self.builder.support,
+            &self.builder.dofs,
             #[inline(always)]
             |d| {
                 let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);

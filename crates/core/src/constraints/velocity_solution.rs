@@ -20,7 +20,7 @@ pub struct VelocitySolution<R: Real> {
     /// Impulses of all scalar constraints: limits, dry friction, ball joint limits, equalities and tendons. The next step's solve starts
     /// from them.
     pub scalar_impulse: Vec<R>,
-    /// Contact groups: contacts between the same two bodies, which share their load evenly.
+    /// Contact groups, which are redundant supports. Stage 5 distributes the load evenly over the contacts of a group.
     pub(crate) contact_groups: ContactGroups<R>,
     /// Saved copy of the impulses, to restore them: from before a prediction, before load sharing, or before stage 8 limits Baumgarte's
     /// correction.

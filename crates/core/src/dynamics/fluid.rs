@@ -41,7 +41,7 @@ impl<R: Real> Fluid<R> {
 
     /// Makes drag explicit in the next step: discards the linearisation.
     #[inline(always)]
-    pub fn forget(&mut self) {
+    pub fn make_drag_explicit(&mut self) {
         self.before.fill(zero());
         self.drag.fill(zero());
     }

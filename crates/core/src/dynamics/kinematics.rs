@@ -18,7 +18,7 @@ pub struct Kinematics<R: Real> {
     /// Spatial velocity per unit velocity of every dof, at the reference point of its kinematic tree.
     pub axes: Vec<V6<R>>,
     /// Velocity of every mocap body: angular, rad/s, and linear at its origin, m/s.
-    pub posed: Vec<V6<R>>,
+    pub mocap_velocities: Vec<V6<R>>,
     /// Inertia of every link about the reference point of its kinematic tree.
     pub inertia: Vec<Inertia<R>>,
     /// Angles of all hinges in the order of the joints, rad, their sines, and their cosines.
@@ -35,7 +35,7 @@ impl<R: Real> Kinematics<R> {
             mat: vec![identity; compiled.nframe()],
             origin: vec![zero(); compiled.ntree],
             axes: vec![zero(); compiled.nv],
-            posed: vec![zero(); compiled.mocap.len()],
+            mocap_velocities: vec![zero(); compiled.mocap.len()],
             inertia: vec![zero(); compiled.links.len()],
             turns: std::array::from_fn(|_| vec![R::zero(); hinges(compiled).count()]),
         };

@@ -74,7 +74,7 @@ pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[Mocap
             for (k, (mocap, trajectory)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
                 kinematics.pos[mocap.frame] = add_scaled(trajectory.pos, linear(&trajectory.motion), time);
                 kinematics.mat[mocap.frame] = quat_to_mat(trajectory.quat_at(time));
-                kinematics.posed[k] = trajectory.motion;
+                kinematics.mocap_velocities[k] = trajectory.motion;
             }
         },
     )

@@ -175,7 +175,7 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     /// Overlap that the error of the predicted motion may cause, m.
     pub(crate) error: R,
     /// Whether all colliding pairs count, even those after an earlier collision of the same kinematic trees.
-    pub(crate) ignores_order: bool,
+    pub(crate) includes_later_collisions: bool,
 }
 
 impl<R: Real> CollisionSearch<R> {
@@ -257,8 +257,8 @@ impl<R: Real> CollisionSearch<R> {
         !self.pairs.is_empty()
     }
 
-    /// Tests the path of each candidate pair, and reduces the lanes of the candidate to those in which it collides. Unless `ignores_order`
-    /// is set, lanes in which another pair of the same trees collides earlier are removed.
+    /// Tests the path of each candidate pair, and reduces the lanes of the candidate to those in which it collides. Without
+    /// `includes_later_collisions`, it also removes lanes in which another pair of the same trees collides earlier.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let CollisionQuery { compiled, kinematics, collision, .. } = *query;
@@ -318,7 +318,7 @@ impl<R: Real> CollisionSearch<R> {
             several = several.or(once.and(candidate.lanes));
             once = once.or(candidate.lanes);
         }
-        if !query.ignores_order {
+        if !query.includes_later_collisions {
             self.narrow_times(query, several, time);
             self.keep_earliest(compiled, time);
         }

@@ -24,9 +24,9 @@ use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 pub(crate) enum SweptMotion {
     /// Motion with the predicted impulses, before the solve.
     Predicted,
-    /// Motion of the solver's solution. With `ignores_order`, every colliding pair counts, even after an earlier collision of the same
-    /// bodies.
-    Solved { ignores_order: bool },
+    /// Motion of the solver's solution. With `includes_later_collisions`, every colliding pair counts, even after an earlier collision of
+    /// the same bodies.
+    Solved { includes_later_collisions: bool },
 }
 
 /// Activates the deferred contacts that collide in the predicted motion, and repeats the prediction of the impulses with them.
@@ -64,11 +64,12 @@ pub(crate) fn activate_colliding<R: Real>(
     if problem.deferred_lanes(alive).none() {
         return R::Mask::splat(false);
     }
-    let (margin, error, ignores_order) = match motion {
+    let (margin, error, includes_later_collisions) = match motion {
         SweptMotion::Predicted => (PREDICTED_MARGIN, overlap_error(problem, velocity), false),
-        SweptMotion::Solved { ignores_order } => (0.0, R::zero(), ignores_order),
+        SweptMotion::Solved { includes_later_collisions } => (0.0, R::zero(), includes_later_collisions),
     };
-    let query = CollisionQuery { compiled, kinematics, collision, contacts, options, lanes: alive, margin, error, ignores_order };
+    let query =
+        CollisionQuery { compiled, kinematics, collision, contacts, options, lanes: alive, margin, error, includes_later_collisions };
     if !collisions.list_candidates(&query, problem, &velocity.impulses.w) {
         return R::Mask::splat(false);
     }

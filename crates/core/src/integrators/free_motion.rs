@@ -191,8 +191,8 @@ pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Sche
 /// Computes the actuator and spring forces (stage 1), with all velocity-dependent forces at the velocity before the step.
 fn actuate_at_velocity_before<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, .. } } = context;
-    // The midpoint rule shifts the forces of damped servos toward the end of the step. The shift depends on the inertia that a servo moves.
-    // Bounded servos need this inertia for the guess of their active bounds.
+    // The inertia that each servo moves. The midpoint rule needs it for the damping of servos (`actuation/forces.rs`), and bounded servos
+    // need it for the guess of their active bounds.
     if (scheme.in_the_middle || compiled.servos_are_bounded) && !compiled.servos.is_empty() {
         free.actuator_forces.compute_effective_inertia(compiled, &free.smooth.inertia, &state.impulse);
     }

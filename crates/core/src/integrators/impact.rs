@@ -81,8 +81,8 @@ fn normal_velocities<R: Real>(
     velocities: [&[V6<R>]; 2],
 ) -> [R; 2] {
     let point = &contacts.data[k].point;
-    let carried = dot(point.normal, linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes)));
-    let mut out = [carried; 2];
+    let surface_velocity = dot(point.normal, linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes)));
+    let mut out = [surface_velocity; 2];
     for (pair, lanes) in contacts.pairs(k, lanes) {
         let pair_lanes = R::Mask::from_bits(lanes);
         let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");

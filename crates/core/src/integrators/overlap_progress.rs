@@ -57,14 +57,14 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
         for row in problem.rows.scalars.iter().filter(|row| row.lo.lane(lane).to_f64() < 0.0) {
             let correction = (row.g.lane(lane).to_f64() - row.position_g.lane(lane).to_f64()).abs();
             if correction * options.timestep > options.slop {
-                let (support, _) = problem.rows.scalars.entries(row);
-                support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
+                let (dofs, _) = problem.rows.scalars.entries(row);
+                dofs.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
             }
         }
         // The sums do not include ball joint limits and tendons. Islands with these always keep the correction.
         compiled.ball_limits.iter().for_each(|limit| islands.exempt(compiled.dofs[limit.dof].tree));
         for tendon in &compiled.tendons {
-            tendon.support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
+            tendon.dofs.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
         }
         add_overlaps(compiled, options, &evaluation.contacts, lane, islands, 0);
         add_overlaps(compiled, options, contacts, lane, islands, 1);

@@ -21,7 +21,7 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
-use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, ROUGH_ITERATIONS, SATURATION_PASSES};
+use crate::tuning::{FIRST_COLLISION_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
 /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem.
 ///
@@ -31,8 +31,8 @@ use crate::tuning::{IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ORDERED_PASSES, R
 /// energy. If not, the impact becomes inelastic. (4) The active bounds of stiff servos are those of the solution. If not, the mass matrix
 /// changes, so that the problem is assembled and solved again, at most four times.
 ///
-/// The second result has the lanes in which assumption 4 still fails, and those with an impact that became inelastic. In these lanes the
-/// energy may be wrong; a shorter time step helps.
+/// The second result has the lanes whose energy may be wrong. In them assumption 4 still fails, or an impact became inelastic. A shorter
+/// time step helps.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     context: StepContext<'_, R>,
@@ -65,7 +65,7 @@ pub(crate) fn solve_velocities<R: Real>(
         }
         must_assemble = false;
         probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
-        let motion = SweptMotion::Solved { ignores_order: passes >= ORDERED_PASSES };
+        let motion = SweptMotion::Solved { includes_later_collisions: passes >= FIRST_COLLISION_PASSES };
         lanes = probe.span(Span::Solve, || activate_colliding(context, free, problem, velocity, collisions, motion));
         passes += 1;
         if lanes.none() && scheme.in_the_middle && impacts < IMPACT_PASSES {

@@ -93,7 +93,7 @@ pub fn actuate<R: Real>(
                 actuator_forces.guess_active_bounds(compiled, at.actuator_dynamics, implicit);
             }
             actuator_forces.sum_forces(compiled, implicit);
-            // Derivatives and sensors of explicit forces read the part of the actuators alone, before springs are added to `tau`.
+            // With explicit forces, derivatives and sensors read the generalized forces of the actuators without those of springs.
             if implicit.is_none() {
                 actuator_forces.joint.copy_from_slice(&actuator_forces.tau);
             }
@@ -105,7 +105,7 @@ pub fn actuate<R: Real>(
 /// Computes the inertia that implicit damping of a servo adds along the servo's moment, for every servo. It is the time step `h` times the
 /// damping coefficient, which may be negative. Integrators that treat only the damping of servos implicitly use this function.
 ///
-/// The added inertia is zero if the servo's force is at a bound. [`actuate`] must have been called before, with explicit terms.
+/// The added inertia is zero if the servo's force is at a bound. The caller must have called [`actuate`] with `implicit` = `None`.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]

@@ -87,7 +87,7 @@ impl<R: Real> Smooth<R> {
         if !compiled.fluid.is_empty() {
             match implicit.drag_at {
                 Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.weights.damping, &mut self.mass.entries),
-                None => self.fluid.forget(),
+                None => self.fluid.make_drag_explicit(),
             }
         }
         self.mass.factor(compiled);
@@ -105,10 +105,11 @@ impl<R: Real> Smooth<R> {
                 if !compiled.fluid.is_empty() {
                     self.fluid.subtract(compiled, kinematics, &self.newton_euler.velocity, &mut self.newton_euler.force);
                 }
-                for (i, hold) in compiled.compensation.iter().enumerate() {
+                for (i, compensated) in compiled.compensation.iter().enumerate() {
                     let CompensationParams { pos, force } = compiled.params.compensation(i);
-                    let arm = sub(kinematics.point(hold.link + 1, pos), kinematics.origin[compiled.links[hold.link].tree]);
-                    self.newton_euler.force[hold.link] = sub(self.newton_euler.force[hold.link], spatial(cross(arm, force), force));
+                    let arm = sub(kinematics.point(compensated.link + 1, pos), kinematics.origin[compiled.links[compensated.link].tree]);
+                    self.newton_euler.force[compensated.link] =
+                        sub(self.newton_euler.force[compensated.link], spatial(cross(arm, force), force));
                 }
                 project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
                 self.accelerate(compiled, forces, v);
@@ -137,7 +138,7 @@ impl<R: Real> Smooth<R> {
                 self.mass.add_servos_within_branches(compiled, added_inertias, arms);
                 if !compiled.fluid.is_empty() {
                     self.fluid.linearise(compiled, kinematics, v, h, &mut self.mass.entries);
-                    self.fluid.forget();
+                    self.fluid.make_drag_explicit();
                 }
             },
         )

@@ -123,12 +123,12 @@ fn find_contacts<R: Real>(
             // The broad phase of dynamic pairs has tested bounding balls in f64, enlarged for rounding. `can_touch` has the exact limit.
             dynamic.clear();
             if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
-                for &(number, lanes) in &broad.pairs {
-                    let Some(pair) = dynamic_pairs.pair(number as usize) else { continue };
+                for &(index, lanes) in &broad.pairs {
+                    let Some(pair) = dynamic_pairs.pair(index as usize) else { continue };
                     let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
                     if lanes.any() {
-                        packed.add::<R>(number as usize, &pair, lanes.bits());
-                        dynamic.push((number as usize, lanes, pair));
+                        packed.add::<R>(index as usize, &pair, lanes.bits());
+                        dynamic.push((index as usize, lanes, pair));
                     }
                 }
             }
@@ -138,8 +138,8 @@ fn find_contacts<R: Real>(
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
                 unreliable = unreliable.or(scene.collide(index, &compiled.pairs[index], lanes, packed, narrow_phase, contacts));
             }
-            for (number, lanes, pair) in &*dynamic {
-                unreliable = unreliable.or(scene.collide(*number, pair, *lanes, packed, narrow_phase, contacts));
+            for (index, lanes, pair) in &*dynamic {
+                unreliable = unreliable.or(scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts));
             }
             unreliable
         },

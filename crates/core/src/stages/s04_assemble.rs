@@ -11,6 +11,9 @@
 //! closing and fast, e > 0:        v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
 //! ```
 //!
+//! Here phi is the gap, h the time step, v_n- the normal velocity before the step, and e the coefficient of restitution. The options set
+//! beta (`baumgarte`), the slop, and the cap (`max_correction_speed`).
+//!
 //! The midpoint rule applies the last line at the time of the impact (`constraints/restitution.rs`). A contact with e > 0 that neither
 //! bounces nor comes to rest in this step has no row. A row would stop it at the surface and remove the energy of its later bounce.
 
@@ -56,7 +59,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
                 let lanes = contacts.lanes_of(k);
                 let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
                 if sliding != 0 {
-                    assembler.builder.gather_support(assembler.problem, compiled, contacts, k, sliding);
+                    assembler.builder.gather_dofs(assembler.problem, compiled, contacts, k, sliding);
                     assembler.add_contact(input, contacts, k, sliding);
                 }
             }
@@ -96,7 +99,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 
     /// Completes the problem. It activates deferred contacts of two faces that already rest on each other. Then it finds the contact
-    /// groups, and the lanes in which a group with redundant supports takes up load for the first time.
+    /// groups (redundant supports), and the lanes in which a group takes up load for the first time.
     #[inline(always)]
     fn finish(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
         let Self { problem, velocity, .. } = self;

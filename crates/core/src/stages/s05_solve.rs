@@ -81,11 +81,11 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
     );
 }
 
-/// Distributes the load evenly over the contacts of redundant supports that slip (see [`crate::constraints::redundant_supports`]). The
+/// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]). The
 /// function changes only the lanes `solved`.
 ///
-/// If a support rotates while it slips, the new loads change its velocity. The lanes of such supports are solved again, starting from the
-/// new loads.
+/// If a group rotates while it slips, the new loads change the velocity. The lanes of such groups are solved again, starting from the new
+/// loads.
 #[inline(always)]
 fn share_loads<R: Real>(
     problem: &ConstraintProblem<R>,
@@ -131,8 +131,8 @@ impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
     /// A rough prediction changes the free velocity by an error of up to [`ESTIMATE_ERROR`]. If the options require a smaller error, the
-    /// predictor iterates to a tolerance in all moving lanes. It also does so with the option [`Solver::Newton`], and in lanes with contact
-    /// groups, whose loads are shared.
+    /// predictor iterates to a tolerance in all moving lanes. It also does so with the option [`Solver::Newton`], and in lanes with a
+    /// contact group: three or more contacts between two bodies, one of which floats freely.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.tolerance_ratio();
@@ -181,8 +181,8 @@ impl<R: Real> ImpulsePredictor<R> {
 
     /// Selects the impulses from which the solve of the lanes `lanes` starts: the predicted or the previous ones.
     ///
-    /// Lanes with contact groups start from the previous impulses, because the iterations of the prediction change the distribution of the
-    /// load. So do lanes in which the previous impulses are at least as close to the solution as the rough prediction.
+    /// Lanes with a contact group start from the previous impulses, so that the load of the group stays distributed as in the last step. So
+    /// do lanes in which the previous impulses are at least as close to the solution as the rough prediction.
     #[inline(always)]
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = velocity;
@@ -221,7 +221,7 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// most the tolerance.
 ///
 /// The allowance for rounding is 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, above the default tolerance.
-/// Heavy boxes would creep into light ones at that residual, so that lanes with redundant supports (`has_groups`) stop at a smaller one.
+/// Heavy boxes would creep into light ones at that residual, so that lanes with a contact group (`has_groups`) stop at a smaller one.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]

@@ -35,7 +35,7 @@ pub(super) fn notify(
 
 /// Tells the recorder that the stepper made `nstep` steps with the current controls and applied inputs.
 #[cold]
-pub(super) fn tell_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, nstep: usize) -> PyResult<()> {
+pub(super) fn notify_recorder_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, nstep: usize) -> PyResult<()> {
     let py = slf.py();
     let ctrl = array(py, &[this.n(), this.simulation.model().nu()], this.simulation.ctrl().to_vec(), Precision::F64)?;
     let applied = this.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>().into_pyobject(py)?;

@@ -9,7 +9,7 @@ use crate::array::{array, with_numbers};
 use crate::error::value_error;
 use crate::selection::Selection;
 use crate::stepper::interruption::{Interrupted, watched};
-use crate::stepper::recording::tell_of_step;
+use crate::stepper::recording::notify_recorder_of_step;
 use crate::stepper::{Stepper, borrow};
 
 impl Stepper {
@@ -117,7 +117,7 @@ fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted:
         if this.applied[AppliedInput::MocapPos as usize].is_some() {
             also = "; moving mocap bodies had not reached their targets, as they do in a replay: replay the recording up to this call only";
         }
-        if let Err(error) = tell_of_step(slf, this, made) {
+        if let Err(error) = notify_recorder_of_step(slf, this, made) {
             return error;
         }
     }
@@ -164,6 +164,6 @@ impl Stepper {
         if let Some(interrupted) = interrupted {
             return Err(end_early(slf, this, interrupted, nstep));
         }
-        if this.recorder.is_none() { Ok(()) } else { tell_of_step(slf, this, nstep) }
+        if this.recorder.is_none() { Ok(()) } else { notify_recorder_of_step(slf, this, nstep) }
     }
 }

@@ -175,19 +175,19 @@ pub struct LaneConstraint<const N: usize> {
 
 /// Receiver of the constraints of one lane, for Newton's method.
 pub trait LaneReceiver {
-    /// Adds a constraint whose rows have the `entries` at the coordinates `support`, ascending.
-    fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>);
+    /// Adds a constraint whose rows have the `entries` at the coordinates `columns`, ascending.
+    fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, columns: &[u32], entries: impl Iterator<Item = [f64; N]>);
 
-    /// Adds the scaled velocity change by the impulse of an eliminated row: `change` at the coordinates `support`. No other row depends on
+    /// Adds the scaled velocity change by the impulse of an eliminated row: `change` at the coordinates `columns`. No other row depends on
     /// it.
-    fn add_eliminated(&mut self, support: &[u32], change: impl Iterator<Item = f64>);
+    fn add_eliminated(&mut self, columns: &[u32], change: impl Iterator<Item = f64>);
 }
 
 /// Constraint of one lane, of any kind, as a file stores it. Lists with a number per row are in the order of the rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SavedConstraint {
     /// Coordinates at which the constraint's rows have Jacobian entries, ascending.
-    pub(crate) support: Vec<u32>,
+    pub(crate) columns: Vec<u32>,
     /// Entries of the constraint's scaled Jacobian: for each coordinate, those of all rows.
     pub(crate) y: Vec<f64>,
     /// Offset g of each row in the velocity solve, m/s or rad/s.
@@ -219,9 +219,9 @@ impl SavedConstraint {
         let lists = [&self.g, &self.position_g, &self.impulse];
         let numbers = lists.into_iter().flatten().chain(&self.y).chain([&self.mobility, &self.damping_deficit]);
         lists.iter().all(|list| list.len() == rows)
-            && self.y.len() == rows * self.support.len()
-            && self.support.is_sorted_by(|a, b| a < b)
-            && self.support.last().is_none_or(|&last| (last as usize) < dimension)
+            && self.y.len() == rows * self.columns.len()
+            && self.columns.is_sorted_by(|a, b| a < b)
+            && self.columns.last().is_none_or(|&last| (last as usize) < dimension)
             && numbers.copied().all(f64::is_finite)
             && self.set[0] <= self.set[1]
             && (0.0..f64::INFINITY).contains(&self.compliance)
@@ -230,7 +230,7 @@ impl SavedConstraint {
 
     /// Entry of each row at the coordinate `c`.
     pub(crate) fn entries<R: Real, const N: usize>(&self, c: usize) -> [R; N] {
-        let place = self.support.binary_search(&(c as u32)).map_or(0, |k| k * N);
+        let place = self.columns.binary_search(&(c as u32)).map_or(0, |k| k * N);
         std::array::from_fn(|row| R::of(self.y[place + row]))
     }
 }
@@ -271,7 +271,7 @@ pub trait ConstraintSet<R: Real>: Sized {
 
     /// Calls `f` for each constraint that exists in a lane. `f` gets an iterator over the coordinates at which this constraint has entries
     /// in the lane, ascending.
-    fn for_each_support(&self, rows: &Rows<Self::Row>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>));
+    fn for_each_column_set(&self, rows: &Rows<Self::Row>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>));
 
     /// Passes all constraints that exist in a lane to the receiver of Newton's method.
     fn gather_lane(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize, to: &mut impl LaneReceiver);

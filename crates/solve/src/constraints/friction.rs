@@ -108,11 +108,11 @@ impl<R: Real> NaturalStep<R> {
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
     /// Index of the contact's first coordinate in the list of coordinates of all contacts with `N` rows.
-    support: usize,
+    first_column: usize,
     /// Index of the contact's first Jacobian entry in the list of entries of all contacts with `N` rows.
     y: usize,
     /// Number of coordinates at which the contact has Jacobian entries.
-    coordinates: usize,
+    num_columns: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
     /// Lanes in which no impulse can move the contact along its normal. The contact has no rows in these lanes, and its impulse does not
@@ -158,9 +158,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         let (none, zero) = (R::Mask::splat(false), R::zero());
         let (local, trace) = L::new(&[[zero; N]; N], none);
         Self {
-            support: 0,
+            first_column: 0,
             y: 0,
-            coordinates: 0,
+            num_columns: 0,
             active: none,
             immovable: none,
             deferred: none,
@@ -179,7 +179,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
     /// iterations read. The compliances are among them if `compliant`.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, compliant: bool, out: &mut FrictionContact<R::Half, N, L::Half>) {
-        (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
+        (out.first_column, out.y, out.num_columns) = (self.first_column, self.y, self.num_columns);
         out.active = map.gather_mask::<R>(self.active);
         out.mu = map.gather(self.mu);
         map.gather_into(&self.g, &mut out.g);
@@ -194,15 +194,15 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
 
 /// Contacts with `N` rows each, stored sparse.
 ///
-/// A contact's support lists the coordinates of w (scaled velocity change) at which it has entries in any lane, ascending. A lane without
+/// A contact's columns are the coordinates of w (scaled velocity change) at which it has entries in any lane, ascending. A lane without
 /// an entry at a listed coordinate has zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
     /// Rows of each contact, with the offsets g of the velocity solve.
     pub(super) rows: Rows<FrictionContact<R, N, L>>,
     /// Coordinates at which the contacts have Jacobian entries, one contact after the other.
-    support: Vec<u32>,
-    /// Entries of the scaled Jacobian, for all rows of a contact, at the coordinates in `support`.
+    columns: Vec<u32>,
+    /// Entries of the scaled Jacobian, for all rows of a contact, at the coordinates in `columns`.
     y: Entries<[R; N]>,
 }
 
@@ -225,16 +225,16 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         self.rows.items.iter()
     }
 
-    /// Appends a contact whose rows have the entries `y` at the coordinates `support`, ascending.
+    /// Appends a contact whose rows have the entries `y` at the coordinates `columns`, ascending.
     ///
     /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
     /// its bias (minus the target velocity). A contact whose normal mobility is below `least`, 1/kg, is immovable.
     #[inline(always)]
-    pub(crate) fn push(&mut self, support: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
-        let (s0, y0) = (self.support.len(), self.y.len());
+    pub(crate) fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
+        let (s0, y0) = (self.columns.len(), self.y.len());
         let mut gram = [[R::zero(); N]; N];
-        self.support.extend_from_slice(support);
-        for (entry, &c) in self.y.extend_by(support.len()).iter_mut().zip(support) {
+        self.columns.extend_from_slice(columns);
+        for (entry, &c) in self.y.extend_by(columns.len()).iter_mut().zip(columns) {
             let y = y(c as usize);
             *entry = y;
             for i in 0..N {
@@ -248,9 +248,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         let mut position_g = [R::zero(); N];
         position_g[0] = g[0];
         self.rows.items.push(FrictionContact {
-            support: s0,
+            first_column: s0,
             y: y0,
-            coordinates: support.len(),
+            num_columns: columns.len(),
             active: exists,
             immovable: active.and_not(exists),
             deferred: R::Mask::splat(false),
@@ -281,7 +281,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
                 let released = lanes.and(contact.immovable);
                 contact.active = contact.active.or(released);
                 contact.immovable = contact.immovable.and_not(released);
-                let gram = gram(self.y.row(contact.y, contact.coordinates));
+                let gram = gram(self.y.row(contact.y, contact.num_columns));
                 let (local, trace) = L::new(&gram, contact.active);
                 contact.local = local;
                 contact.step = NaturalStep::of_trace::<N>(trace);
@@ -337,9 +337,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     #[inline(always)]
     pub(crate) fn normal_velocity(&self, i: usize, w: &[R]) -> R {
         let contact = &self.rows.items[i];
-        let (support, y) = self.entries(contact);
+        let (columns, y) = self.entries(contact);
         let mut v = R::zero();
-        for (&c, y) in support.iter().zip(y) {
+        for (&c, y) in columns.iter().zip(y) {
             v += y[0] * w[c as usize];
         }
         v + contact.g[0]
@@ -429,15 +429,15 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Coordinates of a contact, and the Jacobian entries of its rows at each.
     #[inline(always)]
     pub fn entries(&self, contact: &FrictionContact<R, N, L>) -> (&[u32], &[[R; N]]) {
-        (&self.support[contact.support..contact.support + contact.coordinates], self.y.row(contact.y, contact.coordinates))
+        (&self.columns[contact.first_column..contact.first_column + contact.num_columns], self.y.row(contact.y, contact.num_columns))
     }
 
     /// Velocities of the rows of a contact at the scaled velocity change `w`, m/s, without the part by its compliance.
     #[inline(always)]
     pub fn velocity(&self, contact: &FrictionContact<R, N, L>, w: &[R]) -> [R; N] {
-        let (support, y) = self.entries(contact);
+        let (columns, y) = self.entries(contact);
         let mut v = [R::zero(); N];
-        for (&c, y) in support.iter().zip(y) {
+        for (&c, y) in columns.iter().zip(y) {
             let w = w[c as usize];
             for k in 0..N {
                 v[k] += y[k] * w;
@@ -479,8 +479,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Adds the scaled velocity change by the impulse `d` of a contact to `w`.
     #[inline(always)]
     pub fn add(&self, contact: &FrictionContact<R, N, L>, d: [R; N], w: &mut [R]) {
-        let (support, y) = self.entries(contact);
-        for (&c, y) in support.iter().zip(y) {
+        let (columns, y) = self.entries(contact);
+        for (&c, y) in columns.iter().zip(y) {
             let mut sum = y[0] * d[0];
             for k in 1..N {
                 sum += y[k] * d[k];
@@ -550,10 +550,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     type Half = FrictionContacts<R::Half, N, L::Half>;
 
     fn new(contacts: usize, capacity: &Capacity) -> Self {
-        let entries = contacts * capacity.contact_support;
+        let entries = contacts * capacity.columns_per_contact;
         Self {
             rows: Rows::with_capacity(contacts),
-            support: Vec::with_capacity(entries),
+            columns: Vec::with_capacity(entries),
             y: Entries::with_capacity(entries, [R::zero(); N]),
         }
     }
@@ -576,14 +576,14 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     #[inline(always)]
     fn clear(&mut self) {
         self.rows.clear();
-        self.support.clear();
+        self.columns.clear();
         self.y.clear();
     }
 
     #[inline(always)]
     fn gather(&self, rows: &Rows<FrictionContact<R, N, L>>, map: &LaneMap, out: &mut Self::Half) {
-        out.support.clear();
-        out.support.extend_from_slice(&self.support);
+        out.columns.clear();
+        out.columns.extend_from_slice(&self.columns);
         out.y.map_from(
             &self.y,
             #[inline(always)]
@@ -596,11 +596,11 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         }
     }
 
-    fn for_each_support(&self, rows: &Rows<FrictionContact<R, N, L>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
+    fn for_each_column_set(&self, rows: &Rows<FrictionContact<R, N, L>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
         let touches = |y: &[R; N]| y.iter().any(|y| y.lane(lane).to_f64() != 0.0);
         for contact in rows.items.iter().filter(|contact| contact.active.bits() >> lane & 1 == 1) {
-            let (support, y) = self.entries(contact);
-            f(&mut support.iter().zip(y).filter(|(_, y)| touches(y)).map(|(c, _)| *c));
+            let (columns, y) = self.entries(contact);
+            f(&mut columns.iter().zip(y).filter(|(_, y)| touches(y)).map(|(c, _)| *c));
         }
     }
 
@@ -608,7 +608,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         let number = |x: R| number_of(x, lane);
         for (i, (contact, lambda)) in rows.items.iter().zip(impulses).enumerate() {
             if contact.active.bits() >> lane & 1 == 1 {
-                let (support, y) = self.entries(contact);
+                let (columns, y) = self.entries(contact);
                 let constraint = LaneConstraint {
                     set: L::admissible_set(number(contact.mu)),
                     source: i,
@@ -618,7 +618,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
                     normal_compliance: number(contact.compliance),
                     trace_ratio: number(contact.step.trace_ratio),
                 };
-                to.add(constraint, support, y.iter().map(|y| y.map(number)));
+                to.add(constraint, columns, y.iter().map(|y| y.map(number)));
             }
         }
     }
@@ -628,9 +628,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
         let there = rows.items.iter().zip(impulses).filter(|(contact, _)| exists(contact.active) || exists(contact.immovable));
         let save = |(contact, impulse): (&FrictionContact<R, N, L>, &[R; N])| {
-            let (support, y) = self.entries(contact);
+            let (columns, y) = self.entries(contact);
             SavedConstraint {
-                support: support.to_vec(),
+                columns: columns.to_vec(),
                 y: y.iter().flatten().map(|&y| number(y)).collect(),
                 g: contact.g.map(number).to_vec(),
                 position_g: contact.position_g.map(number).to_vec(),
@@ -648,7 +648,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     fn load(&mut self, saved: &SavedConstraint) {
         let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
         let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
-        self.push(&saved.support, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
+        self.push(&saved.columns, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
         self.set_position_offset(std::array::from_fn(|k| R::of(saved.position_g[k])));
         self.set_trace_ratio(R::of(saved.trace_ratio));
         if saved.compliance > 0.0 {
@@ -665,8 +665,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         weight: &mut impl FnMut(u32) -> f64,
     ) {
         for (contact, (impulse, from)) in rows.items.iter().zip(impulses.iter_mut().zip(from)) {
-            let (support, y) = self.entries(contact);
-            let first = support.iter().zip(y).find(|(_, y)| y.iter().any(|&y| number_of(y, lane) != 0.0));
+            let (columns, y) = self.entries(contact);
+            let first = columns.iter().zip(y).find(|(_, y)| y.iter().any(|&y| number_of(y, lane) != 0.0));
             if let (Some((&c, _)), true) = (first, contact.active.bits() >> lane & 1 == 1) {
                 blend_lane(impulse, from, lane, weight(c));
             }

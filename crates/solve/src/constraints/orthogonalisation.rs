@@ -69,7 +69,7 @@ impl<R: Real> ScalarRows<R> {
     /// Makes the Jacobians of the scalar rows with the indices `rows` orthogonal to each other. `right_hand_sides` are further right-hand
     /// sides of these rows, which are combined in the same way as the target g.
     ///
-    /// The rows must be equalities without compliance and bounds, pushed consecutively with the same support. Afterwards the impulses and
+    /// The rows must be equalities without compliance and bounds, pushed consecutively with the same columns. Afterwards the impulses and
     /// `scales` refer to the combined rows. A row is removed if two conditions hold:
     ///
     /// - It is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2).
@@ -93,7 +93,7 @@ impl<R: Real> ScalarRows<R> {
         let RowScales { lengths, velocities, mut entries } = scales;
         for (k, &length) in rows.clone().zip(lengths) {
             let at = self.rows.items[k].y;
-            let n = self.rows.items[k].coordinates;
+            let n = self.rows.items[k].num_columns;
             for j in rows.start..k {
                 let coefficient = self.remove_projection(k, j, None);
                 let (i, square) = (j - rows.start, coefficient * coefficient);
@@ -189,8 +189,8 @@ impl<R: Real> ScalarRows<R> {
     /// Subtracts from row `k` its projection on the earlier row `j`, in `lanes` or in all lanes. Returns the coefficient.
     #[inline(always)]
     fn remove_projection(&mut self, k: usize, j: usize, lanes: Option<R::Mask>) -> R {
-        let n = self.rows.items[k].coordinates;
-        debug_assert_eq!(n, self.rows.items[j].coordinates, "rows of one support");
+        let n = self.rows.items[k].num_columns;
+        debug_assert_eq!(n, self.rows.items[j].num_columns, "rows with the same columns");
         let (before, row) = self.y.two_rows(self.rows.items[j].y, self.rows.items[k].y, n);
         let mut product = R::zero();
         for (&a, &b) in before.iter().zip(row.iter()) {

@@ -19,11 +19,11 @@ use stepper_real::{Mask, Real, Scalar};
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
     /// Index of the row's first coordinate in the list of coordinates of all scalar rows.
-    support: usize,
+    first_column: usize,
     /// Index of the row's first Jacobian entry in the list of entries of all scalar rows.
     pub(super) y: usize,
     /// Number of coordinates at which the row has Jacobian entries.
-    pub(super) coordinates: usize,
+    pub(super) num_columns: usize,
     /// Lanes in which the row exists.
     pub active: R::Mask,
     /// Velocity g of the row before any impulse, plus its bias (the negated velocity target), m/s or rad/s. This value is for the velocity
@@ -55,7 +55,7 @@ impl<R: Real> ScalarRow<R> {
     /// Range of the row's Jacobian entries in the list of entries of all scalar rows.
     #[inline(always)]
     pub fn entries(&self) -> Range<usize> {
-        self.y..self.y + self.coordinates
+        self.y..self.y + self.num_columns
     }
 
     /// Lanes in which no impulse can change the velocity of the row.
@@ -100,9 +100,9 @@ impl<R: Real> ScalarRow<R> {
     fn blank() -> Self {
         let (none, zero) = (R::Mask::splat(false), R::zero());
         Self {
-            support: 0,
+            first_column: 0,
             y: 0,
-            coordinates: 0,
+            num_columns: 0,
             active: none,
             g: zero,
             position_g: zero,
@@ -122,7 +122,7 @@ impl<R: Real> ScalarRow<R> {
     /// iterations read.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, out: &mut ScalarRow<R::Half>) {
-        (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
+        (out.first_column, out.y, out.num_columns) = (self.first_column, self.y, self.num_columns);
         out.active = map.gather_mask::<R>(self.active);
         out.g = map.gather(self.g);
         out.lo = map.gather(self.lo);
@@ -135,14 +135,14 @@ impl<R: Real> ScalarRow<R> {
 
 /// Scalar rows of a problem, stored sparse.
 ///
-/// A row's support lists the coordinates of w (scaled velocity change) at which the row has entries in any lane, ascending.
+/// A row's columns are the coordinates of w (scaled velocity change) at which the row has entries in any lane, ascending.
 #[derive(Clone, Debug)]
 pub struct ScalarRows<R: Real> {
     /// Scalar rows, with the offsets g of the velocity solve.
     pub(super) rows: Rows<ScalarRow<R>>,
     /// Coordinates at which the scalar rows have Jacobian entries, one row after the other.
-    support: Vec<u32>,
-    /// Entries of the scaled Jacobian at the coordinates in `support`.
+    columns: Vec<u32>,
+    /// Entries of the scaled Jacobian at the coordinates in `columns`.
     pub(super) y: Entries<R>,
     /// Number of eliminated scalar rows, which come first in the list, see [`ScalarRows::mark_eliminated`].
     eliminated: usize,
@@ -167,25 +167,25 @@ impl<R: Real> ScalarRows<R> {
         self.rows.items.iter()
     }
 
-    /// Appends a row with the entries `y` at the coordinates `support`, ascending.
+    /// Appends a row with the entries `y` at the coordinates `columns`, ascending.
     ///
     /// `sign` (1 or -1 per lane) multiplies the row. The row exists in the lanes `active`. `g` is its velocity before any impulse, plus its
     /// bias (minus the target velocity), m/s or rad/s. `bounds` are the least and the largest impulse.
     #[inline(always)]
-    pub fn push(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
-        let (s0, y0) = (self.support.len(), self.y.len());
+    pub fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
+        let (s0, y0) = (self.columns.len(), self.y.len());
         let mut diagonal = R::zero();
-        self.support.extend_from_slice(support);
-        for (entry, &c) in self.y.extend_by(support.len()).iter_mut().zip(support) {
+        self.columns.extend_from_slice(columns);
+        for (entry, &c) in self.y.extend_by(columns.len()).iter_mut().zip(columns) {
             let value = R::select(active, y(c as usize) * sign, R::zero());
             *entry = value;
             diagonal += value * value;
         }
         let movable = diagonal.gt(R::zero());
         self.rows.items.push(ScalarRow {
-            support: s0,
+            first_column: s0,
             y: y0,
-            coordinates: support.len(),
+            num_columns: columns.len(),
             active: active.and(movable),
             g,
             position_g: g,
@@ -204,7 +204,7 @@ impl<R: Real> ScalarRows<R> {
     /// Removes the row `first` and all rows after it.
     pub fn truncate(&mut self, first: usize) {
         if let Some(row) = self.rows.items.get(first) {
-            self.support.truncate(row.support);
+            self.columns.truncate(row.first_column);
             self.y.truncate(row.y);
             self.rows.items.truncate(first);
         }
@@ -280,18 +280,18 @@ impl<R: Real> ScalarRows<R> {
     /// Coordinates of a row, and its Jacobian entry at each.
     #[inline(always)]
     pub fn entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
-        (&self.support[row.support..row.support + row.coordinates], self.y.row(row.y, row.coordinates))
+        (&self.columns[row.first_column..row.first_column + row.num_columns], self.y.row(row.y, row.num_columns))
     }
 
     /// Velocity y . w + g of a row at the scaled velocity change `w`, m/s or rad/s: y is the row of the scaled Jacobian, and g its velocity
     /// before any impulse. The part by its compliance is not included.
     #[inline(always)]
     pub fn velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
-        let (support, y) = self.entries(row);
-        // Two partial sums, so that additions do not wait for each other. The support of a row is the same in all lanes, and so is the
+        let (columns, y) = self.entries(row);
+        // Two partial sums, so that additions do not wait for each other. The columns of a row are the same in all lanes, and so is the
         // order.
         let mut v = [R::zero(); 2];
-        let (pairs, last) = support.as_chunks::<2>();
+        let (pairs, last) = columns.as_chunks::<2>();
         let (y, y_last) = y.as_chunks::<2>();
         for (c, y) in pairs.iter().zip(y) {
             for k in 0..2 {
@@ -307,8 +307,8 @@ impl<R: Real> ScalarRows<R> {
     /// Adds the scaled velocity change by the impulse `d` of a row to `w`.
     #[inline(always)]
     fn add(&self, row: &ScalarRow<R>, d: R, w: &mut [R]) {
-        let (support, y) = self.entries(row);
-        for (&c, &y) in support.iter().zip(y) {
+        let (columns, y) = self.entries(row);
+        for (&c, &y) in columns.iter().zip(y) {
             w[c as usize] += y * d;
         }
     }
@@ -329,7 +329,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     fn new(rows: usize, capacity: &Capacity) -> Self {
         Self {
             rows: Rows::with_capacity(rows),
-            support: Vec::with_capacity(capacity.scalar_entries),
+            columns: Vec::with_capacity(capacity.scalar_entries),
             y: Entries::with_capacity(capacity.scalar_entries, R::zero()),
             eliminated: 0,
         }
@@ -348,15 +348,15 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     #[inline(always)]
     fn clear(&mut self) {
         self.rows.clear();
-        self.support.clear();
+        self.columns.clear();
         self.y.clear();
         self.eliminated = 0;
     }
 
     #[inline(always)]
     fn gather(&self, rows: &Rows<ScalarRow<R>>, map: &LaneMap, out: &mut Self::Half) {
-        out.support.clear();
-        out.support.extend_from_slice(&self.support);
+        out.columns.clear();
+        out.columns.extend_from_slice(&self.columns);
         out.y.map_from(
             &self.y,
             #[inline(always)]
@@ -369,19 +369,19 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         }
     }
 
-    fn for_each_support(&self, rows: &Rows<ScalarRow<R>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
+    fn for_each_column_set(&self, rows: &Rows<ScalarRow<R>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
         for row in rows.items.iter().filter(|row| row.active.bits() >> lane & 1 == 1) {
-            let (support, y) = self.entries(row);
-            f(&mut support.iter().zip(y).filter(|(_, y)| y.lane(lane).to_f64() != 0.0).map(|(c, _)| *c));
+            let (columns, y) = self.entries(row);
+            f(&mut columns.iter().zip(y).filter(|(_, y)| y.lane(lane).to_f64() != 0.0).map(|(c, _)| *c));
         }
     }
 
     fn gather_lane(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], lane: usize, to: &mut impl LaneReceiver) {
         let number = |x: R| number_of(x, lane);
         for (i, (row, &lambda)) in rows.items.iter().zip(impulses).enumerate() {
-            let (support, y) = self.entries(row);
+            let (columns, y) = self.entries(row);
             if i < self.eliminated {
-                to.add_eliminated(support, y.iter().map(|&y| number(y) * number(lambda)));
+                to.add_eliminated(columns, y.iter().map(|&y| number(y) * number(lambda)));
             } else if row.active.bits() >> lane & 1 == 1 {
                 let constraint = LaneConstraint {
                     set: AdmissibleSet::Interval { lo: number(row.lo), hi: number(row.hi) },
@@ -392,7 +392,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
                     normal_compliance: 0.0,
                     trace_ratio: number(row.trace_ratio),
                 };
-                to.add(constraint, support, y.iter().map(|&y| [number(y)]));
+                to.add(constraint, columns, y.iter().map(|&y| [number(y)]));
             }
         }
     }
@@ -402,9 +402,9 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
         let there = rows.items.iter().zip(impulses).enumerate().filter(|(_, (row, _))| exists(row.active) || exists(row.immovable));
         let save = |(i, (row, &impulse)): (usize, (&ScalarRow<R>, &R))| {
-            let (support, y) = self.entries(row);
+            let (columns, y) = self.entries(row);
             SavedConstraint {
-                support: support.to_vec(),
+                columns: columns.to_vec(),
                 y: y.iter().map(|&y| number(y)).collect(),
                 g: vec![number(row.g)],
                 position_g: vec![number(row.position_g)],
@@ -424,7 +424,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     fn load(&mut self, saved: &SavedConstraint) {
         let (all, immovable) = (R::Mask::splat(true), R::Mask::splat(saved.immovable));
         let bounds = saved.set.map(R::of);
-        self.push(&saved.support, |c| saved.entries::<R, 1>(c)[0], R::one(), all.and_not(immovable), R::of(saved.g[0]), bounds);
+        self.push(&saved.columns, |c| saved.entries::<R, 1>(c)[0], R::one(), all.and_not(immovable), R::of(saved.g[0]), bounds);
         if saved.eliminated {
             self.mark_eliminated();
         }
@@ -438,8 +438,8 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
 
     fn blend(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], from: &[R], lane: usize, weight: &mut impl FnMut(u32) -> f64) {
         for (row, (impulse, from)) in rows.items.iter().zip(impulses.iter_mut().zip(from)) {
-            let (support, y) = self.entries(row);
-            let first = support.iter().zip(y).find(|(_, y)| number_of(**y, lane) != 0.0);
+            let (columns, y) = self.entries(row);
+            let first = columns.iter().zip(y).find(|(_, y)| number_of(**y, lane) != 0.0);
             if let (Some((&c, _)), true) = (first, row.active.bits() >> lane & 1 == 1) {
                 blend_lane(std::slice::from_mut(impulse), std::slice::from_ref(from), lane, weight(c));
             }

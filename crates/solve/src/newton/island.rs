@@ -72,8 +72,8 @@ impl Island {
         self.w.extend(coordinates.iter().map(|&c| lane.w[c as usize]));
         self.w.resize(coordinates.len().next_multiple_of(TILE), 0.0);
         for block in members.iter().map(|&i| &lane.blocks[i]) {
-            let (support, entries) = lane.entries(block);
-            let places = || support.iter().map(|&c| number[c as usize] as usize);
+            let (columns, entries) = lane.entries(block);
+            let places = || columns.iter().map(|&c| number[c as usize] as usize);
             let first = self.tiles.len();
             for tile in places().map(|c| c / TILE) {
                 if let Err(place) = self.tiles[first..].binary_search(&tile) {

@@ -21,7 +21,7 @@ pub(super) struct LaneBlock {
     /// Index of the constraint among the constraints of its kind, in the problem of all lanes.
     pub(super) source: usize,
     /// Range of the constraint's coordinates in the lane's list of coordinates.
-    support: Range<usize>,
+    columns: Range<usize>,
     /// Index of the constraint's first entry in the lane's list of Jacobian entries.
     y: usize,
     /// Range of the constraint's rows in [`Lane::g`] and [`Lane::lambda`].
@@ -44,7 +44,7 @@ pub(super) struct Lane {
     /// Index of the kind of constraint that is being gathered.
     kind: usize,
     /// Coordinates of the constraints, one constraint after the other.
-    support: Vec<u32>,
+    columns: Vec<u32>,
     /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the constraint.
     y: Vec<f64>,
     /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
@@ -67,7 +67,7 @@ impl Lane {
     /// Gathers the rows of lane `lane` from the problem of all lanes, one kind of constraint after the other. Eliminated rows are left out.
     pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
-        self.support.clear();
+        self.columns.clear();
         self.y.clear();
         self.g.clear();
         self.lambda.clear();
@@ -86,13 +86,13 @@ impl Lane {
 
     /// Coordinates of a constraint, and the entries of its rows at each.
     pub(super) fn entries(&self, block: &LaneBlock) -> (&[u32], &[f64]) {
-        let support = self.support(block);
-        (support, &self.y[block.y..block.y + support.len() * block.rows.len()])
+        let columns = self.columns(block);
+        (columns, &self.y[block.y..block.y + columns.len() * block.rows.len()])
     }
 
     /// Coordinates of a constraint, ascending; there is at least one.
-    pub(super) fn support(&self, block: &LaneBlock) -> &[u32] {
-        &self.support[block.support.clone()]
+    pub(super) fn columns(&self, block: &LaneBlock) -> &[u32] {
+        &self.columns[block.columns.clone()]
     }
 
     /// Rows of a constraint that have an effect, as bits: those with a nonzero entry, target or impulse, and always the first row.
@@ -112,8 +112,8 @@ impl Lane {
     }
 
     /// Coordinates of all constraints, one constraint after the other.
-    pub(super) fn supports(&self) -> &[u32] {
-        &self.support
+    pub(super) fn all_columns(&self) -> &[u32] {
+        &self.columns
     }
 
     /// Copies the impulses and the scaled velocity change w back to lane `lane` of an iterate.
@@ -136,30 +136,30 @@ impl Lane {
 
 impl LaneReceiver for Lane {
     /// Appends a constraint. An immovable constraint (without entries) is left out, because its impulses have no effect.
-    fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>) {
+    fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, columns: &[u32], entries: impl Iterator<Item = [f64; N]>) {
         let LaneConstraint { set, source, g, lambda, compliance, normal_compliance, trace_ratio } = constraint;
-        let (s0, y0, row) = (self.support.len(), self.y.len(), self.g.len());
-        for (&c, y) in support.iter().zip(entries) {
+        let (s0, y0, row) = (self.columns.len(), self.y.len(), self.g.len());
+        for (&c, y) in columns.iter().zip(entries) {
             if y.iter().any(|&y| y != 0.0) {
-                self.support.push(c);
+                self.columns.push(c);
                 self.y.extend_from_slice(&y);
             }
         }
-        if self.support.len() > s0 {
+        if self.columns.len() > s0 {
             if normal_compliance > 0.0 {
                 let entry = normal_compliance.sqrt();
-                self.support.push((self.eliminated.len() + self.own.len()) as u32);
+                self.columns.push((self.eliminated.len() + self.own.len()) as u32);
                 self.y.extend((0..N).map(|row| if row == 0 { entry } else { 0.0 }));
                 self.own.push(entry * lambda[0]);
             }
             self.g.extend_from_slice(&g);
             self.lambda.extend_from_slice(&lambda);
-            let (support, rows) = (s0..self.support.len(), row..row + N);
-            self.blocks.push(LaneBlock { set, kind: self.kind, source, support, y: y0, rows, compliance, normal_compliance, trace_ratio });
+            let (columns, rows) = (s0..self.columns.len(), row..row + N);
+            self.blocks.push(LaneBlock { set, kind: self.kind, source, columns, y: y0, rows, compliance, normal_compliance, trace_ratio });
         }
     }
 
-    fn add_eliminated(&mut self, support: &[u32], change: impl Iterator<Item = f64>) {
-        support.iter().zip(change).for_each(|(&c, change)| self.eliminated[c as usize] += change);
+    fn add_eliminated(&mut self, columns: &[u32], change: impl Iterator<Item = f64>) {
+        columns.iter().zip(change).for_each(|(&c, change)| self.eliminated[c as usize] += change);
     }
 }

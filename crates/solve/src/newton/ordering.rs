@@ -28,8 +28,8 @@ impl Islands {
         self.parent.clear();
         self.parent.extend(0..lane.w.len() as u32);
         for block in &lane.blocks {
-            let support = lane.support(block);
-            for pair in support.windows(2) {
+            let columns = lane.columns(block);
+            for pair in columns.windows(2) {
                 let (a, b) = (self.root(pair[0]), self.root(pair[1]));
                 // The smaller index is the root, independent of the order of the rows.
                 self.parent[a.max(b) as usize] = a.min(b);
@@ -40,7 +40,7 @@ impl Islands {
         self.of_block.clear();
         self.count = 0;
         for block in &lane.blocks {
-            let root = self.root(lane.support(block)[0]) as usize;
+            let root = self.root(lane.columns(block)[0]) as usize;
             if self.name[root] == NONE {
                 self.name[root] = self.count as u32;
                 self.count += 1;
@@ -81,16 +81,16 @@ impl Ordering {
         let n = lane.w.len();
         self.begin.clear();
         self.begin.resize(n + 2, 0);
-        for &c in lane.supports() {
+        for &c in lane.all_columns() {
             self.begin[c as usize + 2] += 1;
         }
         for c in 2..n + 2 {
             self.begin[c] += self.begin[c - 1];
         }
         self.blocks.clear();
-        self.blocks.resize(lane.supports().len(), 0);
+        self.blocks.resize(lane.all_columns().len(), 0);
         for (i, block) in lane.blocks.iter().enumerate() {
-            for &c in lane.support(block) {
+            for &c in lane.columns(block) {
                 let at = &mut self.begin[c as usize + 1];
                 self.blocks[*at as usize] = i as u32;
                 *at += 1;
@@ -108,7 +108,7 @@ impl Ordering {
 
     /// Computes the order of the coordinates of the island that contains the constraint `any`.
     pub(super) fn order_island(&mut self, lane: &Lane, any: usize) {
-        self.search(lane, lane.support(&lane.blocks[any])[0]);
+        self.search(lane, lane.columns(&lane.blocks[any])[0]);
         // The search is repeated twice from the coordinate that it reached last, so that the levels are narrow.
         for _ in 0..2 {
             let last = *self.coordinates.last().expect("a block has coordinates");
@@ -138,7 +138,7 @@ impl Ordering {
                 if std::mem::replace(&mut self.seen[b], true) {
                     continue;
                 }
-                for &c in lane.support(&lane.blocks[b]) {
+                for &c in lane.columns(&lane.blocks[b]) {
                     if self.number[c as usize] == NONE {
                         self.number[c as usize] = 0;
                         self.coordinates.push(c);

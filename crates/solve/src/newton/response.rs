@@ -475,8 +475,8 @@ impl Linear {
         self.dense.resize(n * width, 0.0);
         let mut row = 0;
         for (block, from) in &blocks {
-            let (support, entries) = lane.entries(from);
-            for (&c, entries) in support.iter().zip(entries.chunks_exact(block.dim)) {
+            let (columns, entries) = lane.entries(from);
+            for (&c, entries) in columns.iter().zip(entries.chunks_exact(block.dim)) {
                 for (i, &y) in entries.iter().enumerate() {
                     self.dense[(row + i) * width + c as usize] = y;
                 }

@@ -25,19 +25,19 @@ fn lane(dimension: usize) -> Newton {
 
 fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64; N], compliance: f64) {
     let n = lane.w.len();
-    let support: Vec<u32> = (0..n as u32).collect();
+    let columns: Vec<u32> = (0..n as u32).collect();
     let entries = (0..n).map(|c| std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)));
     let constraint = LaneConstraint { set, source: 0, g, lambda: [0.0; N], compliance, normal_compliance: 0.0, trace_ratio: 1.0 };
-    lane.add(constraint, &support, entries);
+    lane.add(constraint, &columns, entries);
 }
 
 /// Velocity y . w + R lambda + g of every row of a lane, m/s.
 fn velocities(lane: &Lane) -> Vec<f64> {
     let mut v = vec![];
     for block in &lane.blocks {
-        let (support, y) = lane.entries(block);
+        let (columns, y) = lane.entries(block);
         for (r, row) in block.rows.clone().enumerate() {
-            let sum: f64 = support.iter().enumerate().map(|(k, &c)| y[k * block.rows.len() + r] * lane.w[c as usize]).sum();
+            let sum: f64 = columns.iter().enumerate().map(|(k, &c)| y[k * block.rows.len() + r] * lane.w[c as usize]).sum();
             v.push(sum + block.compliance * lane.lambda[row] + lane.g[row]);
         }
     }
@@ -112,10 +112,10 @@ fn islands_are_solved_apart() {
     let mut newton = lane(8);
     for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
         let entries = (0..3).map(|c| [noise(100 * i + c)]);
-        let support = [start, start + 1, start + 3];
+        let columns = [start, start + 1, start + 3];
         let constraint =
             LaneConstraint { set: FREE, source: 0, g: [1.0], lambda: [0.0], compliance: 0.0, normal_compliance: 0.0, trace_ratio: 1.0 };
-        newton.lane.add(constraint, &support, entries);
+        newton.lane.add(constraint, &columns, entries);
     }
     let result = newton.solve_lane::<f64>(CRITERIA);
     assert_eq!(newton.islands.count, 2);

@@ -108,13 +108,13 @@ impl<R: Real> Hessian<R> {
     pub(super) fn assemble(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
         self.copy_metric(metric);
         for (row, &u) in problem.rows.iter().zip(&argument.rows) {
-            let ((support, jacobian), weight) = (problem.entries(row), row.curvature(u));
+            let ((columns, jacobian), weight) = (problem.entries(row), row.curvature(u));
             if !is_nonzero(weight) {
                 continue;
             }
-            for (k, (&d, &j)) in support.iter().zip(jacobian).enumerate() {
+            for (k, (&d, &j)) in columns.iter().zip(jacobian).enumerate() {
                 let scaled = j * weight;
-                for (&c, &j) in support[..=k].iter().zip(jacobian) {
+                for (&c, &j) in columns[..=k].iter().zip(jacobian) {
                     *self.entry(d, c) += scaled * j;
                 }
             }
@@ -131,10 +131,10 @@ impl<R: Real> Hessian<R> {
     pub(super) fn assemble_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, first: usize, lumped: bool) {
         self.copy_metric(metric);
         for row in &problem.rows[first..] {
-            let (support, jacobian) = problem.entries(row);
-            for (k, (&d, &j)) in support.iter().zip(jacobian).enumerate() {
+            let (columns, jacobian) = problem.entries(row);
+            for (k, (&d, &j)) in columns.iter().zip(jacobian).enumerate() {
                 let (scaled, from) = (j * row.weight, if lumped { k } else { 0 });
-                for (&c, &j) in support[from..=k].iter().zip(&jacobian[from..=k]) {
+                for (&c, &j) in columns[from..=k].iter().zip(&jacobian[from..=k]) {
                     *self.entry(d, c) += scaled * j;
                 }
             }
@@ -170,24 +170,24 @@ impl<R: Real> Hessian<R> {
     #[inline(always)]
     fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, u: &[[R; N]]) {
         for (contact, u) in contacts.items.iter().zip(u) {
-            let ((support, jacobian), curvature) = (contacts.entries(contact), cone.curvature(contact, u));
+            let ((columns, jacobian), curvature) = (contacts.entries(contact), cone.curvature(contact, u));
             // A contact that is open in every lane adds nothing, and an active one has a curvature along the normal.
             if !is_nonzero(curvature[0][0]) {
                 continue;
             }
             if N == 6 && contact.does_not_roll {
-                self.add_contact::<N, 4>(support, jacobian, &curvature);
+                self.add_contact::<N, 4>(columns, jacobian, &curvature);
             } else {
-                self.add_contact::<N, N>(support, jacobian, &curvature);
+                self.add_contact::<N, N>(columns, jacobian, &curvature);
             }
         }
     }
 
-    /// Adds the term J^T C J of the first `U` rows of a contact to the Hessian. `support` are its coordinates, and C = `curvature` is the
+    /// Adds the term J^T C J of the first `U` rows of a contact to the Hessian. `columns` are its coordinates, and C = `curvature` is the
     /// second derivative of its convex function.
     #[inline(always)]
-    fn add_contact<const N: usize, const U: usize>(&mut self, support: &[u32], jacobian: &[[R; N]], curvature: &[[R; N]; N]) {
-        for (k, (&d, j)) in support.iter().zip(jacobian).enumerate() {
+    fn add_contact<const N: usize, const U: usize>(&mut self, columns: &[u32], jacobian: &[[R; N]], curvature: &[[R; N]; N]) {
+        for (k, (&d, j)) in columns.iter().zip(jacobian).enumerate() {
             let mut scaled = [R::zero(); U];
             for i in 0..U {
                 let mut sum = curvature[i][0] * j[0];
@@ -196,7 +196,7 @@ impl<R: Real> Hessian<R> {
                 }
                 scaled[i] = sum;
             }
-            for (&c, j) in support[..=k].iter().zip(jacobian) {
+            for (&c, j) in columns[..=k].iter().zip(jacobian) {
                 let mut sum = scaled[0] * j[0];
                 for m in 1..U {
                     sum += scaled[m] * j[m];

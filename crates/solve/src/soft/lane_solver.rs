@@ -185,9 +185,9 @@ impl<R: Real> LaneSolver<R> {
             let weight = row.weight.single_lane(lane);
             if !weight.eq(R::Single::zero()).all() {
                 places[0].push(i as u32);
-                let (support, jacobian) = problem.entries(row);
+                let (columns, jacobian) = problem.entries(row);
                 let bounds = row.bounds.map(|bound| bound.single_lane(lane));
-                own.push_entries(support, jacobian.iter().map(|&j| j.single_lane(lane)), row.reference.single_lane(lane), weight, bounds);
+                own.push_entries(columns, jacobian.iter().map(|&j| j.single_lane(lane)), row.reference.single_lane(lane), weight, bounds);
             }
         }
         own.contacts.gather(&problem.contacts, lane, &mut places[1]);

@@ -341,8 +341,8 @@ impl<R: Real> SoftSolver<R> {
     fn find_gradient(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> R {
         self.forces.fill(R::zero());
         for (row, &u) in problem.rows.iter().zip(&self.argument.rows) {
-            let ((support, jacobian), force) = (problem.entries(row), row.force(u));
-            for (&d, &j) in support.iter().zip(jacobian) {
+            let ((columns, jacobian), force) = (problem.entries(row), row.force(u));
+            for (&d, &j) in columns.iter().zip(jacobian) {
                 self.forces[d as usize] += j * force;
             }
         }

@@ -36,7 +36,7 @@ pub struct SlipCapacity {
     /// Largest number of contacts.
     pub contacts: usize,
     /// Largest number of degrees of freedom of all kinematic trees that one row or contact couples, in all lanes together.
-    pub support: usize,
+    pub columns_per_contact: usize,
     /// Whether any contact may have rolling friction, and therefore six rows.
     pub rolls: bool,
 }
@@ -86,9 +86,9 @@ struct Friction<R: Real, const N: usize> {
 }
 
 impl<R: Real, const N: usize> Friction<R, N> {
-    /// Empty lists with memory for `items` scalar rows or contacts, each with `support` degrees of freedom.
-    fn with_capacity(items: usize, support: usize) -> Self {
-        let entries = items * support;
+    /// Empty lists with memory for `items` scalar rows or contacts, each with `columns` degrees of freedom.
+    fn with_capacity(items: usize, columns: usize) -> Self {
+        let entries = items * columns;
         Self {
             force: Vec::with_capacity(items),
             bound: Vec::with_capacity(items),
@@ -110,7 +110,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
     }
 
     /// Appends the responses of the acceleration to unit forces in the rows `rows` of a scalar row or contact. Its Jacobian has the entries
-    /// `jacobian` at the coordinates `support`.
+    /// `jacobian` at the coordinates `columns`.
     ///
     /// `trees` is the kinematic tree of each degree of freedom, `work` a buffer. `least` is the smallest diagonal entry of J M^-1 J^T.
     #[inline(always)]
@@ -118,14 +118,14 @@ impl<R: Real, const N: usize> Friction<R, N> {
         &mut self,
         metric: &mut impl ForceResponse<R>,
         trees: &[u32],
-        (support, jacobian): (&[u32], &[[R; N]]),
+        (columns, jacobian): (&[u32], &[[R; N]]),
         rows: Range<usize>,
         work: &mut [R],
         least: f64,
     ) {
         let start = self.dofs.len();
         for (d, tree) in trees.iter().enumerate() {
-            if support.iter().any(|&s| trees[s as usize] == *tree) {
+            if columns.iter().any(|&s| trees[s as usize] == *tree) {
                 self.dofs.push(d as u32);
                 self.response.push([R::zero(); N]);
             }
@@ -133,7 +133,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         let mut inertia = [[R::zero(); N]; N];
         for k in rows {
             work.fill(R::zero());
-            for (&d, j) in support.iter().zip(jacobian) {
+            for (&d, j) in columns.iter().zip(jacobian) {
                 work[d as usize] = j[k];
             }
             metric.respond(work);
@@ -142,7 +142,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
             }
             for (i, row) in inertia.iter_mut().enumerate() {
                 let mut sum = R::zero();
-                for (&d, j) in support.iter().zip(jacobian) {
+                for (&d, j) in columns.iter().zip(jacobian) {
                     sum += j[i] * work[d as usize];
                 }
                 row[k] = if i == k { sum.max(R::of(least)) } else { sum };
@@ -203,12 +203,12 @@ pub(super) struct NoSlip<R: Real> {
 impl<R: Real> NoSlip<R> {
     /// Workspace for problems with `dimension` degrees of freedom.
     pub(super) fn new(dimension: usize, capacity: SlipCapacity) -> Self {
-        let SlipCapacity { rows, contacts, support, rolls } = capacity;
+        let SlipCapacity { rows, contacts, columns_per_contact, rolls } = capacity;
         let rolling = if rolls { contacts } else { 0 };
         Self {
-            rows: Friction::with_capacity(rows, dimension.min(support)),
-            contacts: Friction::with_capacity(contacts, support),
-            rolling: Friction::with_capacity(rolling, support),
+            rows: Friction::with_capacity(rows, dimension.min(columns_per_contact)),
+            contacts: Friction::with_capacity(contacts, columns_per_contact),
+            rolling: Friction::with_capacity(rolling, columns_per_contact),
             trees: vec![0; dimension],
             count: 0,
             parents: vec![0; dimension * R::LANES],
@@ -281,16 +281,16 @@ impl<R: Real> NoSlip<R> {
         }
         let zero = <R::Scalar as Default>::default();
         for row in &problem.rows[..constraints] {
-            let (support, jacobian) = problem.entries(row);
-            unite::<R>(trees, parents, islands, support, |e, l| jacobian[e].lane(l) != zero);
+            let (columns, jacobian) = problem.entries(row);
+            unite::<R>(trees, parents, islands, columns, |e, l| jacobian[e].lane(l) != zero);
         }
         for contact in &problem.contacts.items {
-            let (support, jacobian) = problem.contacts.entries(contact);
-            unite::<R>(trees, parents, islands, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
+            let (columns, jacobian) = problem.contacts.entries(contact);
+            unite::<R>(trees, parents, islands, columns, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
         }
         for contact in &problem.rolling_contacts.items {
-            let (support, jacobian) = problem.rolling_contacts.entries(contact);
-            unite::<R>(trees, parents, islands, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
+            let (columns, jacobian) = problem.rolling_contacts.entries(contact);
+            unite::<R>(trees, parents, islands, columns, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
         }
         let [of_trees, of_islands] = inertia;
         of_islands.fill(R::zero());
@@ -362,10 +362,10 @@ impl<R: Real> NoSlip<R> {
     pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl ForceResponse<R>, constraints: usize) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
         for (i, row) in problem.rows.iter().enumerate() {
-            let (support, jacobian) = problem.entries(row);
+            let (columns, jacobian) = problem.entries(row);
             if i < constraints && is_dry_friction(row.bounds) {
                 let least = LEAST_INVERSE_INERTIA[0];
-                rows.push_responses(metric, trees, (support, as_rows(jacobian)), 0..1, work, least);
+                rows.push_responses(metric, trees, (columns, as_rows(jacobian)), 0..1, work, least);
             } else {
                 rows.spans.push(0..0);
                 rows.inertia.push([[R::zero()]]);
@@ -435,9 +435,9 @@ impl<R: Real> NoSlip<R> {
             if lanes.none() {
                 continue;
             }
-            let (support, jacobian) = problem.entries(row);
+            let (columns, jacobian) = problem.entries(row);
             let mut slip = -row.reference;
-            for (&d, &j) in support.iter().zip(jacobian) {
+            for (&d, &j) in columns.iter().zip(jacobian) {
                 slip += j * a[d as usize];
             }
             let (inertia, force) = (self.rows.inertia[i][0][0], self.rows.force[i][0]);
@@ -474,8 +474,8 @@ impl<R: Real> NoSlip<R> {
     pub(super) fn add_forces(&self, problem: &SoftProblem<R>, out: &mut [R]) {
         out.fill(R::zero());
         for (row, force) in problem.rows.iter().zip(&self.rows.force) {
-            let (support, jacobian) = problem.entries(row);
-            for (&d, &j) in support.iter().zip(jacobian) {
+            let (columns, jacobian) = problem.entries(row);
+            for (&d, &j) in columns.iter().zip(jacobian) {
                 out[d as usize] += j * force[0];
             }
         }
@@ -516,7 +516,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
     fn visit_pyramid(
         &mut self,
         contact: &SoftContact<R, N>,
-        (support, jacobian): (&[u32], &[[R; N]]),
+        (columns, jacobian): (&[u32], &[[R; N]]),
         i: usize,
         lanes: R::Mask,
         a: &mut [R],
@@ -529,7 +529,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
                 continue;
             }
             let mut slip = -contact.reference[k];
-            for (&d, j) in support.iter().zip(jacobian) {
+            for (&d, j) in columns.iter().zip(jacobian) {
                 slip += j[k] * a[d as usize];
             }
             let (inertia, force, most) = (self.inertia[i][k][k], self.force[i][k], self.bound[i][k] * mu);
@@ -551,14 +551,14 @@ impl<R: Real, const N: usize> Friction<R, N> {
     fn visit_ellipse(
         &mut self,
         contact: &SoftContact<R, N>,
-        (support, jacobian): (&[u32], &[[R; N]]),
+        (columns, jacobian): (&[u32], &[[R; N]]),
         i: usize,
         lanes: R::Mask,
         a: &mut [R],
     ) -> R {
         let (inertia, force, normal) = (&self.inertia[i], self.force[i], self.bound[i][0]);
         let mut slip = [R::zero(); N];
-        for (&d, j) in support.iter().zip(jacobian) {
+        for (&d, j) in columns.iter().zip(jacobian) {
             for k in 1..N {
                 slip[k] += j[k] * a[d as usize];
             }
@@ -761,11 +761,11 @@ const NO_TREE: u32 = u32::MAX;
 /// to `islands` for each lane.
 ///
 /// `is_there` returns whether the row or contact has a given entry in a given lane.
-fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, support: &[u32], is_there: impl Fn(usize, usize) -> bool) {
+fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, columns: &[u32], is_there: impl Fn(usize, usize) -> bool) {
     for l in 0..R::LANES {
         let mut island = None;
         let mut last = u32::MAX;
-        for (e, &d) in support.iter().enumerate() {
+        for (e, &d) in columns.iter().enumerate() {
             let tree = trees[d as usize];
             if tree == last || !is_there(e, l) {
                 continue;

@@ -52,36 +52,36 @@ pub struct SoftContacts<R: Real, const N: usize> {
     /// Contacts of the list, with the inputs of their forces.
     pub items: Vec<SoftContact<R, N>>,
     /// Coordinates at which the contacts have entries, one contact after the other.
-    pub(super) support: Vec<u32>,
-    /// Jacobian entries of all rows of a contact at the coordinates in `support`.
+    pub(super) columns: Vec<u32>,
+    /// Jacobian entries of all rows of a contact at the coordinates in `columns`.
     pub(super) jacobian: Vec<[R; N]>,
 }
 
 impl<R: Real, const N: usize> SoftContacts<R, N> {
-    /// Empty list with memory for `contacts` contacts with `support` coordinates each.
-    fn with_capacity(contacts: usize, support: usize) -> Self {
-        let entries = contacts * support;
-        Self { items: Vec::with_capacity(contacts), support: Vec::with_capacity(entries), jacobian: Vec::with_capacity(entries) }
+    /// Empty list with memory for `contacts` contacts with `columns` coordinates each.
+    fn with_capacity(contacts: usize, columns: usize) -> Self {
+        let entries = contacts * columns;
+        Self { items: Vec::with_capacity(contacts), columns: Vec::with_capacity(entries), jacobian: Vec::with_capacity(entries) }
     }
 
     /// Removes all contacts.
     #[inline(always)]
     fn clear(&mut self) {
         self.items.clear();
-        self.support.clear();
+        self.columns.clear();
         self.jacobian.clear();
     }
 
-    /// Appends a contact whose rows have the entries `jacobian` at the coordinates `support`, ascending. The other arguments are the fields
+    /// Appends a contact whose rows have the entries `jacobian` at the coordinates `columns`, ascending. The other arguments are the fields
     /// of [`SoftContact`] with these names.
     #[inline(always)]
-    pub fn push(&mut self, support: &[u32], jacobian: impl Fn(usize) -> [R; N], reference: [R; N], weight: [R; N], scale: [R; N]) {
-        let start = self.support.len();
-        self.support.extend_from_slice(support);
-        for &d in support {
+    pub fn push(&mut self, columns: &[u32], jacobian: impl Fn(usize) -> [R; N], reference: [R; N], weight: [R; N], scale: [R; N]) {
+        let start = self.columns.len();
+        self.columns.extend_from_slice(columns);
+        for &d in columns {
             self.jacobian.push(jacobian(d as usize));
         }
-        self.items.push(SoftContact::new(start..self.support.len(), reference, weight, scale));
+        self.items.push(SoftContact::new(start..self.columns.len(), reference, weight, scale));
     }
 
     /// Appends the contacts of lane `lane` of another list, and their indices there to `places`.
@@ -92,25 +92,25 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
                 continue;
             }
             places.push(i as u32);
-            let (support, jacobian) = from.entries(contact);
-            let start = self.support.len();
-            self.support.extend_from_slice(support);
+            let (columns, jacobian) = from.entries(contact);
+            let start = self.columns.len();
+            self.columns.extend_from_slice(columns);
             self.jacobian.extend(jacobian.iter().map(|j| j.map(|j| j.single_lane(lane))));
             let [reference, scale] = [contact.reference, contact.scale].map(|numbers| numbers.map(|x| x.single_lane(lane)));
-            self.items.push(SoftContact::new(start..self.support.len(), reference, weight, scale));
+            self.items.push(SoftContact::new(start..self.columns.len(), reference, weight, scale));
         }
     }
 
     /// Coordinates of a contact, and the Jacobian entries of its rows at each.
     #[inline(always)]
     pub(super) fn entries(&self, contact: &SoftContact<R, N>) -> (&[u32], &[[R; N]]) {
-        (&self.support[contact.entries.clone()], &self.jacobian[contact.entries.clone()])
+        (&self.columns[contact.entries.clone()], &self.jacobian[contact.entries.clone()])
     }
 
     /// Lanes in which any contact has an entry at one of the coordinates.
     fn touches(&self, coordinates: &Range<u32>) -> R::Mask {
         let mut touched = R::Mask::splat(false);
-        for (d, entries) in self.support.iter().zip(&self.jacobian) {
+        for (d, entries) in self.columns.iter().zip(&self.jacobian) {
             if coordinates.contains(d) {
                 for j in entries {
                     touched = touched.or(j.eq(R::zero()).not());
@@ -126,9 +126,9 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     pub(super) fn multiply(&self, x: &[R], relative: bool, out: &mut Vec<[R; N]>) {
         out.clear();
         for contact in &self.items {
-            let (support, jacobian) = self.entries(contact);
+            let (columns, jacobian) = self.entries(contact);
             let mut u = [R::zero(); N];
-            for (&d, j) in support.iter().zip(jacobian) {
+            for (&d, j) in columns.iter().zip(jacobian) {
                 for k in 0..N {
                     u[k] += j[k] * x[d as usize];
                 }
@@ -147,8 +147,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     pub(super) fn add_forces(&self, cone: Cone, u: &[[R; N]], out: &mut [R]) {
         for (contact, u) in self.items.iter().zip(u) {
             let force = cone.force(contact, u);
-            let (support, jacobian) = self.entries(contact);
-            for (&d, j) in support.iter().zip(jacobian) {
+            let (columns, jacobian) = self.entries(contact);
+            for (&d, j) in columns.iter().zip(jacobian) {
                 let mut sum = j[0] * force[0];
                 for k in 1..N {
                     sum += j[k] * force[k];
@@ -162,8 +162,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     #[inline(always)]
     pub(super) fn add(&self, forces: &[[R; N]], out: &mut [R]) {
         for (contact, force) in self.items.iter().zip(forces) {
-            let (support, jacobian) = self.entries(contact);
-            for (&d, j) in support.iter().zip(jacobian) {
+            let (columns, jacobian) = self.entries(contact);
+            for (&d, j) in columns.iter().zip(jacobian) {
                 let mut sum = j[0] * force[0];
                 for k in 1..N {
                     sum += j[k] * force[k];
@@ -215,8 +215,8 @@ pub struct SoftProblem<R: Real> {
     /// Scalar rows: equalities, dry friction, limits.
     pub rows: Vec<SoftRow<R>>,
     /// Coordinates at which the scalar rows have entries, one row after the other.
-    pub(super) support: Vec<u32>,
-    /// Jacobian entries of the scalar rows at the coordinates in `support`.
+    pub(super) columns: Vec<u32>,
+    /// Jacobian entries of the scalar rows at the coordinates in `columns`.
     pub(super) jacobian: Vec<R>,
     /// Contacts with sliding friction or none.
     pub contacts: SoftContacts<R, 3>,
@@ -228,16 +228,16 @@ impl<R: Real> SoftProblem<R> {
     /// Empty problem with memory for `rows` scalar rows, for `entries` Jacobian entries of these rows together, and for `contacts` contacts
     /// with three rows.
     ///
-    /// Each contact may have entries at `contact_support` coordinates. If `rolls`, there is also memory for `contacts` contacts with
+    /// Each contact may have entries at `columns_per_contact` coordinates. If `rolls`, there is also memory for `contacts` contacts with
     /// rolling friction.
-    pub fn new(cone: Cone, rows: usize, entries: usize, contacts: usize, contact_support: usize, rolls: bool) -> Self {
+    pub fn new(cone: Cone, rows: usize, entries: usize, contacts: usize, columns_per_contact: usize, rolls: bool) -> Self {
         Self {
             cone,
             rows: Vec::with_capacity(rows),
-            support: Vec::with_capacity(entries),
+            columns: Vec::with_capacity(entries),
             jacobian: Vec::with_capacity(entries),
-            contacts: SoftContacts::with_capacity(contacts, contact_support),
-            rolling_contacts: SoftContacts::with_capacity(if rolls { contacts } else { 0 }, contact_support),
+            contacts: SoftContacts::with_capacity(contacts, columns_per_contact),
+            rolling_contacts: SoftContacts::with_capacity(if rolls { contacts } else { 0 }, columns_per_contact),
         }
     }
 
@@ -245,7 +245,7 @@ impl<R: Real> SoftProblem<R> {
     #[inline(always)]
     pub fn clear(&mut self) {
         self.rows.clear();
-        self.support.clear();
+        self.columns.clear();
         self.jacobian.clear();
         self.contacts.clear();
         self.rolling_contacts.clear();
@@ -256,27 +256,27 @@ impl<R: Real> SoftProblem<R> {
         self.rows.is_empty() && self.contacts.items.is_empty() && self.rolling_contacts.items.is_empty()
     }
 
-    /// Appends a scalar row with the entries `jacobian` at the coordinates `support`, ascending. The other arguments are the fields of
+    /// Appends a scalar row with the entries `jacobian` at the coordinates `columns`, ascending. The other arguments are the fields of
     /// [`SoftRow`] with these names.
     #[inline(always)]
-    pub fn push_row(&mut self, support: &[u32], jacobian: impl Fn(usize) -> R, reference: R, weight: R, bounds: [R; 2]) {
-        self.push_entries(support, support.iter().map(|&d| jacobian(d as usize)), reference, weight, bounds);
+    pub fn push_row(&mut self, columns: &[u32], jacobian: impl Fn(usize) -> R, reference: R, weight: R, bounds: [R; 2]) {
+        self.push_entries(columns, columns.iter().map(|&d| jacobian(d as usize)), reference, weight, bounds);
     }
 
-    /// Appends a scalar row with the given entries at the coordinates `support`, ascending. The other arguments are the fields of
+    /// Appends a scalar row with the given entries at the coordinates `columns`, ascending. The other arguments are the fields of
     /// [`SoftRow`] with these names.
     #[inline(always)]
-    pub(super) fn push_entries(&mut self, support: &[u32], entries: impl Iterator<Item = R>, reference: R, weight: R, bounds: [R; 2]) {
-        let start = self.support.len();
-        self.support.extend_from_slice(support);
+    pub(super) fn push_entries(&mut self, columns: &[u32], entries: impl Iterator<Item = R>, reference: R, weight: R, bounds: [R; 2]) {
+        let start = self.columns.len();
+        self.columns.extend_from_slice(columns);
         self.jacobian.extend(entries);
-        self.rows.push(SoftRow { entries: start..self.support.len(), reference, weight, bounds });
+        self.rows.push(SoftRow { entries: start..self.columns.len(), reference, weight, bounds });
     }
 
     /// Coordinates of a scalar row, and its Jacobian entry at each.
     #[inline(always)]
     pub(super) fn entries(&self, row: &SoftRow<R>) -> (&[u32], &[R]) {
-        (&self.support[row.entries.clone()], &self.jacobian[row.entries.clone()])
+        (&self.columns[row.entries.clone()], &self.jacobian[row.entries.clone()])
     }
 
     /// Coordinates of scalar row `i`, and its Jacobian entry at each.
@@ -289,8 +289,8 @@ impl<R: Real> SoftProblem<R> {
     pub fn touches(&self, coordinates: Range<u32>) -> R::Mask {
         let mut touched = R::Mask::splat(false);
         for row in &self.rows {
-            let (support, jacobian) = self.entries(row);
-            for (d, &j) in support.iter().zip(jacobian) {
+            let (columns, jacobian) = self.entries(row);
+            for (d, &j) in columns.iter().zip(jacobian) {
                 if coordinates.contains(d) {
                     touched = touched.or(row.weight.gt(R::zero()).and_not(j.eq(R::zero())));
                 }
@@ -305,9 +305,9 @@ impl<R: Real> SoftProblem<R> {
     pub(super) fn multiply_rows(&self, x: &[R], relative: bool, out: &mut Vec<R>) {
         out.clear();
         for row in &self.rows {
-            let (support, jacobian) = self.entries(row);
+            let (columns, jacobian) = self.entries(row);
             let mut u = R::zero();
-            for (&d, &j) in support.iter().zip(jacobian) {
+            for (&d, &j) in columns.iter().zip(jacobian) {
                 u += j * x[d as usize];
             }
             out.push(if relative { u - row.reference } else { u });

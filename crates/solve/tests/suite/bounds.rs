@@ -43,15 +43,15 @@ fn case(decades: f64, odd: impl Strategy<Value = f64> + Clone + 'static) -> impl
 
 fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     let (mut problem, mut iterate) = (Problem::with_capacity(N, 1, ROWS), Iterate::with_capacity(N, 1, ROWS));
-    let support = |row: usize| (0..N as u32).filter(|&c| case.touches(row, c as usize)).collect::<Vec<_>>();
+    let columns = |row: usize| (0..N as u32).filter(|&c| case.touches(row, c as usize)).collect::<Vec<_>>();
     let y = |at: usize, c: usize| R::of(case.y[at + c] * case.scale[c]);
     let all = R::Mask::splat(true);
-    problem.scalars.push(&support(0), |c| y(0, c), R::one(), all, R::of(case.g[0]), [R::zero(), R::of(f64::INFINITY)]);
+    problem.scalars.push(&columns(0), |c| y(0, c), R::one(), all, R::of(case.g[0]), [R::zero(), R::of(f64::INFINITY)]);
     iterate.scalars.push(R::zero());
     for k in 1..ROWS {
         let at = N + 3 * N * (k - 1);
         let g = std::array::from_fn(|r| R::of(case.g[1 + 3 * (k - 1) + r]));
-        problem.push_contact(&support(k), |c| std::array::from_fn(|r| y(at + r * N, c)), all, R::of(case.mu), g);
+        problem.push_contact(&columns(k), |c| std::array::from_fn(|r| y(at + r * N, c)), all, R::of(case.mu), g);
         iterate.contacts.push([R::zero(); 3]);
     }
     iterate.compute_w(&problem);

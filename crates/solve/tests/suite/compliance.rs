@@ -32,13 +32,13 @@ fn case() -> impl Strategy<Value = Case> {
 fn build<R: Real>(case: &Case, springs_as_coordinates: bool) -> (Problem<R>, Iterate<R>) {
     let contacts = case.sliding.len();
     let mut capacity = Capacity::of_coordinates(N + contacts + 1);
-    (capacity.contacts, capacity.rolling_contacts, capacity.contact_support) = (contacts, 1, N + 1);
+    (capacity.contacts, capacity.rolling_contacts, capacity.columns_per_contact) = (contacts, 1, N + 1);
     let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
     iterate.clear();
-    let support = |k: usize| -> Vec<u32> { (0..N as u32).chain(springs_as_coordinates.then_some((N + k) as u32)).collect() };
+    let columns = |k: usize| -> Vec<u32> { (0..N as u32).chain(springs_as_coordinates.then_some((N + k) as u32)).collect() };
     for (k, (y, g, compliance)) in case.sliding.iter().enumerate() {
         let y = |c: usize| y.get(c).unwrap_or(&[compliance.sqrt(), 0.0, 0.0]).map(R::of);
-        problem.push_contact(&support(k), y, Mask::splat(true), R::of(case.mu), g.map(R::of));
+        problem.push_contact(&columns(k), y, Mask::splat(true), R::of(case.mu), g.map(R::of));
         if !springs_as_coordinates {
             problem.contacts.set_compliance(R::of(*compliance));
         }
@@ -47,7 +47,7 @@ fn build<R: Real>(case: &Case, springs_as_coordinates: bool) -> (Problem<R>, Ite
     let (y, g, compliance) = &case.rolling;
     let spring = [compliance.sqrt(), 0.0, 0.0, 0.0, 0.0, 0.0];
     let y = |c: usize| y.get(c).unwrap_or(&spring).map(R::of);
-    problem.push_rolling_contact(&support(contacts), y, Mask::splat(true), R::of(case.mu), g.map(R::of));
+    problem.push_rolling_contact(&columns(contacts), y, Mask::splat(true), R::of(case.mu), g.map(R::of));
     if !springs_as_coordinates {
         problem.rolling_contacts.set_compliance(R::of(*compliance));
     }

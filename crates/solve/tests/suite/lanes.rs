@@ -42,21 +42,21 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     let active = |row: usize| R::Mask::from_bits(problems.iter().enumerate().fold(0, |bits, (l, p)| bits | u32::from(p.1[row]) << l));
     let keep = |row: usize, x: R| R::select(active(row), x, R::zero());
     let mut capacity = stepper_solve::Capacity::of_coordinates(N);
-    (capacity.scalars, capacity.scalar_entries, capacity.contact_support) = (N, N * N, N);
+    (capacity.scalars, capacity.scalar_entries, capacity.columns_per_contact) = (N, N * N, N);
     (capacity.contacts, capacity.rolling_contacts) = (CONTACTS, 1);
     let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
     iterate.clear();
-    let support: Vec<u32> = (0..N as u32).collect();
+    let columns: Vec<u32> = (0..N as u32).collect();
     for row in 0..N {
-        let y: Vec<R> = support.iter().map(|_| next()).collect();
-        problem.scalars.push(&support, |i| y[i], R::one(), active(row), next(), [R::zero(), R::of(f64::INFINITY)]);
+        let y: Vec<R> = columns.iter().map(|_| next()).collect();
+        problem.scalars.push(&columns, |i| y[i], R::one(), active(row), next(), [R::zero(), R::of(f64::INFINITY)]);
         iterate.scalars.push(keep(row, R::of(0.1)));
     }
     for k in 0..CONTACTS {
         let row = N + k;
-        let y: Vec<[R; 3]> = support.iter().map(|_| [keep(row, next()), keep(row, next()), keep(row, next())]).collect();
+        let y: Vec<[R; 3]> = columns.iter().map(|_| [keep(row, next()), keep(row, next()), keep(row, next())]).collect();
         let g = [next(), next(), next()];
-        problem.push_contact(&support, |i| y[i], active(row), R::of(0.4), g);
+        problem.push_contact(&columns, |i| y[i], active(row), R::of(0.4), g);
         // As in groups in which some lanes touch soft surfaces, where a rigid contact has a compliance of zero.
         let compliance = keep(row, next().max(R::zero()));
         if compliance.gt(R::zero()).any() {
@@ -65,8 +65,8 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
         iterate.contacts.push([keep(row, R::of(0.2)), R::zero(), R::zero()]);
     }
     let row = N + CONTACTS;
-    let y: Vec<[R; 6]> = support.iter().map(|_| std::array::from_fn(|_| keep(row, next()))).collect();
-    problem.push_rolling_contact(&support, |i| y[i], active(row), R::of(0.6), std::array::from_fn(|_| next()));
+    let y: Vec<[R; 6]> = columns.iter().map(|_| std::array::from_fn(|_| keep(row, next()))).collect();
+    problem.push_rolling_contact(&columns, |i| y[i], active(row), R::of(0.6), std::array::from_fn(|_| next()));
     iterate.rolling_contacts.push([R::zero(); 6]);
     iterate.compute_w(&problem);
     (problem, iterate)

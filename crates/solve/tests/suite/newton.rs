@@ -52,7 +52,7 @@ fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
     let mut iterate = Iterate::with_capacity(n, limits, contacts);
     problem.clear();
     iterate.clear();
-    let support: Vec<u32> = (0..n as u32).collect();
+    let columns: Vec<u32> = (0..n as u32).collect();
     let lanes = |number: &dyn Fn(&Case) -> Option<f64>| {
         let mut x = R::zero();
         cases.iter().enumerate().for_each(|(l, c)| x.set_lane(l, stepper_real::Scalar::from_f64(number(c).unwrap_or(0.0))));
@@ -65,14 +65,14 @@ fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
         let row = |c: &Case| c.limits.get(k).cloned();
         let y = |i: usize| lanes(&|c| row(c).and_then(|(y, _)| y.get(i).copied()));
         let bounds = [R::zero(), R::of(f64::INFINITY)];
-        problem.scalars.push(&support, y, R::one(), active(&|c| c.limits.len() > k), lanes(&|c| row(c).map(|(_, g)| g)), bounds);
+        problem.scalars.push(&columns, y, R::one(), active(&|c| c.limits.len() > k), lanes(&|c| row(c).map(|(_, g)| g)), bounds);
         iterate.scalars.push(R::zero());
     }
     for k in 0..contacts {
         let of = |c: &Case| c.contacts.get(k).cloned();
         let y = |i: usize| std::array::from_fn(|r| lanes(&|c| of(c).and_then(|x| x.y.get(i).map(|y| y[r]))));
         let g = std::array::from_fn(|r| lanes(&|c| of(c).map(|x| x.g[r])));
-        problem.push_contact(&support, y, active(&|c| c.contacts.len() > k), lanes(&|c| of(c).map(|x| x.mu)), g);
+        problem.push_contact(&columns, y, active(&|c| c.contacts.len() > k), lanes(&|c| of(c).map(|x| x.mu)), g);
         iterate.contacts.push([R::zero(); 3]);
     }
     iterate.compute_w(&problem);

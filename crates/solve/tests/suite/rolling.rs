@@ -34,11 +34,11 @@ fn case() -> impl Strategy<Value = Case> {
 
 fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     let contacts = case.y.len();
-    let capacity = Capacity { dimension: case.n, rolling_contacts: contacts, contact_support: case.n, ..Capacity::default() };
+    let capacity = Capacity { dimension: case.n, rolling_contacts: contacts, columns_per_contact: case.n, ..Capacity::default() };
     let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
-    let support: Vec<u32> = (0..case.n as u32).collect();
+    let columns: Vec<u32> = (0..case.n as u32).collect();
     for k in 0..contacts {
-        problem.push_rolling_contact(&support, |i| case.y[k][i], true, case.mu[k], case.g[k]);
+        problem.push_rolling_contact(&columns, |i| case.y[k][i], true, case.mu[k], case.g[k]);
         iterate.rolling_contacts.push([0.0; 6]);
     }
     iterate.compute_w(&problem);

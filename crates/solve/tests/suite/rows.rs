@@ -25,11 +25,11 @@ fn equalities() -> impl Strategy<Value = (usize, Vec<Vec<f64>>, Vec<f64>)> {
 fn independent<R: Real>(jacobian: &[Vec<f64>], decades: &[f64]) -> Vec<bool> {
     let (rows, n) = (jacobian.len(), jacobian[0].len());
     let mut problem = Problem::<R>::with_capacity(n, rows, 0);
-    let support: Vec<u32> = (0..n as u32).collect();
+    let columns: Vec<u32> = (0..n as u32).collect();
     let entry = |x: f64, i: usize| R::of(x) * R::of(10f64.powf(-0.5 * decades[i]));
     let (mut lengths, mut entries) = (Vec::new(), Vec::new());
     for y in jacobian {
-        problem.scalars.push(&support, |i| entry(y[i], i), R::one(), R::Mask::splat(true), R::zero(), FREE.map(R::of));
+        problem.scalars.push(&columns, |i| entry(y[i], i), R::one(), R::Mask::splat(true), R::zero(), FREE.map(R::of));
         let squares: Vec<R> = (0..n).map(|i| entry(y[i], i).square()).collect();
         lengths.push(squares.iter().fold(R::zero(), |sum, &x| sum + x));
         entries.extend(squares);
@@ -55,9 +55,9 @@ proptest! {
         let rows = y.len();
         let mut problem = Problem::with_capacity(n, rows, 0);
         let mut iterate = Iterate::with_capacity(n, rows, 0);
-        let support: Vec<u32> = (0..n as u32).collect();
+        let columns: Vec<u32> = (0..n as u32).collect();
         for (y, &g) in y.iter().zip(&g) {
-            problem.scalars.push(&support, |i| y[i], 1.0, true, g, FREE);
+            problem.scalars.push(&columns, |i| y[i], 1.0, true, g, FREE);
             iterate.scalars.push(0.0);
         }
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
@@ -109,13 +109,13 @@ proptest! {
     #[test]
     fn what_separate_rows_hold_is_taken_out_of_a_limit_once_for_all((n, y, g) in equalities(), limit in prop::collection::vec(-1.0..1.0f64, 9), free in -2.0..2.0f64) {
         let rows = y.len();
-        let support: Vec<u32> = (0..n as u32).collect();
+        let columns: Vec<u32> = (0..n as u32).collect();
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
         let limits = [0.0, f64::INFINITY];
         let [mut together, mut apart] = [(); 2].map(|()| {
             let mut problem = Problem::with_capacity(n, rows + 1, 0);
             for (y, &g) in y.iter().zip(&g) {
-                problem.scalars.push(&support, |i| y[i], 1.0, true, g, FREE);
+                problem.scalars.push(&columns, |i| y[i], 1.0, true, g, FREE);
             }
             let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
             let entries = Some(EntryScales { squares: &mut entries, coefficients: &mut vec![0.0; rows] });
@@ -123,7 +123,7 @@ proptest! {
             assert!(problem.scalars.orthogonalise::<1>(0..rows, scales, &mut vec![[0.0]; rows], |_, _| {}));
             problem
         });
-        together.scalars.push(&support, |i| limit[i], 1.0, true, free, limits);
+        together.scalars.push(&columns, |i| limit[i], 1.0, true, free, limits);
         let (mut rest, mut target) = (limit.clone(), free);
         for row in apart.scalars.iter() {
             let (_, entries) = apart.scalars.entries(row);
@@ -134,7 +134,7 @@ proptest! {
         let (whole, left) = (dot(&limit[..n], &limit[..n]), dot(&rest[..n], &rest[..n]));
         prop_assume!(left > 1e-2 * whole);
         apart.scalars.mark_eliminated();
-        apart.scalars.push(&support, |i| rest[i], 1.0, true, target, limits);
+        apart.scalars.push(&columns, |i| rest[i], 1.0, true, target, limits);
         apart.scalars.set_trace_ratio(whole / left);
         // One sweep is enough if the equalities are eliminated. Otherwise sweeps alternate between the equalities and the limit.
         let [one, many] = [(&apart, 1), (&together, 20_000)].map(|(problem, sweeps)| {

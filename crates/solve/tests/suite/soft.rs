@@ -88,22 +88,22 @@ impl Case {
     fn problem<R: Real>(&self) -> SoftProblem<R> {
         let cone = if self.elliptic { Cone::Elliptic } else { Cone::Pyramidal };
         let mut problem = SoftProblem::new(cone, 3, 3 * self.n, 3, self.n, true);
-        let support: Vec<u32> = (0..self.n as u32).collect();
+        let columns: Vec<u32> = (0..self.n as u32).collect();
         let (infinity, zero, weight) = (R::of(f64::INFINITY), R::zero(), R::of(1.0 / self.softness));
         let bounds = [[-infinity, infinity], [R::of(-0.7), R::of(0.7)], [zero, infinity]];
         for (r, bounds) in bounds.into_iter().enumerate() {
-            problem.push_row(&support, |d| R::of(self.entries[r][d]), R::of(self.references[r]), weight, bounds);
+            problem.push_row(&columns, |d| R::of(self.entries[r][d]), R::of(self.references[r]), weight, bounds);
         }
         for k in 0..2 {
             let first = 3 + 3 * k;
             let (weight, scale) = self.law::<R, 3>();
             let reference = std::array::from_fn(|i| R::of(self.references[first + i]));
             let entries = |d: usize| std::array::from_fn(|i| R::of(self.entries[first + i][d]));
-            problem.contacts.push(&support, entries, reference, weight, scale);
+            problem.contacts.push(&columns, entries, reference, weight, scale);
         }
         let (weight, scale) = self.law::<R, 6>();
         let reference = std::array::from_fn(|i| R::of(self.references[9 + i]));
-        problem.rolling_contacts.push(&support, |d| std::array::from_fn(|i| R::of(self.entries[9 + i][d])), reference, weight, scale);
+        problem.rolling_contacts.push(&columns, |d| std::array::from_fn(|i| R::of(self.entries[9 + i][d])), reference, weight, scale);
         problem
     }
 
@@ -240,9 +240,9 @@ proptest! {
         for pairs in touches {
             let mut problem = SoftProblem::new(Cone::Elliptic, 0, 0, pairs.len(), 2 * SIZE, false);
             for (a, b) in pairs {
-                let support: Vec<u32> = natural.iter().copied().filter(|d| [a, b].contains(&(*d as usize / SIZE))).collect();
+                let columns: Vec<u32> = natural.iter().copied().filter(|d| [a, b].contains(&(*d as usize / SIZE))).collect();
                 let entries: Vec<[f64; 3]> = (0..n).map(|_| [number(), number(), number()]).collect();
-                problem.contacts.push(&support, |d| entries[d], [4.0, number(), number()], [9.0; 3], [0.7; 3]);
+                problem.contacts.push(&columns, |d| entries[d], [4.0, number(), number()], [9.0; 3], [0.7; 3]);
             }
             let solve = |solver: &mut SoftSolver<f64>| {
                 let mut a = free.clone();
@@ -288,13 +288,13 @@ proptest! {
                 own.push_row(&[1], |_| 1.0, limit[lane], weight(lane), bounds);
             }
             for &(a, b) in pairs {
-                let support: Vec<u32> = natural.iter().copied().filter(|d| [a, b].contains(&(*d as usize / SIZE))).collect();
+                let columns: Vec<u32> = natural.iter().copied().filter(|d| [a, b].contains(&(*d as usize / SIZE))).collect();
                 let entries: Vec<[f64; 3]> = (0..n).map(|_| [number(), number(), number()]).collect();
                 let reference = [4.0, number(), number()];
                 let here = |x: f64| each(&|l| if l == lane { x } else { 0.0 });
-                own.contacts.push(&support, |d| entries[d], reference, [9.0; 3], [0.7; 3]);
+                own.contacts.push(&columns, |d| entries[d], reference, [9.0; 3], [0.7; 3]);
                 together.contacts.push(
-                    &support,
+                    &columns,
                     |d| entries[d].map(here),
                     reference.map(here),
                     [here(9.0); 3],

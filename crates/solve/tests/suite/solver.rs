@@ -32,11 +32,11 @@ fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     let mut iterate = Iterate::with_capacity(case.n, 1, contacts);
     problem.clear();
     iterate.clear();
-    let support: Vec<u32> = (0..case.n as u32).collect();
-    problem.scalars.push(&support, |i| case.y[0][i][0] + 0.3, 1.0, true, -0.5, [0.0, f64::INFINITY]);
+    let columns: Vec<u32> = (0..case.n as u32).collect();
+    problem.scalars.push(&columns, |i| case.y[0][i][0] + 0.3, 1.0, true, -0.5, [0.0, f64::INFINITY]);
     iterate.scalars.push(0.0);
     for k in 0..contacts {
-        problem.push_contact(&support, |i| case.y[k][i], true, case.mu[k], case.g[k]);
+        problem.push_contact(&columns, |i| case.y[k][i], true, case.mu[k], case.g[k]);
         iterate.contacts.push([0.0; 3]);
     }
     iterate.compute_w(&problem);

@@ -136,21 +136,14 @@ impl<R: Real> ContactLaw<R> {
 
     /// Weights D of the rows of a contact, for the effective mass matrix of a discrete step. All rows use the correction of the first row.
     #[inline(always)]
-    fn in_metric<const N: usize>(
-        &self,
-        input: SoftInput<'_, R>,
-        cone: Cone,
-        support: &[u32],
-        column: &[V3<R>],
-        mut weight: [R; N],
-    ) -> [R; N] {
+    fn in_metric<const N: usize>(&self, input: SoftInput<'_, R>, cone: Cone, dofs: &[u32], column: &[V3<R>], mut weight: [R; N]) -> [R; N] {
         let Some(effective) = input.effective else { return weight };
         let slope = match cone {
             Cone::Elliptic => R::zero(),
             Cone::Pyramidal => R::select(self.frictions.gt(R::zero()), self.friction[0], R::zero()),
         };
         let mobility = effective.mobility(
-            support,
+            dofs,
             #[inline(always)]
             |d| column[d][0] + slope * column[d][1],
         );
@@ -206,20 +199,20 @@ impl<R: Real> Assembler<'_, R> {
     fn add_soft_contact(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, system: &mut SoftSystem<R>) {
         let (compiled, active) = (input.row.compiled, R::Mask::from_bits(lanes));
         let slot = &contacts.data[k];
-        self.builder.gather_support(self.problem, compiled, contacts, k, lanes);
+        self.builder.gather_dofs(self.problem, compiled, contacts, k, lanes);
         let [v, _] = self.builder.contact_columns(input.row, contacts, k, lanes);
         let law = ContactLaw::gather(input, contacts, k, lanes);
         let cone = system.problem.cone;
         let reference = law.reference(cone, slot.point.distance, v);
         let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
-        for &d in &self.builder.support {
+        for &d in &self.builder.dofs {
             let d = d as usize;
             self.builder.column[d] = select(active, self.builder.column[d], zero());
         }
-        let weight = law.in_metric(input, cone, &self.builder.support, &self.builder.column, weight);
+        let weight = law.in_metric(input, cone, &self.builder.dofs, &self.builder.column, weight);
         let column = &self.builder.column;
         system.problem.contacts.push(
-            &self.builder.support,
+            &self.builder.dofs,
             #[inline(always)]
             |d| column[d],
             reference,
@@ -241,13 +234,13 @@ impl<R: Real> Assembler<'_, R> {
     ) {
         let (compiled, active) = (input.row.compiled, R::Mask::from_bits(lanes));
         let slot = &contacts.data[k];
-        self.builder.gather_support(self.problem, compiled, contacts, k, lanes);
+        self.builder.gather_dofs(self.problem, compiled, contacts, k, lanes);
         let [v, _] = self.builder.contact_columns(input.row, contacts, k, lanes);
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let carried = angular(&surface_velocity::motion(compiled, input.row.kinematics, contacts, k, lanes));
-        let mut turning = [dot(axes[0], carried), R::zero(), R::zero()];
-        for &d in &self.builder.support {
+        let surface_rotation = angular(&surface_velocity::motion(compiled, input.row.kinematics, contacts, k, lanes));
+        let mut turning = [dot(axes[0], surface_rotation), R::zero(), R::zero()];
+        for &d in &self.builder.dofs {
             let d = d as usize;
             let (sign, axis) = (self.builder.sign_of(d), angular(&input.row.kinematics.axes[d]));
             let j = [dot(axes[0], axis) * sign + R::zero(), dot(axes[1], axis) * sign + R::zero(), dot(axes[2], axis) * sign + R::zero()];
@@ -258,15 +251,15 @@ impl<R: Real> Assembler<'_, R> {
         let cone = system.problem.cone;
         let reference = law.reference(cone, slot.point.distance, [v[0], v[1], v[2], turning[0], turning[1], turning[2]]);
         let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
-        for &d in &self.builder.support {
+        for &d in &self.builder.dofs {
             let d = d as usize;
             self.builder.column[d] = select(active, self.builder.column[d], zero());
             system.angular[d] = select(active, system.angular[d], zero());
         }
-        let weight = law.in_metric(input, cone, &self.builder.support, &self.builder.column, weight);
+        let weight = law.in_metric(input, cone, &self.builder.dofs, &self.builder.column, weight);
         let (linear, angular) = (&self.builder.column, &system.angular);
         system.problem.rolling_contacts.push(
-            &self.builder.support,
+            &self.builder.dofs,
             #[inline(always)]
             |d| {
                 let ([a, b, c], [x, y, z]) = (linear[d], angular[d]);

@@ -103,11 +103,11 @@ impl<R: Real> EffectiveMass<R> {
     }
 
     /// Inverse inertia of a row with the effective mass matrix, divided by its inverse inertia with M. The diagonals of both matrices give
-    /// an approximation. `support` lists the row's degrees of freedom, and `of` returns the Jacobian entry of a degree of freedom.
+    /// an approximation. `dofs` lists the row's degrees of freedom, and `of` returns the Jacobian entry of a degree of freedom.
     #[inline(always)]
-    pub(super) fn mobility(&self, support: &[u32], of: impl Fn(usize) -> R) -> R {
+    pub(super) fn mobility(&self, dofs: &[u32], of: impl Fn(usize) -> R) -> R {
         let (mut own, mut bare) = (R::zero(), R::zero());
-        for &d in support {
+        for &d in dofs {
             let d = d as usize;
             let j = of(d);
             bare += j * j / self.diagonals[0][d];

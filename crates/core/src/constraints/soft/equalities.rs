@@ -40,7 +40,7 @@ impl<R: Real> Assembler<'_, R> {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));
-                self.builder.use_own_support(equality);
+                self.builder.use_own_dofs(equality);
                 let points = self.builder.connect_points(input.row, *frames, *anchors, false);
                 let mut square = dot(points.error, points.error);
                 if let Some((turn, weight)) = &turned {
@@ -51,7 +51,7 @@ impl<R: Real> Assembler<'_, R> {
                 let errors = Errors { error: points.error, kappa: points.kappa };
                 self.push_soft_triple(input, equality, system, law, impedance, errors, 0);
                 if let Some((turn, weight)) = turned {
-                    for &d in &equality.support {
+                    for &d in &equality.dofs {
                         let (d, mut j) = (d as usize, zero());
                         let axis = angular(&input.row.kinematics.axes[d]);
                         for side in 0..2 {
@@ -66,23 +66,23 @@ impl<R: Real> Assembler<'_, R> {
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
-                self.builder.use_own_support(equality);
+                self.builder.use_own_dofs(equality);
                 let rows = self.builder.couple_joints(input.row, first, second.as_ref(), splat(*polynomial));
                 let mut rate = R::zero();
-                for &d in &equality.support {
+                for &d in &equality.dofs {
                     rate += self.builder.column[d as usize][0] * input.row.assembly.v_free[d as usize];
                 }
                 let active = input.row.assembly.alive.and(self.problem.active_equalities.lanes(equality));
                 // MuJoCo neglects the acceleration J' v of couplings.
                 let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
-                system.terms.extend_from_slice(&equality.support);
+                system.terms.extend_from_slice(&equality.dofs);
                 self.push_soft_row(input, system, SoftRow { law, bounds: unbounded(), active, impulse_index: equality.impulse_index });
             }
         }
     }
 
-    /// Appends three rows to the problem. Their Jacobians are in `column` on the support of the equality. `first` is the number of earlier
+    /// Appends three rows to the problem. Their Jacobians are in `column` on the dofs of the equality. `first` is the number of earlier
     /// rows of the equality, from which the indices of the impulses follow.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "three rows, every part of them named at the call")]
@@ -98,16 +98,16 @@ impl<R: Real> Assembler<'_, R> {
     ) {
         let (assembly, mut rate) = (input.row.assembly, zero());
         let active = assembly.alive.and(self.problem.active_equalities.lanes(equality));
-        for &d in &equality.support {
+        for &d in &equality.dofs {
             rate = add_scaled(rate, self.builder.column[d as usize], assembly.v_free[d as usize]);
         }
         system.terms.clear();
-        system.terms.extend_from_slice(&equality.support);
+        system.terms.extend_from_slice(&equality.dofs);
         for k in 0..3 {
             let law = law_at(law, input.effective, impedance, [error[k], rate[k], kappa[k]], active);
             let impulse_index = equality.impulse_index + first + k;
             self.push_soft_row(input, system, SoftRow { law, bounds: unbounded(), active, impulse_index });
-            for &d in &equality.support {
+            for &d in &equality.dofs {
                 let [_, b, c] = self.builder.column[d as usize];
                 self.builder.column[d as usize] = [b, c, R::zero()];
             }

@@ -32,13 +32,14 @@ pub struct SoftSystem<R: Real> {
 impl<R: Real> SoftSystem<R> {
     /// Workspace for a compiled model; `None` with hard contact.
     ///
-    /// `slots` is the capacity of contact slots, `contacts` the capacity of contacts in the problem, and `support` the largest number of
-    /// degrees of freedom of a row.
-    pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
+    /// `slots` is the capacity of contact slots, and `contacts` the capacity of contacts in the problem. `columns_per_contact` is the
+    /// largest number of degrees of freedom of a row.
+    pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, columns_per_contact: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
         let zeros = || vec![R::zero(); compiled.nv];
         let rows = compiled.scalar_impulses;
-        let problem = SoftProblem::new(softness.cone, rows, rows * compiled.nv.min(16), contacts, support, compiled.has_rolling_friction);
+        let problem =
+            SoftProblem::new(softness.cone, rows, rows * compiled.nv.min(16), contacts, columns_per_contact, compiled.has_rolling_friction);
         let mut solver = SoftSolver::new(&softness.order);
         let visited = if softness.noslip.is_some() { slots } else { 0 };
         if softness.noslip.is_some() {
@@ -46,8 +47,8 @@ impl<R: Real> SoftSystem<R> {
             let mut sizes: Vec<usize> = vec![0; compiled.nv];
             (0..compiled.nv).for_each(|d| sizes[*compiled.chain_of(d).last().expect("a dof is in its own chain") as usize] += 1);
             sizes.sort_unstable();
-            let support = sizes.iter().rev().take(2).sum();
-            solver = solver.with_noslip(SlipCapacity { rows, contacts, support, rolls: compiled.has_rolling_friction });
+            let columns_per_contact = sizes.iter().rev().take(2).sum();
+            solver = solver.with_noslip(SlipCapacity { rows, contacts, columns_per_contact, rolls: compiled.has_rolling_friction });
         }
         Some(Box::new(Self {
             problem,

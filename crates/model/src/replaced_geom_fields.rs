@@ -4,7 +4,7 @@ use crate::pairs::{Filter, Verdict};
 use crate::{Model, ModelError, label};
 
 /// Fields of geoms, each with the field of explicit pairs that replaces it in contacts of the pair.
-const OVERRIDES: [(&str, &str); 10] = [
+const REPLACEMENTS: [(&str, &str); 10] = [
     ("geom_friction", "pair_friction"),
     ("geom_restitution", "pair_restitution"),
     ("geom_margin", "pair_margin"),
@@ -18,30 +18,30 @@ const OVERRIDES: [(&str, &str); 10] = [
 ];
 
 /// Explicit pairs of a model, and geom fields with new values that contacts of these pairs ignore.
-pub(super) struct PairOverrides<'a> {
+pub(super) struct ReplacedGeomFields<'a> {
     model: &'a Model,
     /// Indices of the model's explicit pairs whose geoms can collide.
     pairs: Vec<usize>,
-    fields: Vec<Overridden>,
+    fields: Vec<ReplacedField>,
 }
 
 /// Name of a geom field, name of the pair field that replaces it, and the model's present values of the geom field.
-struct Overridden {
+struct ReplacedField {
     geom: &'static str,
     pair: &'static str,
     present: Vec<f64>,
 }
 
-impl<'a> PairOverrides<'a> {
+impl<'a> ReplacedGeomFields<'a> {
     /// Finds the explicit pairs of a model that can collide, and the geom fields among `names` that a field of the pair replaces.
     pub(super) fn new<'n>(model: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Self {
         if model.pairs.is_empty() {
             return Self { model, pairs: vec![], fields: vec![] };
         }
-        let overridden = |name: &str| OVERRIDES.iter().find(|(geom, _)| *geom == name);
-        let fields = names.into_iter().filter_map(overridden).map(|&(geom, pair)| {
+        let replacement = |name: &str| REPLACEMENTS.iter().find(|(geom, _)| *geom == name);
+        let fields = names.into_iter().filter_map(replacement).map(|&(geom, pair)| {
             let present = model.field(geom).expect("a field of the model").1;
-            Overridden { geom, pair, present }
+            ReplacedField { geom, pair, present }
         });
         let filter = Filter::new(model);
         let collides = |k: &usize| {
@@ -60,7 +60,7 @@ impl<'a> PairOverrides<'a> {
     /// [`ModelError::Invalid`] with the first geom whose new value has no effect, the pair and the remedy.
     pub(super) fn check(&self, given: &[(&str, &[f64])]) -> Result<(), ModelError> {
         let values_of = |name: &str| given.iter().find(|(given, _)| *given == name).map(|(_, values)| *values);
-        for Overridden { geom, pair, present } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {
+        for ReplacedField { geom, pair, present } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {
             let Some(values) = values_of(geom) else { continue };
             let width = present.len() / self.model.geoms.len().max(1);
             let changes = |g: usize| (g * width..(g + 1) * width).any(|k| present[k].to_bits() != values[k].to_bits());

@@ -1,7 +1,7 @@
 """Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: climbing of stairs, and returns in the task.
 
     python examples/train_stairs.py
-    python benches/climbing.py out/train/stairs/rough/policy.npz
+    python benches/climbing.py out/train/stairs/hard/policy.npz
 
 The script prints two tables. The first has the fraction of episodes in which the robot climbs five steps out of a pit in 20 s. The robot
 starts at a random heading, and is commanded to turn to the x axis and to walk along it. The second table has returns of the task itself,

@@ -1,15 +1,15 @@
 """Trains the quadruped Go1 to climb stairs, beginning with a policy that walks on plain ground.
 
     python examples/train_stairs.py --out out/train/stairs
-    python benches/climbing.py out/train/stairs/rough/policy.npz
+    python benches/climbing.py out/train/stairs/hard/policy.npz
 
 With the reward of `stepper/Go1Rough-v0` alone, the robot learns to stand still: its first steps cost more than they gain. This script
 has three stages, each of which continues from its last checkpoint if the same command is given again:
 
 1. The policy of `stepper/Go1Velocity-v0` shows how to walk. The new policy learns to act as it does, from states which both reach
    (DAgger: Ross et al. 2011, https://arxiv.org/abs/1011.0686).
-2. PPO on stairs that become higher as the robot climbs them. The commands are to walk straight ahead, without noise and pushes.
-3. PPO in `stepper/Go1Rough-v0` itself, with its commands, noise and pushes.
+2. PPO on stairs that become higher as the robot climbs them. Most commands are to walk straight ahead, without noise and pushes.
+3. PPO on the same stairs with the noise and pushes of `stepper/Go1Rough-v0`, and with more of its commands.
 
 It needs the extras `train` and `mjcf`, and `pip install --no-deps mjlab`, whose model of the robot it reads.
 """
@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,13 +60,11 @@ STAIRS = Terrain(
     num_rows=20,
     border_width=4.0,
 )
-"""Terrain of the second stage. From row to row, the steps of its stairs are 1 cm higher, up to 0.2 m."""
+"""Terrain of the training. From row to row, the steps of its stairs are 1 cm higher, up to 0.2 m."""
 SPEEDS = (0.5, 1.0)
 """Lowest and highest commanded velocity straight ahead, m/s."""
-STRAIGHT = 0.85
-"""Fraction of the episodes of the second stage with a command straight ahead. The others have commands as in `Go1Rough`."""
 EDGE = 4.3
-"""Distance from the middle of a tile in x or y, m, at which an episode of the second stage ends. Half a tile is 4 m long."""
+"""Distance from the middle of a tile in x or y, m, at which an episode ends. Half a tile is 4 m long."""
 
 NOISE = 0.12
 """Standard deviation of the actions in the imitation and at the beginning of PPO, as a fraction of the largest action."""
@@ -76,16 +74,21 @@ PASSES, MINIBATCH = 4, 4096
 
 @dataclass(frozen=True, kw_only=True)
 class Go1Stairs(Go1Rough):
-    """Task of the second stage: `Go1Rough` on `STAIRS` with commands straight ahead. An episode is truncated at the edge of its tile."""
+    """`Go1Rough` on `STAIRS`, with commands straight ahead in most episodes. An episode is truncated at the edge of its tile.
+
+    Attributes:
+        straight: Fraction of the episodes with a command straight ahead. The others have commands as in `Go1Rough`.
+    """
 
     terrain: Terrain = STAIRS
     episode_steps: int = 600
+    straight: float = 0.85
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Draw the parameters of `Go1Rough`, and in most episodes a speed and a heading that are commanded to the end."""
         super().on_reset(sim, episode_state, mask, rng)
         drawn = rng.uniform(0.0, 1.0, 3)
-        straight = drawn[:, 0] < STRAIGHT
+        straight = drawn[:, 0] < self.straight
         envs = rng.envs[straight]
         low, high = SPEEDS
         episode_state["velocity_command"][envs] = 0.0
@@ -192,19 +195,16 @@ def register() -> None:
     )
 
 
-def settings(seed: int, steps: int) -> tuple[Settings, Settings]:
-    """Settings of the runs on stairs and in `stepper/Go1Rough-v0`, with this seed and number of steps each."""
-    rough = Settings.of_task(
-        "stepper/Go1Rough-v0",
-        seed=seed,
-        steps=steps,
-        hidden=128,
-        entropy=0.002,
-        learning_rate=3e-4,
-        initial_std=NOISE,
-        values={"weights": dict(WEIGHTS)},
+def settings(seed: int, steps: Sequence[int]) -> tuple[Settings, Settings]:
+    """Settings of both runs of PPO, with this seed and these numbers of steps."""
+    task = Settings.of_task("stepper/Go1Rough-v0", seed=seed, hidden=128, entropy=0.002, learning_rate=3e-4, initial_std=NOISE)
+    stairs = dataclasses.replace(task, env="stepper/Go1Stairs-v0")
+    easy, hard = {"noise": 0.0, "push": 0.0}, {"straight": 0.6, "max_init_level": STAIRS.num_rows - 1}
+    first, second = (
+        dataclasses.replace(stairs, steps=count, values={"weights": dict(WEIGHTS), **values})
+        for count, values in zip(steps, (easy, hard), strict=True)
     )
-    return dataclasses.replace(rough, env="stepper/Go1Stairs-v0", values={**rough.values, "noise": 0.0, "push": 0.0}), rough
+    return first, second
 
 
 def main() -> None:
@@ -212,26 +212,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("out/train/stairs"), help="folder for both runs of PPO [out/train/stairs]")
     parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers [1]")
-    parser.add_argument("--steps", type=int, default=20_000_000, help="number of steps of each run of PPO [20000000]")
+    text = "numbers of steps without and with noise [20000000 10000000]"
+    parser.add_argument("--steps", type=int, nargs=2, default=(20_000_000, 10_000_000), metavar="N", help=text)
     given = parser.parse_args()
     register()
-    stairs, rough = settings(given.seed, given.steps)
-    torch.set_num_threads(rough.threads)
-    if not (given.out / "stairs/checkpoint.pt").exists():
-        run = Run(stairs)
+    easy, hard = settings(given.seed, given.steps)
+    torch.set_num_threads(easy.threads)
+    if not (given.out / "easy/checkpoint.pt").exists():
+        run = Run(easy)
         imitate(run, Teacher(load(TEACHER)), rounds=6, steps=100)
         print("training the critic", flush=True)
         train_critic(run, updates=25)
-        (given.out / "stairs").mkdir(parents=True, exist_ok=True)
-        run.save(given.out / "stairs/checkpoint.pt")
-    climber = train(stairs, given.out / "stairs")
-    if not (given.out / "rough/checkpoint.pt").exists():
-        run = Run(rough)
+        (given.out / "easy").mkdir(parents=True, exist_ok=True)
+        run.save(given.out / "easy/checkpoint.pt")
+    climber = train(easy, given.out / "easy")
+    if not (given.out / "hard/checkpoint.pt").exists():
+        run = Run(hard)
         run.net.load_state_dict(climber.net.state_dict())
         run.observed, run.returned = climber.observed, climber.returned
-        (given.out / "rough").mkdir(parents=True, exist_ok=True)
-        run.save(given.out / "rough/checkpoint.pt")
-    train(rough, given.out / "rough")
+        (given.out / "hard").mkdir(parents=True, exist_ok=True)
+        run.save(given.out / "hard/checkpoint.pt")
+    train(hard, given.out / "hard")
 
 
 if __name__ == "__main__":

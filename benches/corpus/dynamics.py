@@ -50,8 +50,8 @@ def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[f
     """Relative errors of mass matrix, bias force and acceleration without constraints: the largest over `STATES` states.
 
     The error of an entry (i, j) of the mass matrix M is relative to sqrt(M_ii M_jj). Forces c have the norm |c|^2 = c . M^-1 c and
-    accelerations a have |a|^2 = a . M a, so that slides and hinges are comparable. Errors are relative to the norm of MuJoCo's value. This
-    norm counts as at least that of the acceleration qvel / 1 s, because some bias forces are rounding alone.
+    accelerations a have |a|^2 = a . M a, so that slides and hinges are comparable. Errors are relative to the norm of MuJoCo's value, or
+    to the norm of the acceleration qvel / 1 s if that is larger. Otherwise bias forces that consist only of rounding errors would count.
     """
     sim, data = stepper.Stepper(model), mujoco.MjData(m)
     controls, activations = kept_controls(m, model), kept_activations(m, model)

@@ -34,10 +34,10 @@ FIELD = '<asset><hfield name="flat" nrow="3" ncol="41" size="4 .5 .1 .1" elevati
 
 
 def seams(kind: str):
-    """Create the function that measures scene 21, a box that slides over a floor with seams at 1 m/s without friction for a second.
+    """Create the function that measures scene 21: for a second, a box slides without friction at 1 m/s over a floor with seams.
 
-    The created function returns the largest change of height (m), speed (m/s) or pitch (rad), whichever is largest.
-    `kind` is the kind of floor: "tiles" or a height field.
+    The created function returns the largest of three changes: of height (m), of speed (m/s) and of pitch (rad). `kind` is "tiles" for a
+    floor of boxes, or "field" for a height field.
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -29,8 +29,8 @@ pub struct Point {
     pub distance: f64,
     /// Identifier of the vertices, edges or faces that touch. It is the same from step to step.
     pub feature: u32,
-    /// Whether the second shape is a ball whose centre stays above one triangle of a surface, or above neighbours that do not fall away,
-    /// within the step.
+    /// Whether the second shape is a ball that meets only one plane of a surface of triangles within the step. The centre of the ball then
+    /// stays above one triangle, or above adjacent triangles that are not bent downwards from it.
     pub stays_over_face: bool,
 }
 

@@ -256,7 +256,9 @@ def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array
 
 
 def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | None = None) -> Stepper:
-    """Stepper with `count` unperturbed copies of every environment, one after another, with the same options and full state.
+    """Stepper with `count` unperturbed copies of every environment: all copies of the first one, then those of the second one, and so on.
+
+    Options and full state are the same.
 
     Args:
         sim: The original stepper.

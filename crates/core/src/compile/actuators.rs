@@ -320,8 +320,8 @@ type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 /// Lists the entries of the mass matrix to which a servo on a site adds inertia, with the indices of two moment arms. The added inertia is
 /// proportional to the product of these arms, which depend on the configuration.
 ///
-/// If the wrench acts on several kinematic branches, the second list has the diagonal entries, each with the index of its moment arm.
-/// Otherwise it is empty.
+/// The first of the returned lists has these entries. If the wrench acts on several kinematic branches, the second list has the diagonal
+/// entries, each with the index of its moment arm. Otherwise it is empty.
 fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
     let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));

@@ -38,7 +38,7 @@ parameter_rows! {
     DofParams {
         /// Viscous damping, N s/m or N m s/rad.
         damping: T,
-        /// Stiffness of the joint's spring that enters the mass matrix, N/m or N m/rad; 0 for a negative stiffness.
+        /// Stiffness that the joint's implicit spring adds to the mass matrix, N/m or N m/rad; 0 if the spring has a negative stiffness.
         stiffness: T,
         /// Armature inertia, kg or kg m^2.
         armature: T,

@@ -23,7 +23,7 @@ const EXCESS: f64 = 5e-5;
 /// its minimum. It was 1.2e-5 in 200,000 cases.
 const ON_SHAPE: f64 = 1e-4;
 
-/// Rounding error of parry's distances and depths, m. It was 1e-12 in 20,000 cases.
+/// Largest accepted rounding error of parry's distances and depths, m. It was 1e-12 in 20,000 cases.
 const ROUNDING: f64 = 1e-11;
 
 /// Overlap above which parry may find another local minimum of the depth, m.

@@ -882,8 +882,8 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
     trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e3))
 }
 
-/// Largest number of Newton steps for the friction multiplier of a sliding contact. One to three are usual. With more, bisection finds the
-/// solution from a poor start.
+/// Largest number of iterations for the friction multiplier of a sliding contact. Each is a Newton step, or a bisection where a Newton step
+/// would leave the interval that contains the solution. One to three iterations are usual; bisections from a poor start take more.
 pub(super) const MAX_NEWTON: usize = 24;
 
 /// Relative accuracy at which the Newton search for a sliding impulse takes its last step. The measure is the distance of the impulse from

@@ -11,8 +11,7 @@ use crate::iterate::Iterate;
 use crate::problem::Problem;
 use stepper_real::{Mask, Real};
 
-/// Clears the stored sweeps (Gauss-Seidel iterations) of all lanes, from which the acceleration extrapolates. Called before the first sweep
-/// and after all lanes have paused.
+/// Clears the stored sweeps of all lanes, from which the acceleration extrapolates.
 #[inline(always)]
 pub(super) fn reset_history<R: Real>(iterate: &mut Iterate<R>) {
     let mut n = iterate.w.len();

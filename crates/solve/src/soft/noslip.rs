@@ -748,7 +748,7 @@ fn is_dry_friction<R: Real>(bounds: [R; 2]) -> bool {
     bounds[0].gt(R::of(f64::NEG_INFINITY)).and(bounds[1].lt(R::of(f64::INFINITY))).any()
 }
 
-/// Jacobian of one scalar row in the layout of contacts, which have an array of rows for each coordinate.
+/// Jacobian of one scalar row in the layout of contacts: for each coordinate an array with one entry per row, here one entry.
 #[inline(always)]
 fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
     jacobian.as_chunks::<1>().0

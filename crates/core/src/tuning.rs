@@ -76,15 +76,15 @@ pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 /// motion.
 pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
-/// Ratio of a gap to the tunnelling distance of its pair above which a very fast body may close the whole gap within one step. The
-/// tunnelling distance is the displacement above which two geoms may pass through each other.
+/// Ratio of a gap to the tunnelling distance of its pair above which a very fast body is allowed to close the whole gap within one step.
+/// The tunnelling distance is the displacement above which two geoms may pass through each other.
 ///
 /// A body that closes such a gap covers more than the tunnelling distance in half a step. The next step is then also evaluated at its
 /// beginning. If another contact slows the body down, it does not reach the surface before the middle of the next step.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of solves of a step after which only the earliest collision of each body becomes an active contact. After each later solve, all
-/// pairs that collide within the step become active contacts.
+/// Number of solves at the beginning of a step that activate only the earliest collision of each body. Later solves activate all pairs that
+/// collide within the step.
 pub(crate) const FIRST_COLLISION_PASSES: usize = 6;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
@@ -142,7 +142,7 @@ pub(crate) const IMPACT_PASSES: usize = 3;
 /// Largest number of times that a step moves its evaluation point to the time of its first impact. The evaluation point is the time within
 /// the step at which forces and contacts are evaluated. Newton's method needs several moves, because bodies that pass each other obliquely
 /// approach on a curve.
-pub(crate) const MAX_PLACEMENTS: usize = 4;
+pub(crate) const MAX_EVALUATION_MOVES: usize = 4;
 
 /// Largest time between an impact and the evaluation point for which the evaluation point stays, as a fraction of the step. The evaluation
 /// point is the time within the step at which forces and contacts are evaluated.

@@ -49,9 +49,9 @@ impl<R: Real> AffineForce<R> {
         self.level + self.slope * motion.length + self.rate * motion.velocity
     }
 
-    /// Splits the force into an explicit part, N or N m, and an added inertia w, kg or kg m^2, which supplies the implicit part.
+    /// Splits the force into an explicit part, N or N m, and an added inertia b, kg or kg m^2, which supplies the implicit part.
     ///
-    /// The whole force in the step is the explicit part minus w/h times the change of velocity. Stiffness and damping that oppose the
+    /// The whole force in the step is the explicit part minus b/h times the change of velocity. Stiffness and damping that oppose the
     /// motion are implicit, everything else is explicit (see [`crate::actuation::forces`]).
     #[inline(always)]
     pub(crate) fn explicit_part_and_added_inertia(

@@ -22,16 +22,16 @@
 //! ```
 //!
 //! For a damper alone, that is the Pade approximation `(1 - z/3) / (1 + 2 z/3 + z^2/6)` of exp(-z), Radau IIA's of third order (Hairer &
-//! Wanner, section IV.3): it tends to 0. For a stiff spring with a damper, the measure of damping is the area of a set of
-//! states in the phase plane (x, v). The true motion multiplies this area by exp(-z) in a step (Liouville). The rule multiplies it by
-//! 1 / (1 + 6 s) = 1 - z + O(z^2), which tends to 1/7 for strong damping. The added terms are of the order h^2, and zero without damping.
-//! The rule stays of second order, and keeps the energy of undamped springs.
+//! Wanner, section IV.3): it tends to 0. A stiff spring with a damper has
+//! two modes. The true motion multiplies their amplitudes in a step by numbers whose product is exp(-z). With the rule, this product
+//! is 1 / (1 + 6 s) = 1 - z + O(z^2), which tends to 1/7 for strong damping. The added terms are of the order h^2, and zero without
+//! damping. The rule stays of second order, and keeps the energy of undamped springs.
 //!
-//! In all these forms the whole force in the step is `f = e - (w/h) a.dv`. Here e is the explicit part, which stage 1 passes to stage
-//! 2, and w is the added inertia, kg or kg m^2. The mass matrix with w a a^T supplies the second term.
+//! In all these forms the whole force in the step is `f = e - (b/h) a.dv`. Here e is the explicit part, which stage 1 passes to stage
+//! 2, and b is the added inertia, kg or kg m^2. The mass matrix with b a a^T supplies the second term.
 //!
 //! A servo is an actuator whose force depends on its length or velocity. Its active bound is none, the lower or upper bound of its force,
-//! or the torque-speed curve of its motor. With none, the servo contributes e and w. At a bound of its force it contributes that bound,
+//! or the torque-speed curve of its motor. With none, the servo contributes e and b. At a bound of its force it contributes that bound,
 //! without added inertia. On its curve a motor contributes its stall torque, and its back-EMF as a damper.
 //!
 //! A bounded sum is the sum of all actuator forces on a degree of freedom with MuJoCo's `actuatorfrcrange`. While it is at a bound, its
@@ -133,7 +133,7 @@ pub struct ActuatorForces<R: Real> {
     pub tau: Vec<R>,
     /// Generalized forces of the actuators alone (no springs), clamped to the force ranges of joints, N or N m. Computed only with explicit
     /// servos.
-    pub joint: Vec<R>,
+    pub without_springs: Vec<R>,
     /// Force of every actuator, N or N m: only the explicit part of an implicit force, otherwise the whole force.
     pub force: Vec<R>,
     /// Added inertia of each servo, kg m^2 or kg; zero for an explicit force or a force at a bound.
@@ -183,7 +183,7 @@ impl<R: Real> ActuatorForces<R> {
         let never = |n: usize| vec![R::Mask::splat(false); n];
         Self {
             tau: zeros(compiled.nv),
-            joint: zeros(compiled.nv),
+            without_springs: zeros(compiled.nv),
             force: zeros(compiled.actuators.len()),
             added_inertia: zeros(compiled.servos.len()),
             effective_inertias: vec![EffectiveInertia::default(); compiled.servos.len()],
@@ -319,7 +319,7 @@ impl<R: Real> ActuatorForces<R> {
         let (clamped, is_outside) = (within(force, range), exceeds_range(force, range));
         self.trial_force[a] = clamped;
         let changes = changed.or(is_outside).or(self.fixed[servo]).and_not(self.stiff[servo]);
-        // The mass matrix subtracts w/h dv from the explicit part, so that the whole force becomes the clamped one.
+        // The mass matrix subtracts b/h dv from the explicit part, so that the whole force becomes the clamped one.
         self.force[a] = R::select(changes, clamped + self.added_inertia[servo] / implicit.h * dv, self.force[a]);
     }
 
@@ -341,7 +341,7 @@ impl<R: Real> ActuatorForces<R> {
             updated = Some((dynamics.index, bounded_force));
         }
         let [explicit_part, added_inertia] = split;
-        // The velocity changes by dv, so that the implicit part of the force is -w/h dv.
+        // The velocity changes by dv, so that the implicit part of the force is -b/h dv.
         ServoForce { bounded_force: updated, changed, split, force: explicit_part - added_inertia / h * dv }
     }
 
@@ -390,7 +390,7 @@ impl<R: Real> ActuatorForces<R> {
             stiff = servo.map_or(stiff, |k| stiff.or(self.stiff[k]));
             expected += R::splat(arm) * if servo.is_some() { self.trial_force[a] } else { self.force[a] };
         }
-        // `expected` is the sum of the whole forces. `sum - expected` is the w/h dv of the servos, which the mass matrix subtracts.
+        // `expected` is the sum of the whole forces. `sum - expected` is the b/h dv of the servos, which the mass matrix subtracts.
         let clamped = R::select(outside(expected, range.bounds), within(expected, Some(range.bounds)) + (sum - expected), sum);
         R::select(stiff, assumed, clamped)
     }
@@ -416,7 +416,7 @@ impl<R: Real> ActuatorForces<R> {
             at = at.or(reaches(self.force[actuator], range));
         }
         if let Some(range) = compiled_actuator.joint_force_range.map(|r| &compiled.actuator_force_ranges[r]) {
-            at = at.or(reaches(self.joint[range.dof], range.bounds));
+            at = at.or(reaches(self.without_springs[range.dof], range.bounds));
         }
         at
     }

@@ -65,7 +65,7 @@ impl<R: Real> ActuatorForces<R> {
                     let share = R::select(there, own / R::select(there, whole, R::one()), R::zero());
                     let lost = friction * share;
                     self.force[a] += lost / arm;
-                    self.joint[compiled.frictions[row].dof] += lost;
+                    self.without_springs[compiled.frictions[row].dof] += lost;
                 }
             },
         )

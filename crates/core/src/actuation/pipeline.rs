@@ -146,8 +146,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`.
     ///
-    /// If a lag follows a continuous servo, the lag's output has only a part of the servo's change within a step. The servo's gains are
-    /// therefore multiplied by this part. Here it is the part at the end of a step; [`Self::advance`] uses the mean over the step.
+    /// A lag after a continuous servo passes on only a fraction of the servo's change within a step. The gains of the servo are therefore
+    /// multiplied by this fraction. Here it is the fraction at the end of a step; [`Self::advance`] uses the mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
@@ -407,8 +407,8 @@ impl ActuatorPipeline {
 
     /// Effort of a servo for the setpoint `u`.
     ///
-    /// The effort of a sampled servo is constant between samples. For a continuous servo the result excludes the part that depends on the
-    /// motion within this step; stage 1 adds this part.
+    /// The effort of a sampled servo is constant between samples. For a continuous servo, the result has no terms of length
+    /// and velocity, because stage 1 adds them (-kp length - kd velocity).
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     fn follow<R: Real>(

@@ -232,7 +232,7 @@ impl<R: Real> Derivation<R> {
                 let Workspace { state, inputs, evaluation, velocity, sensors, alive, .. } = s;
                 let (input, forces) = (StepInput { compiled, options, state, inputs, alive: *alive }, &mut sensors.actuator_forces);
                 read_actuator_forces(input, &velocity.scalar_impulse, &mut evaluation.kinematics, forces);
-                return self.values.extend(if quantity == Q::ActuatorForce { &forces.force } else { &forces.joint });
+                return self.values.extend(if quantity == Q::ActuatorForce { &forces.force } else { &forces.without_springs });
             }
             _ => {}
         }

@@ -84,8 +84,8 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Selects from `makers` the function that creates a worker of this precision.
     #[cfg(feature = "internals")]
     fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
-    /// Functions with which a visitor evaluates a step in the lanes `R`; `None` for 32-bit numbers, because derivatives are computed only
-    /// in 64 bits.
+    /// Functions for evaluations of a step in the lanes `R`, which `lend_step` lends to derivatives; `None` for 32-bit numbers, because
+    /// derivatives are computed only in 64 bits.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
     /// Unwraps an array of a recording whose precision is that of this scalar type.
     ///

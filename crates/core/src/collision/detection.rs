@@ -177,7 +177,8 @@ impl<R: Real> CollisionWorkspace<R> {
                 );
             }
             statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (displacements(poses)[g] + *slack, may_tunnel[g]));
-            // For those geoms the search returned a superset of the pairs, so that each listed pair is tested here.
+            // For geoms that may tunnel, the search has found too many pairs. Listed pairs are tested here, dynamic pairs when they are
+            // used.
             if checks_passing {
                 statics.pairs.retain_mut(|(index, lanes)| {
                     let pair = compiled.pairs.get(*index as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));

@@ -24,7 +24,7 @@ pub(crate) struct Item<S> {
     pub(crate) lane: usize,
 }
 
-/// Contact point of an item (a packed pair in one lane) that can touch within the step.
+/// Contact point of an item (a packed pair in one lane) that can touch within two steps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<S> {
     /// Index of the pair in the compiled model.

@@ -116,7 +116,7 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Appends the contact points of `items` that can touch within the step to `found`. Items without a contact point add nothing.
+    /// Appends the contact points of `items` that can touch within two steps to `found`. Items without a contact point add nothing.
     /// `clearance` is [`Found::clearance`] of each item, m.
     #[inline(always)]
     fn keep<const N: usize>(

@@ -4,7 +4,8 @@
 //!
 //! | file | methods |
 //! |---|---|
-//! | `jacobian.rs` | `contact_columns`: Jacobian and velocities along the three axes; `half_solve`: L^-T J^T |
+//! | `jacobian.rs` | `gather_dofs`: degrees of freedom that move the contact; `contact_columns`: Jacobian and velocities along the three
+//! axes; `half_solve`: L^-T J^T |
 //! | `target_velocities.rs` | `biases`: target velocity for a gap or an overlap |
 //! | `contact_spring.rs` | `comply`: bias and compliance of a soft surface |
 //! | `restitution.rs` | `free_change`, and the functions that begin with `bounce`: target velocity of a rebound |
@@ -13,7 +14,8 @@
 //! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`, `store_curvature`: velocity changes by the motion of the contact point |
 //! | `equality.rs` | `propagate_scales`: sizes below which entries of the rows count as rounding errors |
 //!
-//! The rows become part of the solver's problem in `crates/solve/src/constraints/friction.rs`.
+//! `AssemblyInput` (`assembler.rs`) has the numbers that all rows share. `push_contact` makes the rows a part of the solver's problem
+//! (`crates/solve/src/problem.rs`).
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::velocity_rounding;
@@ -41,8 +43,8 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 /// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. The lever arm is a sum of terms, and this
 /// number is a fraction of their size.
 ///
-/// A force along the normal acts on the joint through this lever arm. Below 1e-5 it would need 1e5 times the force that it needs with a
-/// lever arm of full length. In 32 bits, such a lever arm is rounding error.
+/// A force along the normal acts on the joint through this lever arm. With a fraction of 1e-5, the same torque takes a force 1e5 times as
+/// large as with the whole lever arm. In 32 bits, such a lever arm is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
@@ -53,10 +55,10 @@ fn least_lever<R: Real>() -> f64 {
 /// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Example: a face that is
 /// normal to a hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
 ///
-/// The result depends on the speed at which the overlap should be corrected, which is the difference of the two offsets:
+/// The resting speed is so small that a touching contact takes about a second to exceed the slop. The result depends on the speed at which
+/// the overlap should be corrected, which is the difference of the two offsets:
 ///
-/// * Up to the resting speed, the overlap needs no report. The result is the resting speed, at which a touching contact takes about a
-///   second to exceed the slop.
+/// * Up to the resting speed, the overlap needs no report. The result is the resting speed.
 /// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap. The result is the resting speed.
 /// * Between the two, the residual must report the overlap. The result is 0, so that any approach counts.
 #[inline(always)]
@@ -114,7 +116,7 @@ impl<R: Real> Assembler<'_, R> {
             }
         }
         if let Some(lengths) = lengths {
-            // The scale of the residual contains the trace of the contact's block of the Delassus matrix before equalities were eliminated.
+            // The residual of a contact is scaled by its mobility. Mobilities are those before equalities were eliminated.
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
         }
         if let Some(compliance) = compliance {
@@ -160,8 +162,9 @@ impl<R: Real> Assembler<'_, R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let mut speed = R::zero();
-                let arm_rounding = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
+                let mut squared_speed = R::zero();
+                // A lever arm whose size is below this number is rounding error.
+                let least_size = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
                 self.builder.contact_columns(input, contacts, k, lanes);
                 for i in 0..self.builder.dofs.len() {
                     let d = self.builder.dofs[i] as usize;
@@ -172,8 +175,8 @@ impl<R: Real> Assembler<'_, R> {
                     let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
                     // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
                     // immovable.
-                    self.builder.scales[d] = [square + squared_rotation * (arm_rounding * sign).square(); 3];
-                    speed += square * assembly.v_free[d].square();
+                    self.builder.scales[d] = [square + squared_rotation * (least_size * sign).square(); 3];
+                    squared_speed += square * assembly.v_free[d].square();
                 }
                 // As in `sliding_rows`: from the Jacobian to the rows, without their factor D^-1/2.
                 self.builder.half_solve::<3>(compiled, mass);
@@ -186,7 +189,7 @@ impl<R: Real> Assembler<'_, R> {
                     let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
                     movable = movable.or(x.square().gt(scale * least));
                 }
-                let rounding = speed.sqrt() * R::of(velocity_rounding::<R>());
+                let rounding = squared_speed.sqrt() * R::of(velocity_rounding::<R>());
                 (movable, rounding.max(negligible_approach(options, offsets)))
             },
         )
@@ -200,7 +203,7 @@ impl<R: Real> Assembler<'_, R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
         let (slot, exists) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
-        let has_curvature = assembly.in_the_middle && self.builder.moving != 0;
+        let has_curvature = assembly.in_the_middle && self.builder.both_move != 0;
         let change = if self.problem.resolves_impacts || has_curvature { self.builder.free_change(assembly) } else { zero() };
         // Half of a solve with the mass matrix L^T D L: `column` becomes L^-T J^T. `add_contact` multiplies by D^-1/2.
         self.builder.half_solve::<3>(compiled, mass);

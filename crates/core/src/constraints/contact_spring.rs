@@ -1,7 +1,7 @@
 //! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step like the springs and dampers of equalities.
 //!
 //! The contact remains a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + P R >= 0. R is the compliance and P R the
-//! target velocity of `spring_law`, so that a spring pushes and never pulls. A gap closes as between rigid surfaces. Only an overlap at
+//! bias of `spring_law`. The spring therefore pushes and never pulls. A gap closes as between rigid surfaces. Only an overlap at
 //! the end of the step loads the spring. The spring's force limits friction.
 
 use stepper_real::{Mask, Real};

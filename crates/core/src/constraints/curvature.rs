@@ -42,8 +42,8 @@ impl<R: Real> Assembler<'_, R> {
     ///
     /// `free` are the velocities of the rows without constraints, and `change` is the change of these velocities by the free motion, m/s.
     /// Let t be the target velocity of a row, J v its velocity before the step and G its diagonal entry of the Delassus matrix. The work of
-    /// its impulse is (t^2 - (J v)^2) / 2 G. A term is therefore at most the present speed |J v|, so that it adds no energy. The function
-    /// is compiled separately, because few contacts need it, and inlined it would slow down all.
+    /// its impulse is (t^2 - (J v)^2) / 2 G. The size |t| of a term is therefore bounded by the present speed |J v|, so that it adds no
+    /// energy. The function is compiled separately, because few contacts need it, and inlined it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curvature(
         &self,
@@ -62,7 +62,7 @@ impl<R: Real> Assembler<'_, R> {
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
                 let deep = slot.point.distance.lt(-R::of(MAX_CURVED_OVERLAP));
-                let lanes = lanes.and(R::Mask::from_bits(self.builder.moving)).and_not(deep);
+                let lanes = lanes.and(R::Mask::from_bits(self.builder.both_move)).and_not(deep);
                 let lanes = match self.problem.impacts.last() {
                     Some(impact) => lanes.and_not(impact.lanes),
                     None => lanes,

@@ -12,7 +12,7 @@
 //! equalities are solved once, exactly, and the impulses of the other rows keep their meaning. Without elimination, Gauss-Seidel iterations
 //! alternate between the coupling of a leg and the contact of its foot, and two to five times as many are needed.
 //!
-//! The code keeps a row as `column`: a row times L^-1, without the factor D^-1/2 of the mass matrix L^T D L.
+//! With the mass matrix L^T D L, y = J L^-1 D^-1/2 for a row J of the Jacobian. The code stores J L^-1, as `column`.
 
 use std::ops::Range;
 
@@ -154,8 +154,8 @@ impl<R: Real> RowBuilder<R> {
 
     /// Projects the rows in `column` a second time, in the lanes `short` in which little of them remained after the first projection.
     ///
-    /// The rows are then orthogonal to the equalities relative to their remaining length, and their entries give this length without
-    /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its offset becomes
+    /// After the first projection, rounding errors can be large compared with what remains of a row. The second projection removes them. A
+    /// row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its offset becomes
     /// zero if it is rounding error.
     #[cold]
     #[inline(never)]

@@ -88,12 +88,12 @@ impl<R: Real> RowBuilder<R> {
         lanes: u32,
     ) {
         self.words.fill(0);
-        self.moving = 0;
+        self.both_move = 0;
         self.flat = 0;
         for (pair, same) in contacts.pairs(k, lanes) {
             let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
             self.flat |= if compiled.geoms[a].is_plane { same } else { 0 };
-            self.moving |= if compiled.geoms[a].frame != 0 && compiled.geoms[b].frame != 0 { same } else { 0 };
+            self.both_move |= if compiled.geoms[a].frame != 0 && compiled.geoms[b].frame != 0 { same } else { 0 };
             let (first, second) = (&compiled.moved_dofs[compiled.geoms[a].frame], &compiled.moved_dofs[compiled.geoms[b].frame]);
             for (w, ((&first, &second), word)) in first.iter().zip(second).zip(&mut self.words).enumerate() {
                 let old = *word;
@@ -111,7 +111,7 @@ impl<R: Real> RowBuilder<R> {
             }
         }
         if !compiled.surfaces.is_empty() {
-            self.moving = lanes;
+            self.both_move = lanes;
         }
         self.find_coupled(problem, compiled);
         self.list_dofs();

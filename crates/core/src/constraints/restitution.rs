@@ -50,8 +50,8 @@ impl<R: Real> Assembler<'_, R> {
     /// the function returns `bias` and `exists` unchanged.
     ///
     /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed elastic contacts take part in
-    /// an impact with 0 <= lambda, complementary to v+ + e v- >= 0, even those that v- opens. A contact that is slower than the threshold
-    /// before the step rests, even if gravity makes it faster within the step.
+    /// an impact with 0 <= lambda, complementary to v+ + e v- >= 0, even those that open at the velocity v-. A contact that is slower
+    /// than the threshold before the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
     pub(crate) fn bounce_euler(

@@ -25,14 +25,14 @@ pub(crate) struct RowBuilder<R: Real> {
     /// Set of degrees of freedom, as bits of 64-bit words.
     pub(crate) words: Vec<u64>,
     /// Lanes (bits) in which both surfaces of the contact can move.
-    pub(crate) moving: u32,
+    pub(crate) both_move: u32,
     /// Lanes (bits) in which the first surface of the contact is a plane.
     pub(crate) flat: u32,
     /// Ranges of eliminated equality rows that share a degree of freedom with the row.
     pub(crate) coupled: Vec<Range<usize>>,
     /// Entries of the eliminated equality rows, times D^-1/2 and times D^1/2, where L^T D L is the mass matrix.
     pub(crate) eliminated_entries: [Vec<R>; 2],
-    /// Coefficients of the last elimination, or their scales, for each eliminated row.
+    /// Coefficient of each eliminated row in the last elimination. Functions that estimate rounding errors replace it by its size.
     pub(crate) projections: Vec<V3<R>>,
     /// Squared scales of the entries of `column`. An entry is a sum of terms, and its scale is their size. Entries far below their
     /// scale are rounding errors.
@@ -67,7 +67,7 @@ impl<R: Real> RowBuilder<R> {
             path: vec![R::zero(); compiled.nv],
             signs: vec![[0; 2]; compiled.nv],
             words: vec![0; compiled.nv.div_ceil(64)],
-            moving: 0,
+            both_move: 0,
             flat: 0,
             coupled: Vec::with_capacity(compiled.equalities.len()),
             eliminated_entries: std::array::from_fn(|_| Vec::with_capacity(entries().sum())),

@@ -11,7 +11,7 @@ use crate::integrators::scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s03_detect::detect;
-use crate::tuning::MAX_PLACEMENTS;
+use crate::tuning::MAX_EVALUATION_MOVES;
 
 /// Finds the evaluation point of the step (a time within the step), and computes stages 1 to 3 at it: forces, free velocity and contacts.
 ///
@@ -34,7 +34,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
         return;
     }
     // Newton's method for the time of the first elastic impact: each move of the evaluation point requires new forces and contacts.
-    for pass in 0..MAX_PLACEMENTS {
+    for pass in 0..MAX_EVALUATION_MOVES {
         let elastic = |k: usize| evaluation.contacts.elastic(k).any();
         if !(0..evaluation.contacts.slots()).any(elastic) {
             return;

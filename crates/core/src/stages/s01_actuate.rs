@@ -95,7 +95,7 @@ pub fn actuate<R: Real>(
             actuator_forces.sum_forces(compiled, implicit);
             // With explicit forces, derivatives and sensors read the generalized forces of the actuators without those of springs.
             if implicit.is_none() {
-                actuator_forces.joint.copy_from_slice(&actuator_forces.tau);
+                actuator_forces.without_springs.copy_from_slice(&actuator_forces.tau);
             }
             add_springs(compiled, at.q, &mut actuator_forces.tau);
         },

@@ -8,13 +8,14 @@
 //! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `AssemblyInput::closing_fraction`)
 //! touching, or overlapping:       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
-//! closing and fast, e > 0:        v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
+//! bouncing, e > 0:                v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
 //! ```
 //!
-//! Here phi is the gap, h the time step, v_n- the normal velocity before the step, and e the coefficient of restitution. The options set
+//! Here phi is the gap, h the time step, v_n- the normal velocity before the impact, and e the coefficient of restitution. The options set
 //! beta (`baumgarte`), the slop, and the cap (`max_correction_speed`).
 //!
-//! The midpoint rule applies the last line at the time of the impact (`constraints/restitution.rs`). A contact with e > 0 that neither
+//! For v_n-, Euler's rule takes the velocity after the step without constraints, the midpoint rule that at the time of the impact
+//! (`constraints/restitution.rs`). A contact with e > 0 that neither
 //! bounces nor comes to rest in this step has no row. A row would stop it at the surface and remove the energy of its later bounce.
 
 use stepper_real::{Mask, Real};

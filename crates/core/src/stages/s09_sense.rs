@@ -46,7 +46,7 @@ fn read<R: Real>(
         Read::Length(terms) => weighted(terms, input.q),
         Read::Rate(terms) => weighted(terms, input.v),
         Read::ActuatorForce(actuators) => total(actuators, &input.actuator_forces.force),
-        Read::JointForce(dof) => input.actuator_forces.joint[*dof],
+        Read::JointForce(dof) => input.actuator_forces.without_springs[*dof],
         Read::ActuatorLength(a) => input.actuator_forces.length(compiled, *a, input.q),
         Read::ActuatorRate(a) => input.actuator_forces.rate(compiled, *a, input.v),
         Read::LimitPos(length, range) => overlap(weighted(length, input.q), R::one(), bounds(compiled, range))[0],

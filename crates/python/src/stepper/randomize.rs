@@ -127,8 +127,8 @@ impl Stepper {
     /// Raises:
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
     ///     ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
-    ///     ModelError: All environments share the field, a value is invalid, or an explicit pair overrides it. Or the value needs an
-    ///         element that the model does not simulate, such as dry friction with frictionloss 0. The message has field, element and
+    ///     ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides it. Or the value
+    ///         needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
     ///         environment. No parameter changes.
     #[pyo3(signature = (values=None, /, envs=None, **fields))]
     fn randomize(

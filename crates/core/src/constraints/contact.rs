@@ -4,8 +4,8 @@
 //!
 //! | file | methods |
 //! |---|---|
-//! | `jacobian.rs` | `gather_dofs`: degrees of freedom that move the contact; `contact_columns`: Jacobian and velocities along the three
-//! axes; `half_solve`: L^-T J^T |
+//! | `jacobian.rs` | `gather_dofs`: degrees of freedom that move the contact; `half_solve`: L^-T J^T |
+//! | `jacobian.rs` | `contact_columns`: Jacobian and velocities along the three axes |
 //! | `target_velocities.rs` | `biases`: target velocity for a gap or an overlap |
 //! | `contact_spring.rs` | `comply`: bias and compliance of a soft surface |
 //! | `restitution.rs` | `free_change`, and the functions that begin with `bounce`: target velocity of a rebound |

@@ -15,8 +15,8 @@
 //! beta (`baumgarte`), the slop, and the cap (`max_correction_speed`).
 //!
 //! For v_n-, Euler's rule takes the velocity after the step without constraints, the midpoint rule that at the time of the impact
-//! (`constraints/restitution.rs`). A contact with e > 0 that neither
-//! bounces nor comes to rest in this step has no row. A row would stop it at the surface and remove the energy of its later bounce.
+//! (`constraints/restitution.rs`). A contact with e > 0 that neither bounces nor comes to rest in this step has no row. A row would stop it
+//! at the surface and remove the energy of its later bounce.
 
 use stepper_real::{Mask, Real};
 

@@ -152,8 +152,8 @@ impl<'a> Pair<'a> {
         add(self.pos, rotate(&self.mat, p))
     }
 
-    /// Vertex of the first shape that is farthest along `n`, and vertex of the second shape that is farthest in the opposite direction. The
-    /// numbers are 0 for shapes other than hulls.
+    /// Index of the vertex of the first shape that is farthest along `n`, and of the vertex of the second shape that is farthest in the
+    /// opposite direction. The indices are 0 for shapes other than hulls.
     pub(super) fn corners(&self, n: V) -> [u32; 2] {
         let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
         [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]

@@ -75,7 +75,7 @@ pub struct Newton {
 /// [`EXACT_RATIO`] n of each. These limits bound the time for which other lanes wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Number of islands (sets of coupled constraints) that Newton's method improved.
+    /// Number of islands (sets of coupled constraints) on which Newton's method worked.
     pub islands: u32,
     /// Number of Newton steps. Each factorises a matrix and evaluates at most some 30 points along its direction.
     pub steps: u32,

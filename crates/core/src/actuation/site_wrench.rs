@@ -90,7 +90,8 @@ fn pose<R: Real>(kinematics: &Kinematics<R>, place: &Spot<R::Scalar>) -> (V3<R>,
     (kinematics.point(place.frame, splat(place.pos)), mat_mul(&kinematics.mat[place.frame], &splat(place.mat)))
 }
 
-/// Computes the moment arms of a wrench into `arms`, and returns the actuator's length.
+/// Computes the moment arms of an actuator on a site into `arms`, and returns the actuator's length. `wrench` is its gear: force and torque
+/// per unit of the actuator's force.
 ///
 /// The length is the scalar product of the wrench with the site's position and rotation vector in the reference site's frame; 0 without a
 /// reference site.

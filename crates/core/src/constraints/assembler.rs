@@ -64,9 +64,9 @@ impl<R: Real> AssemblyInput<'_, R> {
     /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It equals the result of
     /// [`AssemblyInput::gap`], or the whole gap if the gap is wide.
     ///
-    /// A very fast body may close a wide gap ([`WIDE_GAP_RATIO`]) within this step. Because it is still very fast, the next step also
-    /// evaluates contacts at its beginning, and finds the touching contact there. With [`AssemblyInput::gap`] the body could close only two
-    /// thirds of its gap in each step, and would slow down before it touches.
+    /// `lanes` (bits) are the lanes with a contact. Very fast bodies without restitution may close a wide gap ([`WIDE_GAP_RATIO`]). Because
+    /// such a body is still very fast, the next step is evaluated at its beginning too, where the contact touches. With
+    /// [`AssemblyInput::gap`] the body could close only a part of its gap in each step, and would slow down before it touches.
     #[inline(always)]
     pub(crate) fn gap_of_slot(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];

@@ -43,7 +43,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) velocity_by_impulses: Vec<R>,
     /// Change of the velocity by the whole step.
     pub(crate) velocity_change: Vec<R>,
-    /// Generalized impulses.
+    /// Workspace for generalized impulses.
     pub(crate) impulse: Vec<R>,
     /// Force velocity: velocity at which velocity-dependent forces are evaluated, between those before and after the step. With the
     /// midpoint rule it is their mean.

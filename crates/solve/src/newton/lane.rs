@@ -56,10 +56,12 @@ pub(super) struct Lane {
     pub(super) w: Vec<f64>,
     /// Part of the scaled velocity change w by eliminated rows. These rows are solved already, and no other row depends on this part.
     eliminated: Vec<f64>,
-    /// Extra coordinates of the scaled velocity change w: one for each normal row with a compliance R. The row's entry there is sqrt(R),
-    /// and no other row has an entry.
+    /// Extra coordinates of the scaled velocity change w: one for each normal row with an additional compliance
+    /// ([`LaneBlock::normal_compliance`]). In the scaled Jacobian, this row has the square root of that compliance there, and no other row
+    /// has an entry.
     ///
-    /// They replace these compliances, because Newton's method supports only compliances that are the same for all rows of a cone.
+    /// The coordinates have the effect of the additional compliances. Newton's method itself supports only compliances that are the same
+    /// for all rows of a cone.
     own: Vec<f64>,
 }
 

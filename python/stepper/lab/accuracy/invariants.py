@@ -134,7 +134,7 @@ class Invariants:
         Values are NaN in these cases:
 
         * The episode diverged within its first control period.
-        * Energy: the episode starts with an overlap or an open loop, whose correction adds energy.
+        * Energy: the episode starts with an overlap, or with a kinematic loop that is not closed: the correction adds energy.
         * Energy and momentum: the controller applies forces to bodies.
         """
         found = {kind: np.full(len(trace.qpos), np.nan) for kind in self.kinds}

@@ -29,7 +29,7 @@ pub(super) const EDGES: u32 = 1 << 14;
 /// Type of a [`ProjectedFeature`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Separate points of a shape.
+    /// Points of a shape that no edges connect.
     #[default]
     Points,
     /// Two corners, the ends of a segment.

@@ -185,8 +185,8 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
 def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
     """Sets the recorded parameters of environments in a stepper.
 
-    `arrays` are the arrays of one row of the recording, by name: the start, or a call of `Stepper.randomize`. The arrays contain values of
-    the changed environments only.
+    `arrays` has the arrays of one row of the recording, by name. The row is the start of the recording or a call of `Stepper.randomize`.
+    The arrays contain values of the changed environments only.
     """
     rows = {name.removeprefix("randomized/"): values for name, values in arrays.items() if name.startswith("randomized/")}
     n = sim.num_envs or 1

@@ -22,10 +22,12 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 /// Solver of a single contact with torsional and rolling friction.
 ///
 /// With the normal impulse eliminated, the tangential problem is `A x_t + c = -s x_t`, as for
-/// [`SlidingSolver`](crate::constraints::sliding::SlidingSolver). It is solved for the tangential impulse x_t in the principal axes of A.
-/// Jacobi's method finds these five axes, the columns of Q. Only the update of the impulse uses the model `G_nn (k k^T) + Q diag(a) Q^T` of
-/// the tangential block, where k is the coupling. Imprecise axes therefore do not change the fixed point, at which the velocities obey
-/// Coulomb's law.
+/// [`SlidingSolver`](crate::constraints::sliding::SlidingSolver): c is the tangential velocity without the impulse x_t, and s the friction
+/// multiplier. It is solved in the principal axes of A, the columns of Q, with the principal values a. Jacobi's method finds them.
+///
+/// The tangential block of the Delassus matrix is then replaced by `G_nn (k k^T) + Q diag(a) Q^T`, where k is the column of the normal row
+/// divided by G_nn. Only changes of the impulse are computed with this replacement. Errors of the axes therefore do not change the solution
+/// to which the iterations converge.
 #[derive(Clone, Copy, Debug)]
 pub struct RollingSolver<R: Real> {
     /// Inverse 1 / G_nn of the normal row's diagonal entry of the Delassus matrix, kg.

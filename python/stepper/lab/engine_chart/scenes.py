@@ -144,10 +144,7 @@ def _box_mjcf() -> str:
 
 
 def _box_start(run: EngineBatch, dt: float) -> tuple[Array, Array]:
-    """Initial qpos and qvel of the box, which slides from the start.
-
-    The box first settles on the floor, so that no engine starts by sinking into it. It then gets its speed.
-    """
+    """Initial qpos and qvel of the box: settled on the floor, with its initial speed. No engine then starts by sinking into the floor."""
     qpos = np.array([0.0, 0.0, BOX_HALF[2], 1.0, 0.0, 0.0, 0.0])
     run.reset(qpos, np.zeros(6))
     run.step(nstep=round(BOX_SETTLE / dt))

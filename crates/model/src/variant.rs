@@ -82,7 +82,7 @@ impl FromStr for Parameter {
     /// Parameter for the model field with the name `name`.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] if no field has this name, or if the field has the same values in all environments.
+    /// [`ModelError::Invalid`] if no field has this name, or if the field cannot differ between environments.
     fn from_str(name: &str) -> Result<Self, ModelError> {
         find(name)?;
         Self::ALL.into_iter().find(|parameter| parameter.name() == name).ok_or_else(|| {

@@ -81,8 +81,8 @@ const FIRST_SWEEPS: u32 = 25;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the limits in `settings` are reached.
 ///
-/// Sweeps favour the rows that they visit first; a proximal step from zero impulses favours none. Newly loaded lanes, in which redundant
-/// supports take up load for the first time, therefore begin with Newton's method.
+/// Newly loaded lanes, in which redundant supports take up load for the first time, begin with Newton's method from zero impulses. Sweeps
+/// would favour the rows that they visit first.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,

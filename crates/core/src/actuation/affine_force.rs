@@ -19,7 +19,7 @@ pub struct ActuatorDynamics<R> {
     /// Stall torque of the motor, N or N m.
     pub stall: R,
     /// Torque that the motor loses to its back-EMF per unit of velocity, N s or N m s per unit of length.
-    pub drag: R,
+    pub back_emf: R,
     /// Efficiency of the gear, from 0 to 1.
     pub efficiency: R,
     /// Dry friction of the gear, N or N m.
@@ -63,9 +63,10 @@ impl<R: Real> AffineForce<R> {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
         let share = weights.extra_share(effective_inertia.rate(damping));
         let spring_damping = weights.spring_damping(share, stiffness);
-        let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - spring_damping * motion.before;
+        // Terms that depend on the velocity.
+        let viscous = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - spring_damping * motion.before;
         let added_inertia = damping * weights.damping * (R::one() + share) + stiffness * weights.stiffness + spring_damping * weights.step;
-        (self.level + self.slope * motion.length + velocity, added_inertia)
+        (self.level + self.slope * motion.length + viscous, added_inertia)
     }
 }
 

@@ -9,9 +9,9 @@ use crate::dynamics::implicit_weights::ImplicitWeights;
 /// Force of an actuator with dynamics within a step: its affine force, clamped to the force limits and to the torque-speed curve of its
 /// motor.
 ///
-/// The force is `f = clamp(clamp(affine, limits), +-stall - drag v)`. It is piecewise affine in the motion. The active bound selects the
-/// affine piece, which the step treats implicitly. The step finds the active bound by semismooth Newton iterations (Qi & Sun 1993). It
-/// solves with an assumed active bound, and then assumes the active bound of the solution.
+/// The force is `f = clamp(clamp(affine, limits), +-stall - back_emf v)`. It is piecewise affine in the motion. The active bound selects
+/// the affine piece, which the step treats implicitly. The step finds the active bound by semismooth Newton iterations (Qi & Sun 1993).
+/// It solves with an assumed active bound, and then assumes the active bound of the solution.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoundedForce<R: Real> {
     /// Explicit part and added inertia of the affine force, before clamping.
@@ -87,7 +87,7 @@ impl<R: Real> BoundedForce<R> {
     /// Added inertia of a force on the torque-speed curve, kg or kg m^2.
     #[inline(always)]
     fn curve_added_inertia(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> R {
-        numbers.drag * weights.damping * (R::one() + weights.extra_share(self.effective_inertia.rate(numbers.drag)))
+        numbers.back_emf * weights.damping * (R::one() + weights.extra_share(self.effective_inertia.rate(numbers.back_emf)))
     }
 
     /// Copies the active bounds of `other` in the lanes `lanes`.
@@ -108,7 +108,7 @@ impl<R: Real> BoundedForce<R> {
     #[inline(always)]
     pub(super) fn force(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let limit = R::select(self.at_upper, numbers.limits[1], numbers.limits[0]);
-        let curve = R::select(self.at_upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
+        let curve = R::select(self.at_upper, numbers.stall, -numbers.stall) - numbers.back_emf * self.before;
         let force = R::select(self.on_curve, curve, R::select(self.at_limit, limit, self.affine.0));
         let added_inertia = R::select(self.at_limit, R::zero(), self.affine.1);
         (force, R::select(self.on_curve, self.curve_added_inertia(numbers, weights), added_inertia))
@@ -134,7 +134,7 @@ fn active_bound<R: Real>(
     }
     let mut curve = never;
     if dynamics.motor.is_some() {
-        let loss = numbers.drag * velocity;
+        let loss = numbers.back_emf * velocity;
         let (above, below) = (requested.gt(numbers.stall - loss), requested.lt(-numbers.stall - loss));
         curve = above.or(below);
         upper = upper.and_not(curve).or(above);
@@ -165,6 +165,6 @@ pub(crate) fn clamp_to_limits<R: Real>(
 ) -> R {
     let [at_limit, curve, upper] = active_bound(dynamics, numbers, force, velocity);
     let limit = R::select(upper, numbers.limits[1], numbers.limits[0]);
-    let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.drag * velocity;
+    let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.back_emf * velocity;
     R::select(curve, edge, R::select(at_limit, limit, force))
 }

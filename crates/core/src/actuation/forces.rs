@@ -172,7 +172,8 @@ pub struct ActuatorForces<R: Real> {
     trial_bounded_forces: Vec<BoundedForce<R>>,
     /// Whether the active bounds of this step have not been guessed yet.
     pub(crate) active_bounds_unknown: bool,
-    /// Friction losses of actuators with dynamics, see `AssemblyInput::losses`.
+    /// Friction losses of actuators with dynamics for every row of dry friction, N or N m: against forward motion, and against backward
+    /// motion. Empty without losses.
     pub losses: Vec<[R; 2]>,
 }
 

@@ -5,9 +5,9 @@
 //!     -> gear and friction -> joint
 //! ```
 //!
-//! Delay, sampled servos and lag act between steps and are in this folder. The parts that depend on the motion within a step are in
-//! [`crate::actuation::forces`], so that they can be implicit. Losses are rows of dry friction, and the rotor's inertia is armature. All
-//! quantities are on the actuator's side: the length is MJCF's, and the effort is the force that the gear (MJCF's `gear`) transmits.
+//! Delay, sampled servos and lag act between steps (`pipeline.rs`). The parts that depend on the motion within a step can be implicit
+//! (`forces.rs`). Losses are rows of dry friction, and the rotor's inertia is armature. Lengths, velocities and forces are those of the
+//! actuator, as in MJCF: a length is the joint's position times `gear`, and a force times `gear` is the joint's force.
 
 pub mod affine_force;
 pub mod force_limits;

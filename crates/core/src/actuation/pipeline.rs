@@ -34,7 +34,8 @@ enum Parameter {
     MinEffort,
     MaxEffort,
     Stall,
-    Drag,
+    /// Torque lost to the motor's back-EMF, per unit of velocity.
+    BackEmf,
     Efficiency,
     Friction,
 }
@@ -161,7 +162,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                         rate: R::zero(),
                         limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
                         stall: number(Parameter::Stall),
-                        drag: number(Parameter::Drag),
+                        back_emf: number(Parameter::BackEmf),
                         efficiency: number(Parameter::Efficiency),
                         friction: number(Parameter::Friction),
                     };
@@ -185,7 +186,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 rate: -share * number(Parameter::Kd),
                 limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
                 stall: number(Parameter::Stall),
-                drag: number(Parameter::Drag),
+                back_emf: number(Parameter::BackEmf),
                 efficiency: number(Parameter::Efficiency),
                 friction: number(Parameter::Friction),
             };
@@ -308,7 +309,7 @@ fn parameters_of(t: &ActuatorSpec, env: usize, h: f64) -> [f64; PARAMETERS] {
     if let Some(m) = t.motor.as_ref().filter(|m| !m.stall_torque.is_empty()) {
         let stall = of(&m.stall_torque) * m.gear;
         set(Parameter::Stall, stall);
-        set(Parameter::Drag, stall * m.gear / of(&m.no_load_speed));
+        set(Parameter::BackEmf, stall * m.gear / of(&m.no_load_speed));
         (least, most) = if m.voltage { (-1.0, 1.0) } else { (low, high) };
     }
     set(Parameter::MinEffort, least);
@@ -457,9 +458,9 @@ impl ActuatorPipeline {
 
     /// Mean output of the lag over the step, for the input `u`. The function also stores the output for the next step.
     ///
-    /// Without a continuous servo, the function stores the output at the end of this step. With one, the input depends on the motion within
-    /// this step, which is unknown yet. The function then stores the output at the beginning of this step. For this it advances the last
-    /// stored output over the previous step. `u` and the result exclude the part that depends on the motion of this step.
+    /// Without a continuous servo, the function stores the output that the lag has at the end of this step. With one, the input depends on
+    /// the motion within this step, which is unknown yet. The function then advances the last stored output over the previous step, to
+    /// the beginning of this step, and stores it. `u` and the result exclude terms of length and velocity.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

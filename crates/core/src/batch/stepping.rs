@@ -72,7 +72,7 @@ pub trait BatchCalls {
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
     /// Number of threads that step.
     fn threads(&self) -> usize;
-    /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more than it gains.
+    /// Whether `nstep` steps take at most two or three microseconds, so that releasing Python's interpreter lock costs more than it gains.
     fn is_brief(&self, nstep: usize) -> bool;
     /// Calls `callback` while one additional worker exists, so that the caller can measure the memory of a worker.
     fn with_worker(&self, callback: &mut dyn FnMut());

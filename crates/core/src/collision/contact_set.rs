@@ -53,7 +53,7 @@ pub struct Slot<R> {
     pub restitution: R,
     /// Impulse along normal, first and second tangent, N s.
     pub impulse: V3<R>,
-    /// Lanes (bits) in which the contact's ball stays over one face of the other geom during the step, so that it hits no edge.
+    /// Lanes (bits) in which the contact's ball stays over one face of the other geom during two steps, so that it hits no edge.
     pub over_face: u32,
 }
 
@@ -224,8 +224,8 @@ impl<R: Real> Contacts<R> {
     /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
     ///
-    /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This error is
-    /// added where it matters: where the mean of both errors, a quarter of their bound, changes the force by more than [`FORCE_ERROR`].
+    /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second
+    /// error counts only where both errors together usually change the force by more than [`FORCE_ERROR`].
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

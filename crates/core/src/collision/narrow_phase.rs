@@ -111,7 +111,7 @@ impl<R: Real> Scene<'_, R> {
         self.add_point_over_face(index, 0, pair, near, over_face, point, contacts);
     }
 
-    /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during the step. Its contact
+    /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during two steps. Its contact
     /// normal cannot change.
     ///
     /// `clearance` is the distance of the ball's centre from the border of the face, m.

@@ -1,8 +1,8 @@
 //! Packed pairs of balls or capsules with boxes: pairs of several lanes share one SIMD register.
 //!
-//! On stairs or stones, every environment is near other boxes. A kernel over lanes would then compute a pair in all lanes although its
-//! geoms are near each other in only one lane. In this module an item is a pair in one lane, and a register holds as many items as it has
-//! lanes. Lanes of a register do not affect each other, so that the contacts have the same bits.
+//! On stairs or stones, the robots of different environments are near different boxes. A kernel over lanes would then compute a pair in
+//! all lanes although its geoms are near each other in only one lane. In this module an item is a pair in one lane, and a register holds
+//! as many items as it has lanes. Lanes of a register do not affect each other, so that the contacts have the same bits.
 
 use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Real, Scalar};

@@ -175,10 +175,9 @@ impl<S: Scalar> DynamicPairs<S> {
 /// Number of contact points per geom for which memory is reserved in scenes with many similar geoms. Twelve neighbours fit around a ball
 /// (the kissing number), with eight points each. A contact belongs to two geoms, so the number is half of the product.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Number of pairs among the geoms of ordinary size above which these pairs become dynamic pairs. The broad phase then finds the dynamic
-/// pairs that can touch in every step.
-///
-/// If at most this number of pairs consist of two moving geoms, these pairs are listed, and only pairs with a static geom are dynamic.
+/// Largest number of pairs of geoms of ordinary size that are all listed. With more, pairs with a static geom become dynamic pairs: the
+/// broad phase finds those that can touch, in every step. Pairs of two moving geoms become dynamic pairs if they alone are more than this
+/// number.
 const LISTED_PAIRS: usize = 3000;
 /// Ratio of a geom's size to the median size of geoms above which the geom counts as large. Pairs of large geoms are in the compiled
 /// model's list of pairs, and not among the dynamic pairs. In the broad phase, a cell as large as this geom would contain all geoms.

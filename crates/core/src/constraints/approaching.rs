@@ -6,7 +6,7 @@
 //! of the pairs that collide in this motion, and solves their lanes again ([`crate::integrators::contact_activation`]).
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts whose normal cannot change. These are contacts with a half space,
-//! and contacts of a ball that stays over one flat face of the other geom during the step. On a surface of triangles, a face is a triangle
+//! and contacts of a ball that stays over one flat face of the other geom during two steps. On a surface of triangles, a face is a triangle
 //! together with its neighbours across flat or concave edges, because a ball cannot hit such an edge.
 
 use stepper_real::{Mask, Real, Scalar};

@@ -43,24 +43,26 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 /// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. The lever arm is a sum of terms, and this
 /// number is a fraction of their size.
 ///
-/// A force along the normal acts on the joint through this lever arm. With a fraction of 1e-5, the same torque takes a force 1e5 times as
-/// large as with the whole lever arm. In 32 bits, such a lever arm is rounding error.
+/// A force along the normal acts on the joint through this lever arm. If the terms nearly cancel, so that only 1e-5 of their size is left,
+/// a torque takes a force 1e5 times as large as through one term. In 32 bits, such a lever arm is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
 /// Approach speed that is negligible for an immovable contact, m/s. No degree of freedom moves such a contact along its normal, so that
-/// nothing can correct its overlap. `velocity` and `position` are the offsets g of its normal row in the velocity and position solves, m/s.
+/// nothing can correct its overlap. Example: a face that is normal to a hinge axis or parallel to a slide. `velocity` and `position` are
+/// the offsets g of its normal row in the velocity and position solves, m/s.
 ///
-/// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Example: a face that is
-/// normal to a hinge axis or parallel to a slide. Rounding in the model file gives such a contact a small approach speed.
+/// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Rounding in the model file
+/// gives such a contact a small approach speed.
 ///
-/// The resting speed is so small that a touching contact takes about a second to exceed the slop. The result depends on the speed at which
-/// the overlap should be corrected, which is the difference of the two offsets:
+/// An overlap that nothing can correct must be reported once. Stage 8 reports a large one. Otherwise the residual reports it, so that any
+/// approach must count. The size of the overlap is measured by the speed at which it should be corrected, the difference of the two
+/// offsets. The resting speed is so small that a touching contact takes about a second to exceed the slop.
 ///
-/// * Up to the resting speed, the overlap needs no report. The result is the resting speed.
-/// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap. The result is the resting speed.
-/// * Between the two, the residual must report the overlap. The result is 0, so that any approach counts.
+/// * If this speed is at most the resting speed, the overlap needs no report. The result is the resting speed.
+/// * If this speed is above [`MIN_UNMET_TARGET`], stage 8 reports the overlap. The result is the resting speed.
+/// * Otherwise the residual must report the overlap. The result is 0, so that any approach counts.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -108,8 +110,8 @@ impl<R: Real> Assembler<'_, R> {
         }
         if let Some(curvature) = curvature {
             self.problem.store_curvature(contact, curvature);
-            // A self-locking contact, such as a wedge, carries any load by friction. With curvature terms that the joints cannot produce,
-            // its rows would have no solution.
+            // A self-locking contact, such as a wedge, carries any load by friction. Curvature terms could prescribe velocities that the
+            // joints do not allow, and no impulses would be a solution.
             let is_self_locking = self.problem.rows.contacts.is_self_locking();
             if is_self_locking.any() {
                 self.problem.remove_curvature(self.problem.curvature_terms.len() - 1, is_self_locking);

@@ -41,9 +41,9 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the curvature terms to the offsets of a contact's friction rows, except at impacts. Returns the terms, m/s.
     ///
     /// `free` are the velocities of the rows without constraints, and `change` is the change of these velocities by the free motion, m/s.
-    /// Let t be the target velocity of a row, J v its velocity before the step and G its diagonal entry of the Delassus matrix. The work of
-    /// its impulse is (t^2 - (J v)^2) / 2 G. The size |t| of a term is therefore bounded by the present speed |J v|, so that it adds no
-    /// energy. The function is compiled separately, because few contacts need it, and inlined it would slow down all.
+    /// A term t is a target velocity of its row. Let J v be the velocity of the row before the step, and G its diagonal entry of the
+    /// Delassus matrix. The work of the row's impulse is (t^2 - (J v)^2) / 2 G. Terms are therefore bounded by |t| <= |J v|, so that they
+    /// add no energy. The function is compiled separately, because few contacts need it, and inlined it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curvature(
         &self,

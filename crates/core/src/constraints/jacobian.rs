@@ -110,6 +110,7 @@ impl<R: Real> RowBuilder<R> {
                 }
             }
         }
+        // Conveyors and surfaces of mocap bodies move without degrees of freedom.
         if !compiled.surfaces.is_empty() {
             self.both_move = lanes;
         }

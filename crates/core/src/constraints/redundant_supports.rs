@@ -6,11 +6,10 @@
 //! iterations load the contacts that they visit first, and such forces rotate a box that two fingers hold.
 //!
 //! Three or more contacts between the same two bodies form a contact group, if one of the bodies floats freely (is alone on a free joint).
-//! Groups that act on a common degree of freedom form a cluster, whose loads are
-//! shared together. Example: a box between two fingers has two groups in one cluster. Among all nonnegative normal impulses with the same
-//! effect on the joints, the impulses of least norm are used. Friction of a slipping contact is recomputed as mu times the normal impulse,
-//! against the motion. If a group slips without rotating, this changes no velocity. If it rotates, its friction torque changes, and the
-//! solver continues from the shared loads.
+//! Groups that act on a common degree of freedom form a cluster, whose loads are shared together. Example: a box between two fingers has
+//! two groups in one cluster. Among all nonnegative normal impulses with the same effect on the joints, the impulses of least norm are
+//! used. Friction of a slipping contact is recomputed as mu times the normal impulse, against the motion. If a group slips without
+//! rotating, this changes no velocity. If it rotates, its friction torque changes, and the solver continues from the shared loads.
 
 use std::ops::Range;
 

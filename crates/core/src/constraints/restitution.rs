@@ -49,9 +49,9 @@ impl<R: Real> Assembler<'_, R> {
     /// Bias of a contact's normal row by Euler's rule, m/s, and the lanes of `exists` in which the row is needed. With the midpoint rule
     /// the function returns `bias` and `exists` unchanged.
     ///
-    /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All closed elastic contacts take part in
-    /// an impact with 0 <= lambda, complementary to v+ + e v- >= 0, even those that open at the velocity v-. A contact that is slower
-    /// than the threshold before the step rests, even if gravity makes it faster within the step.
+    /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All elastic contacts whose gap is
+    /// closed take part in an impact: 0 <= lambda, complementary to v+ + e v- >= 0. This also holds if a contact opens at the velocity
+    /// v-. A contact that is slower than the threshold before the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
     pub(crate) fn bounce_euler(

@@ -41,7 +41,8 @@ pub(crate) fn ambiguous<R: Real>(
     )
 }
 
-/// Solves the lanes whose kinetic energy is [`ambiguous`] again, with a smaller tolerance, if their residual meets the present one.
+/// Solves lanes with an ambiguous kinetic energy once more, with a smaller tolerance: lanes that meet the tolerance, but whose residual
+/// could still change the energy ([`ambiguous`]).
 ///
 /// Where contacts press a body from several sides (a jam), impulses can be a million times the load and nearly cancel. The residual must
 /// then be a million times smaller than without a jam.

@@ -36,7 +36,8 @@ use stepper_real::Real;
 use crate::options::{Integrator, StepSettings};
 use scheme::Scheme;
 
-/// Integration scheme for hard contact of the integrator that the options select.
+/// Integration scheme for hard contact of the integrator that the options select. `ImplicitFast` and `Discrete`, which the options allow
+/// only with MuJoCo's law, count as `Implicit` here.
 pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
     let h = R::of(options.timestep);
     match options.integrator {

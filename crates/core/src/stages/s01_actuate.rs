@@ -209,7 +209,7 @@ fn affine_force<R: Real>(
     }
     match dynamics.motor {
         Some(MotorControl::Voltage) => {
-            AffineForce { level: level * numbers.stall, slope: slope * numbers.stall, rate: rate * numbers.stall - numbers.drag }
+            AffineForce { level: level * numbers.stall, slope: slope * numbers.stall, rate: rate * numbers.stall - numbers.back_emf }
         }
         _ => AffineForce { level, slope, rate },
     }

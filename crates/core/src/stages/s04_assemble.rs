@@ -37,7 +37,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
         || {
             let compiled = input.compiled;
             assembler.clear(input);
-            // Eliminated equalities come first, because every later row is built with these equalities removed from it.
+            // Eliminated equalities come first, because every later row is projected on the motions that they allow.
             if !compiled.equalities.is_empty() {
                 assembler.add_equalities(input, true);
                 let Assembler { problem, builder, .. } = &mut assembler;

@@ -130,7 +130,7 @@ pub struct ImpulsePredictor<R: Real> {
 impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// A rough prediction changes the free velocity by an error of up to [`ESTIMATE_ERROR`]. If the options require a smaller error, the
+    /// With a rough prediction, the free velocity has an error of up to [`ESTIMATE_ERROR`]. If the options require a smaller error, the
     /// predictor iterates to a tolerance in all moving lanes. It also does so with the option [`Solver::Newton`], and in lanes with a
     /// contact group: three or more contacts between two bodies, one of which floats freely.
     #[inline(always)]

@@ -639,13 +639,13 @@ class Model:
             **fields: Values of whole fields, in the shape of the model's attribute.
 
         Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore the fields of its geoms.
-        So a new value for a geom of a pair needs the field of the pair in the same call, with new or unchanged values. This holds for
+        If you change a geom of a pair, also give the pair's field in the same call, even if its values stay the same. This holds for
         geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness and
         geom_damping. The field of the pair for geom_condim is pair_dim, and for geom_solmix it is pair_solref.
 
         Raises:
             ValueError: A shape is wrong.
-            ModelError: A field is unknown, a value is invalid, or an explicit pair overrides the value of a geom; the message has the pair.
+            ModelError: A field is unknown, a value is invalid, or an explicit pair overrides the value of a geom; the message names the pair.
         """
     def exclude_overlaps(self) -> Model:
         """New model without contacts between bodies that overlap in the reference pose, as by `stepper.load(..., overlaps="exclude")`.
@@ -701,7 +701,9 @@ class Model:
             IndexError: The model has no geom of that index.
         """
     def _requested_options(self) -> dict[str, Any]:
-        """Options contact, integrator and iterations of the source file, for `Options.from_model`; empty for models made in code."""
+        """Dictionary of the options `contact`, `integrator` and `iterations` that the source file implies, for `Options.from_model`. It is
+        empty for models made in code.
+        """
     def pair(self, key: str | int) -> Pair:
         """Explicit pair of geoms by name or index (negative from the end).
 
@@ -796,7 +798,7 @@ class State:
     bytes: Final[builtins.bytes]
     """Bytes for `State(bytes)`: the state with a checksum and the digest of its model."""
     digest: Final[builtins.bytes]
-    """SHA-256 of the model of the state."""
+    """SHA-256 digest of the model to which the state belongs."""
     nbytes: Final[int]
     """Length of `bytes`."""
     def __new__(cls, bytes: builtins.bytes) -> State: ...
@@ -892,7 +894,7 @@ class Stepper:
     """Coriolis, centrifugal and gravitational forces at the current state, (num_envs, nv), N or N m, as after `mj_forward`."""
     qacc_smooth: Final[_Array]
     """Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. If the
-    stepper has an actuator model, the forces of its drives are those of the last step."""
+    stepper has an actuator model, the forces of the drives in it are those of the last step."""
     actuator_force: Final[_Array]
     """Actuator forces before the gear at the current state and controls, (num_envs, nu), N or N m, as after `mj_forward`."""
     qfrc_actuator: Final[_Array]
@@ -908,13 +910,13 @@ class Stepper:
     status: Final[Any]
     """Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`."""
     residual: Final[Any]
-    """Residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE. It measures the error of the natural
-    map, a function of impulses and velocities that is zero at the exact solution."""
+    """Residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE. It is the size of the natural map, a
+    function of impulses and velocities that is zero at the exact solution."""
     iterations: Final[Any]
     """Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps."""
     newton_steps: Final[Any]
-    """Number of Newton steps of the solver in the last step, over all islands of bodies, (num_envs,) uint32. `iterations` also includes
-    Gauss-Seidel iterations."""
+    """Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
+    includes Gauss-Seidel iterations."""
     max_penetration: Final[Any]
     """Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
     detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP."""
@@ -1155,8 +1157,8 @@ class Stepper:
         Raises:
             TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
             ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
-            ModelError: All environments share the field, a value is invalid, or an explicit pair overrides it. Or the value needs an
-                element that the model does not simulate, such as dry friction with frictionloss 0. The message has field, element and
+            ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides it. Or the value
+                needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
                 environment. No parameter changes.
         """
     def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
@@ -1298,7 +1300,8 @@ class Stepper:
         smooth_at_rest: bool,
         tolerance: float,
     ) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
-        """Kinks between copies of environments after a step. `stepper.derivatives.kinks` documents the arguments.
+        """Kinks between copies of environments after a step, such as a contact that pushes in one copy only. `stepper.derivatives.kinks`
+        documents the arguments.
 
         Returns:
             Flags of `Kink` for each column of the derivative, (environments, columns) uint32, and the distance to the nearest kink as a

@@ -189,6 +189,7 @@ def register() -> None:
     """Registers the task on stairs as the environment `stepper/Go1Stairs-v0`."""
     gymnasium.register(
         "stepper/Go1Stairs-v0",
+        entry_point="stepper.envs:StepperEnv",
         vector_entry_point="stepper.envs:StepperVectorEnv",
         max_episode_steps=Go1Stairs.episode_steps,
         kwargs={"task": Go1Stairs},

@@ -29,8 +29,13 @@ def test_the_cheetah_runs():
 @pytest.mark.parametrize("file", KEPT, ids=lambda path: path.stem)
 def test_a_policy_fits_the_environment_that_it_names(file, monkeypatch):
     policy = load(file)
-    if policy.training["env"] in ("stepper/Go1Velocity-v0", "stepper/G1Velocity-v0") and find_spec("mjlab") is None:
+    legged = ("stepper/Go1Velocity-v0", "stepper/G1Velocity-v0", "stepper/Go1Stairs-v0")
+    if policy.training["env"] in legged and find_spec("mjlab") is None:
         pytest.skip("mjlab, whose robot this is, is not installed: make training")
+    if policy.training["env"] == "stepper/Go1Stairs-v0":
+        pytest.importorskip("torch", reason="torch is not installed: make training")
+        monkeypatch.syspath_prepend(ROOT / "examples")
+        importlib.import_module("train_stairs").register()
     if policy.training["env"] == "stepper/Encoders-v0":
         monkeypatch.syspath_prepend(ROOT / "examples/studies")
         importlib.import_module("encoders_task").register()

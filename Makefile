@@ -119,11 +119,13 @@ study-libraries: build $(LIBRARIES)/study.stamp
 adapters: build $(LIBRARIES)/adapters.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))
 
-# Tests of `stepper train`, shac.py and grasp.py, for which torch is installed, and of the Go1 and the G1, whose files are mjlab's.
+# Tests of `stepper train`, train_stairs.py, shac.py and grasp.py, for which torch is installed, and of the Go1 and the G1, whose files are
+# mjlab's.
 training: build
 	$(BIN)/python -m pip install --quiet --group train
 	$(BIN)/python -m pip install --quiet --no-deps mjlab
-	$(BIN)/python -m pytest tests/examples/test_train.py tests/examples/test_gradients.py tests/envs/test_go1.py tests/envs/test_g1.py
+	$(BIN)/python -m pytest tests/examples/test_train.py tests/examples/test_train_stairs.py tests/examples/test_gradients.py \
+		tests/envs/test_go1.py tests/envs/test_g1.py tests/envs/test_rough.py tests/policies/test_training_page.py
 
 # Intervals of identified masses and frictions, in a hundred noisy repetitions, beside mujoco.sysid: docs/benchmarks/identification.md
 # (an hour), which IDENTIFY=--update-docs rewrites. IDENTIFY='--only

@@ -1,11 +1,11 @@
 """Evaluation of a policy of `stepper/Go1Rough-v0` in several simulators: climbing of stairs, and returns in the task.
 
     python examples/train_stairs.py
-    python benches/climbing.py out/train/stairs/hard/policy.npz
+    python benches/climbing.py out/train/stairs/stage3/policy.npz
 
 The script prints two tables. The first has the fraction of episodes in which the robot climbs five steps out of a pit in 20 s. The robot
-starts at a random heading, and is commanded to turn to the x axis and to walk along it. The second table has returns of the task itself,
-with all its randomisation.
+starts at a random heading, and is commanded to turn to the x axis and to walk along it. The second table has returns in the task itself,
+with all its randomisation and with the reward weights of the policy's training. Episodes end early after a fall, or when the robot leaves the terrain.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def returns(policy: Any, episodes: int) -> Iterator[str]:
     mujoco_vector.register("Go1Rough-v0")
     yield "| simulator | mean return | 95 % confidence | velocity error, m/s | ended early |"
     yield "|---" * 5 + "|"
-    weights = policy.environment["task"]["weights"]
+    weights = policy.environment.get("task", {}).get("weights")
     levels = {"max_init_level": Go1Rough().terrain.num_rows - 1}
     for name, (space, given) in simulators().items():
         found: Evaluation = evaluate(

@@ -1,17 +1,17 @@
 """Trains the quadruped Go1 to climb stairs, beginning with a policy that walks on plain ground.
 
     python examples/train_stairs.py --out out/train/stairs
-    python benches/climbing.py out/train/stairs/hard/policy.npz
+    python benches/climbing.py out/train/stairs/stage3/policy.npz
 
-With the reward of `stepper/Go1Rough-v0` alone, the robot learns to stand still: its first steps cost more than they gain. This script
-has three stages, each of which continues from its last checkpoint if the same command is given again:
+The script has three stages:
 
-1. The policy of `stepper/Go1Velocity-v0` shows how to walk. The new policy learns to act as it does, from states which both reach
-   (DAgger: Ross et al. 2011, https://arxiv.org/abs/1011.0686).
+1. The new policy imitates the policy of `stepper/Go1Velocity-v0`, which walks on plain ground, in the states that the two policies reach
+   (DAgger: Ross et al. 2011, https://arxiv.org/abs/1011.0686). The critic is then trained alone.
 2. PPO on stairs that become higher as the robot climbs them. Most commands are to walk straight ahead, without noise and pushes.
 3. PPO on the same stairs with the noise and pushes of `stepper/Go1Rough-v0`, and with more of its commands.
 
-It needs the extras `train` and `mjcf`, and `pip install --no-deps mjlab`, whose model of the robot it reads.
+The same command continues a stopped run in stage 2 or 3. The stages take about 3, 30 and 15 minutes on two free cores, and up to 6 GB of
+memory. The script needs the extras `train` and `mjcf`, and `pip install --no-deps mjlab`, whose model of the robot it reads.
 """
 
 from __future__ import annotations
@@ -60,14 +60,16 @@ STAIRS = Terrain(
     num_rows=20,
     border_width=4.0,
 )
-"""Terrain of the training. From row to row, the steps of its stairs are 1 cm higher, up to 0.2 m."""
+"""Terrain of the training. From row to row, the steps of its stairs are about 1 cm higher, up to 0.2 m."""
 SPEEDS = (0.5, 1.0)
 """Lowest and highest commanded velocity straight ahead, m/s."""
 EDGE = 4.3
-"""Distance from the middle of a tile in x or y, m, at which an episode ends. Half a tile is 4 m long."""
+"""Distance from the middle of a tile in x or y, m, at which an episode ends. A tile ends at 4 m; the robot is then half a length beyond."""
 
 NOISE = 0.12
 """Standard deviation of the actions in the imitation and at the beginning of PPO, as a fraction of the largest action."""
+CRITIC_UPDATES = 25
+"""Number of updates that train the critic alone."""
 PASSES, MINIBATCH = 4, 4096
 """Number of passes over the teacher's actions after each round of the imitation, and number of actions per gradient step."""
 
@@ -103,8 +105,21 @@ class Go1Stairs(Go1Rough):
         return super().truncated(now) | (np.abs(away).max(axis=1) > EDGE)
 
 
+# Scripts find the environment with the id "train_stairs:stepper/Go1Stairs-v0".
+ENVIRONMENT = "stepper/Go1Stairs-v0"
+"""Id of the environment of the task on stairs."""
+if ENVIRONMENT not in gymnasium.registry:
+    gymnasium.register(
+        ENVIRONMENT,
+        entry_point="stepper.envs:StepperEnv",
+        vector_entry_point="stepper.envs:StepperVectorEnv",
+        max_episode_steps=Go1Stairs.episode_steps,
+        kwargs={"task": Go1Stairs},
+    )
+
+
 class Teacher:
-    """Policy of `Go1Velocity` as a policy of the rough task.
+    """Converts observations of the rough task to those of `Go1Velocity`, and actions of its policy to actions of the rough task.
 
     Attributes:
         policy: Policy from observations of `Go1Velocity` to set points, rad.
@@ -133,8 +148,8 @@ class Teacher:
 def imitate(run: Run, teacher: Teacher, *, rounds: int, steps: int) -> None:
     """Stage 1: trains the actor of a run to act like the teacher.
 
-    In the first round the teacher acts. In each later round the teacher acts in half as many of the steps, and the actor in the others.
-    After every round the actor learns all the teacher's actions so far.
+    In the first round the teacher acts. In each later round it acts half as often as in the round before, and otherwise the actor does.
+    The teacher also gives its action for states in which the actor acts. After every round, the actor learns all these actions so far.
 
     Args:
         run: Run, whose actor and observation moments change.
@@ -153,8 +168,8 @@ def imitate(run: Run, teacher: Teacher, *, rounds: int, steps: int) -> None:
                 own = run.net.actor(run.normal(run.observation)).numpy()
             seen.append(run.observation.astype(np.float32))
             shown.append(wanted.astype(np.float32))
-            shows = rng.random((len(own), 1)) < 0.5**k
-            action = np.where(shows, wanted, own) + NOISE * rng.standard_normal(own.shape)
+            teacher_acts = rng.random((len(own), 1)) < 0.5**k
+            action = np.where(teacher_acts, wanted, own) + NOISE * rng.standard_normal(own.shape)
             run.observation, *_, info = run.envs.step(run.half * np.clip(action, -1.0, 1.0))
             error += info["tracking_error"].mean() / steps
         if k == 0:
@@ -166,14 +181,15 @@ def imitate(run: Run, teacher: Teacher, *, rounds: int, steps: int) -> None:
                 optimizer.zero_grad()
                 loss.backward()
                 optimizer.step()
-        print(
-            f"imitation {k + 1} of {rounds}: velocity error {error:.3f} m/s, error of the actions {float(loss.detach()) ** 0.5:.3f}",
-            flush=True,
-        )
+        rms = float(loss.detach()) ** 0.5
+        print(f"imitation {k + 1} of {rounds}: velocity error {error:.3f} m/s, rms error of actions {rms:.3f} of the largest", flush=True)
 
 
 def train_critic(run: Run, updates: int) -> None:
-    """Trains the critic of a run, while the actor stays as it is. PPO with an untrained critic would spoil the actor."""
+    """Trains the critic of a run, while the weights of the actor stay. PPO with an untrained critic would spoil the actor.
+
+    The running moments of the observations are updated, so that the actions change a little.
+    """
     frozen = [*run.net.actor.parameters(), run.net.log_std]
     for parameter in frozen:
         parameter.requires_grad_(False)
@@ -185,55 +201,44 @@ def train_critic(run: Run, updates: int) -> None:
         parameter.requires_grad_(True)
 
 
-def register() -> None:
-    """Registers the task on stairs as the environment `stepper/Go1Stairs-v0`."""
-    gymnasium.register(
-        "stepper/Go1Stairs-v0",
-        entry_point="stepper.envs:StepperEnv",
-        vector_entry_point="stepper.envs:StepperVectorEnv",
-        max_episode_steps=Go1Stairs.episode_steps,
-        kwargs={"task": Go1Stairs},
-    )
-
-
 def settings(seed: int, steps: Sequence[int]) -> tuple[Settings, Settings]:
-    """Settings of both runs of PPO, with this seed and these numbers of steps."""
+    """Settings of stages 2 and 3, with this seed and these numbers of steps."""
     task = Settings.of_task("stepper/Go1Rough-v0", seed=seed, hidden=128, entropy=0.002, learning_rate=3e-4, initial_std=NOISE)
-    stairs = dataclasses.replace(task, env="stepper/Go1Stairs-v0")
-    easy, hard = {"noise": 0.0, "push": 0.0}, {"straight": 0.6, "max_init_level": STAIRS.num_rows - 1}
-    first, second = (
+    stairs = dataclasses.replace(task, env=ENVIRONMENT)
+    plain, noisy = {"noise": 0.0, "push": 0.0}, {"straight": 0.6, "max_init_level": STAIRS.num_rows - 1}
+    second, third = (
         dataclasses.replace(stairs, steps=count, values={"weights": dict(WEIGHTS), **values})
-        for count, values in zip(steps, (easy, hard), strict=True)
+        for count, values in zip(steps, (plain, noisy), strict=True)
     )
-    return first, second
+    return second, third
 
 
 def main() -> None:
-    """Runs the stages that the folder does not have yet, or continues the last one."""
+    """Runs the stages of which the folder has no checkpoint yet, or continues the last one."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("out/train/stairs"), help="folder for both runs of PPO [out/train/stairs]")
+    parser.add_argument("--out", type=Path, default=Path("out/train/stairs"), help="folder for stage2/ and stage3/ [out/train/stairs]")
     parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers [1]")
-    text = "numbers of steps without and with noise [20000000 10000000]"
+    text = "numbers of environment steps of stages 2 and 3, including those that train the critic [20000000 10000000]"
     parser.add_argument("--steps", type=int, nargs=2, default=(20_000_000, 10_000_000), metavar="N", help=text)
     given = parser.parse_args()
-    register()
-    easy, hard = settings(given.seed, given.steps)
-    torch.set_num_threads(easy.threads)
-    if not (given.out / "easy/checkpoint.pt").exists():
-        run = Run(easy)
+    second, third = settings(given.seed, given.steps)
+    folders = given.out / "stage2", given.out / "stage3"
+    for folder in folders:
+        folder.mkdir(parents=True, exist_ok=True)
+    torch.set_num_threads(second.threads)
+    if not (folders[0] / "checkpoint.pt").exists():
+        run = Run(second)
         imitate(run, Teacher(load(TEACHER)), rounds=6, steps=100)
         print("training the critic", flush=True)
-        train_critic(run, updates=25)
-        (given.out / "easy").mkdir(parents=True, exist_ok=True)
-        run.save(given.out / "easy/checkpoint.pt")
-    climber = train(easy, given.out / "easy")
-    if not (given.out / "hard/checkpoint.pt").exists():
-        run = Run(hard)
+        train_critic(run, updates=CRITIC_UPDATES)
+        run.save(folders[0] / "checkpoint.pt")
+    climber = train(second, folders[0])
+    if not (folders[1] / "checkpoint.pt").exists():
+        run = Run(third)
         run.net.load_state_dict(climber.net.state_dict())
         run.observed, run.returned = climber.observed, climber.returned
-        (given.out / "hard").mkdir(parents=True, exist_ok=True)
-        run.save(given.out / "hard/checkpoint.pt")
-    train(hard, given.out / "hard")
+        run.save(folders[1] / "checkpoint.pt")
+    train(third, folders[1])
 
 
 if __name__ == "__main__":

@@ -645,7 +645,8 @@ class Model:
 
         Raises:
             ValueError: A shape is wrong.
-            ModelError: A field is unknown, a value is invalid, or an explicit pair overrides the value of a geom; the message names the pair.
+            ModelError: A field is unknown, a value is invalid, or an explicit pair, which the message names, overrides the value of a
+                geom.
         """
     def exclude_overlaps(self) -> Model:
         """New model without contacts between bodies that overlap in the reference pose, as by `stepper.load(..., overlaps="exclude")`.
@@ -701,8 +702,9 @@ class Model:
             IndexError: The model has no geom of that index.
         """
     def _requested_options(self) -> dict[str, Any]:
-        """Dictionary of the options `contact`, `integrator` and `iterations` that the source file implies, for `Options.from_model`. It is
-        empty for models made in code.
+        """Dictionary of the options `contact`, `integrator` and `iterations` that the source file implies.
+
+        It is empty for models made in code. `Options.from_model` reads it.
         """
     def pair(self, key: str | int) -> Pair:
         """Explicit pair of geoms by name or index (negative from the end).
@@ -1300,8 +1302,9 @@ class Stepper:
         smooth_at_rest: bool,
         tolerance: float,
     ) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
-        """Kinks between copies of environments after a step, such as a contact that pushes in one copy only. `stepper.derivatives.kinks`
-        documents the arguments.
+        """Kinks between copies of environments after a step, such as a contact that pushes in one copy only.
+
+        `stepper.derivatives.kinks` documents the arguments.
 
         Returns:
             Flags of `Kink` for each column of the derivative, (environments, columns) uint32, and the distance to the nearest kink as a

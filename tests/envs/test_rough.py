@@ -320,8 +320,9 @@ def test_every_robot_has_what_the_terms_need():
         Go1Rough(terrain="stairs")
     with pytest.raises(TypeError, match="weights is 'pose', must be a mapping"):
         Go1Rough(weights="pose")
-    with pytest.raises(ValueError, match="noise is -1"):
-        Go1Rough(noise=-1.0)
+    for wrong in (-1.0, np.inf, "loud"):
+        with pytest.raises(ValueError, match=r"noise is .*, must be a finite number of at least 0"):
+            Go1Rough(noise=wrong)
 
 
 def test_the_humanoid_ends_when_it_falls():

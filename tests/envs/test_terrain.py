@@ -157,8 +157,9 @@ def test_slopes_have_no_boxes():
 
 
 @pytest.mark.parametrize(("given", "said"), [
-    ({"sub_terrains": {}}, "there are 0 sub_terrains"),
-    ({"num_rows": 0}, "0 rows"),
+    ({"sub_terrains": {}}, "sub_terrains is empty"),
+    ({"num_rows": 0}, "num_rows is 0, must be a whole number"),
+        ({"num_rows": "3"}, "num_rows is '3', must be a whole number"),
     ({"size": 8.05}, "size is 8.05 m, must be a whole number of cells of 0.1 m"),
     ({"border_width": 0.25}, "border_width is 0.25 m"),
     ({"horizontal_scale": 0.0}, "horizontal_scale is 0.0"),

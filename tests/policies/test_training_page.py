@@ -35,7 +35,7 @@ def test_a_policy_fits_the_environment_that_it_names(file, monkeypatch):
     if policy.training["env"] == "stepper/Go1Stairs-v0":
         pytest.importorskip("torch", reason="torch is not installed: make training")
         monkeypatch.syspath_prepend(ROOT / "examples")
-        importlib.import_module("train_stairs").register()
+        importlib.import_module("train_stairs")
     if policy.training["env"] == "stepper/Encoders-v0":
         monkeypatch.syspath_prepend(ROOT / "examples/studies")
         importlib.import_module("encoders_task").register()

@@ -209,7 +209,8 @@ impl Model {
     ///
     /// Raises:
     ///     ValueError: A shape is wrong.
-    ///     ModelError: A field is unknown, a value is invalid, or an explicit pair overrides the value of a geom; the message names the pair.
+    ///     ModelError: A field is unknown, a value is invalid, or an explicit pair, which the message names, overrides the value of a
+    ///         geom.
     #[pyo3(signature = (values=None, /, **fields))]
     fn replace(slf: &Bound<'_, Self>, values: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<Self> {
         let fields = match values {
@@ -424,8 +425,9 @@ impl Model {
         assign_attribute(slf, name, value)
     }
 
-    /// Dictionary of the options `contact`, `integrator` and `iterations` that the source file implies, for `Options.from_model`. It is
-    /// empty for models made in code.
+    /// Dictionary of the options `contact`, `integrator` and `iterations` that the source file implies.
+    ///
+    /// It is empty for models made in code. `Options.from_model` reads it.
     fn _requested_options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let settings = PyDict::new(py);
         if self.core.requested.is_some() {

@@ -171,7 +171,7 @@ pub trait Real:
     /// Maximum of two numbers. The result is NaN if either is NaN.
     #[inline(always)]
     fn max_or_nan(self, o: Self) -> Self {
-        // `max` gives `o` if it is NaN, but not `self`.
+        // `max` is NaN if `o` is, but not if only `self` is.
         Self::select(self.eq(self), self.max(o), self)
     }
     /// Absolute value: the same bits without the sign.

@@ -122,7 +122,7 @@ ROUGH: Mapping[str, Any] = {
     "epochs": 5,
     "hidden": 256,
     "entropy": 0.005,
-    "initial_std": 0.5,
+    "initial_std": 0.25,
     "min_std": 0.05,
 }
 """Settings of mjlab for its velocity tasks on rough terrain, with smaller networks.

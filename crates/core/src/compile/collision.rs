@@ -30,7 +30,7 @@ pub struct CompiledGeom<S> {
     pub full_orientation: bool,
     /// Collision shape for [`Kernel::Convex`] and the tunnelling check; `None` if no pair needs it.
     pub solid: Option<Solid>,
-    /// Radii of a mesh or height field, which are equal in all variants of the model; `None` for other shapes.
+    /// Bounding and inscribed radius of a mesh or height field, which are equal in all environments; `None` for other shapes.
     pub(super) fixed_radii: Option<Bulk>,
 }
 

@@ -10,8 +10,9 @@ use crate::stepper::{Reading, Stepper};
 
 #[pymethods]
 impl Stepper {
-    /// Kinks between copies of environments after a step, such as a contact that pushes in one copy only. `stepper.derivatives.kinks`
-    /// documents the arguments.
+    /// Kinks between copies of environments after a step, such as a contact that pushes in one copy only.
+    ///
+    /// `stepper.derivatives.kinks` documents the arguments.
     ///
     /// Returns:
     ///     Flags of `Kink` for each column of the derivative, (environments, columns) uint32, and the distance to the nearest kink as a

@@ -745,8 +745,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
                 moved[0] -= rho * slip;
             }
             let image = L::project(moved, mu);
-            // The projection replaces NaN by a number. The product with 0 restores it.
-            let mut apart = ((lambda[0] - image[0]) * contact.rigid_fraction).square() + v[0] * R::zero();
+            let mut apart = ((lambda[0] - image[0]) * contact.rigid_fraction).square();
             for k in 1..N {
                 apart += (lambda[k] - image[k]).square();
             }

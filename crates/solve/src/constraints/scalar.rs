@@ -494,7 +494,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
                 (rho, inv_rho) = (rho / row.trace_ratio, inv_rho * row.trace_ratio);
             }
             let mapped = clamp(lambda - rho * v, row.lo, row.hi);
-            // The bounds replace NaN by a number. The product with 0 restores it.
+            // `clamp` replaces a velocity v that is NaN by a bound. The product of v with 0 restores the NaN.
             f(masked(row.active, (lambda - mapped).abs() * inv_rho + v * R::zero()));
         }
     }

@@ -20,9 +20,9 @@ from stepper.shared.machine import package_file
 _FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
 """Natural frequency (rad/s) and damping ratio of a servo that moves only the reflected rotor inertia. mjlab's gains follow from them."""
 PLAIN_REACH, ROUGH_REACH = 0.5, 1.0
-"""Largest distance of a servo's set point from the stance, as a fraction of the deflection at which the torque is largest.
+"""Largest distance of a servo's set point from the joint angle of the stance, on plain and on rough ground.
 
-The first is for plain ground, the second for rough ground. mjlab does not bound set points.
+The unit is the distance between set point and joint angle at which the servo has its largest torque. mjlab does not bound set points.
 """
 
 

@@ -110,7 +110,7 @@ impl Transfer {
             }
         }
         if let Some(density) = self.noise_density.iter().find(|x| self.uniform && **x != 0.0) {
-            // A density is that of Gaussian noise, and `noise_std` the half width.
+            // With uniform noise `noise_std` is a half width, to which no density can be added.
             return Err(DeviceError::Range { name: "noise_density", found: *density, must: "0 with uniform noise" });
         }
         if !self.matrix.is_empty() && (self.matrix.len() != dim * dim || !self.matrix.iter().all(|x| x.is_finite())) {

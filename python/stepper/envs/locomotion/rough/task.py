@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import ClassVar
 
 import numpy as np
@@ -81,7 +83,7 @@ class RoughTask(Task):
 
     Raises:
         TypeError: The terrain is no `Terrain`, or weights is no mapping.
-        ValueError: A noise, push or max_init_level is negative, or a weight belongs to no term or is not finite.
+        ValueError: A noise, push or max_init_level is negative or not finite, or a weight belongs to no term or is not finite.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -133,8 +135,9 @@ class RoughTask(Task):
         if not isinstance(self.terrain, Terrain):
             raise TypeError(f"terrain is {self.terrain!r}, must be a Terrain of stepper.envs.terrain, such as Terrain(sub_terrains=...)")
         for name in ("noise", "push", "max_init_level"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")
+            value = getattr(self, name)
+            if not isinstance(value, Real) or not 0.0 <= value < math.inf:
+                raise ValueError(f"{name} is {value!r}, must be a finite number of at least 0")
         check_weights(self.weights, TERMS)
 
     @property

@@ -5,7 +5,8 @@
 
 The script prints two tables. The first has the fraction of episodes in which the robot climbs five steps out of a pit in 20 s. The robot
 starts at a random heading, and is commanded to turn to the x axis and to walk along it. The second table has returns in the task itself,
-with all its randomisation and with the reward weights of the policy's training. Episodes end early after a fall, or when the robot leaves the terrain.
+with all its randomisation and with the reward weights of the policy's training. Episodes end early after a fall, or when the robot leaves
+the terrain.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@
 
 The script prints three tables. The first compares contacts on stairs with MuJoCo's. The second has the fraction of episodes in which the
 robot climbs five steps out of a pit in 20 s. The robot starts at a random heading, and is commanded to turn to the x axis and to walk along
-it. The third table has returns in the task itself, with all its randomisation and with the reward weights of the policy's training. Episodes
+it. The third table has returns in the task itself, with all its randomisation and the reward weights of the policy's training. Episodes
 end early after a fall, or when the robot leaves the terrain.
 """
 
@@ -167,7 +167,7 @@ def contact_normals(policy: Any, episodes: int) -> Iterator[str]:
     model = mujoco.MjModel.from_xml_string(origin.source)
     data = mujoco.MjData(model)
     observation, _ = envs.reset(seed=1)
-    found = {"MuJoCo's law": [], "MuJoCo": []}
+    found: dict[str, list[float]] = {"MuJoCo's law": [], "MuJoCo": []}
     for step in range(260):
         observation, *_ = envs.step(policy(observation))
         if step < 60 or step % 20:  # At first the robots are on the bottom of the pit.

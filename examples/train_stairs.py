@@ -102,7 +102,7 @@ class Go1Stairs(Go1Rough):
     def truncated(self, now: Moment) -> Array:
         """Whether the robot has left its tile, (num_envs,)."""
         away = now.qpos[:, :2] - now.episode_state["terrain_origin"][:, :2]
-        return super().truncated(now) | (np.abs(away).max(axis=1) > EDGE)
+        return np.asarray(super().truncated(now) | (np.abs(away).max(axis=1) > EDGE))
 
 
 # Scripts find the environment with the id "train_stairs:stepper/Go1Stairs-v0".

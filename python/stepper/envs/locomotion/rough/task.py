@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import ClassVar
 
 import numpy as np
@@ -136,7 +135,7 @@ class RoughTask(Task):
             raise TypeError(f"terrain is {self.terrain!r}, must be a Terrain of stepper.envs.terrain, such as Terrain(sub_terrains=...)")
         for name in ("noise", "push", "max_init_level"):
             value = getattr(self, name)
-            if not isinstance(value, Real) or not 0.0 <= value < math.inf:
+            if not isinstance(value, int | float | np.number) or not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} is {value!r}, must be a finite number of at least 0")
         check_weights(self.weights, TERMS)
 

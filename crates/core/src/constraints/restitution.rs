@@ -216,8 +216,9 @@ impl<R: Real> ConstraintProblem<R> {
     /// such impacts adds energy (Kane and Levinson, Dynamics: Theory and Applications, 1985, section 5.7). An inelastic impact always has a
     /// solution.
     ///
-    /// An impact is implausible if its friction adds more than `energy` (J), or if the rounding error of its impulse exceeds `max_rounding`
-    /// (m/s). In the lanes `unsolved`, all impacts become inelastic. In the lanes `all_or_none`, all do so if one is implausible.
+    /// An impact is implausible if friction at the impact adds more energy than `energy`, J. It is also implausible if the rounding error
+    /// of its impulse changes a velocity by more than `max_rounding`, m/s. In the lanes `unsolved`, all impacts become inelastic. In the
+    /// lanes `all_or_none`, all do so if one is implausible.
     pub(crate) fn drop_restitution(
         &mut self,
         impulses: &Iterate<R>,

@@ -47,7 +47,7 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) needs_scales: Vec<bool>,
     /// Squared scales of the entries of the rows of a block of equalities.
     pub(crate) entry_scales: Vec<R>,
-    /// Squared scales of the projection coefficients of the rows of a block of equalities.
+    /// Squared scales of the coefficients by which the eliminated rows are subtracted from the rows of a block of equalities.
     pub(crate) coefficient_scales: Vec<R>,
     /// Velocity terms of each row of a block of equalities, m/s: h/2 J' v, J v before the step, and the bias that corrects the position
     /// error.

@@ -34,8 +34,8 @@ pub(super) struct Block {
     pub(super) compliance: f64,
     /// Step of the constraint's natural map for the residual, kg: like `rho`, but without the additional compliance of the first row.
     natural_step: f64,
-    /// Factor that multiplies the residual of the constraint's first row. It removes the part due to a spring, so that an error of the
-    /// velocity remains.
+    /// Factor G / (G + R) for the residual of the constraint's first row, with the diagonal entry G of the Delassus matrix and the
+    /// additional compliance R of a spring. A velocity error of the row alone then remains.
     rigid_fraction: f64,
 }
 

@@ -109,7 +109,7 @@ reported! {
         ContactSlots = "contact slots",
         /// Number of constraint rows of limits, dry friction, equalities and tendons. All lanes have the same rows.
         ScalarRows = "scalar rows",
-        /// Number of Gauss-Seidel iterations (sweeps) of the solver.
+        /// Number of Gauss-Seidel iterations (sweeps) of the solver, as a sum over environments.
         Sweeps = "sweeps",
         /// Number of Gauss-Seidel iterations (sweeps) in the slowest lane of a group.
         SlowestSweeps = "sweeps of the slowest lane",

@@ -240,8 +240,8 @@ pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 /// the limits are 20 m/s and 200 rad/s.
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
-/// Part of a target velocity that the impulses of the position correction do not reach, m/s. Above this value, stage 8 tries to prove that
-/// the target positions are infeasible.
+/// Smallest unmet part of a target velocity, m/s, at which stage 8 tries to prove that the target positions are infeasible. The impulses of
+/// the position correction do not reach this part.
 pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
 /// Compliance that damps each constraint row of the position solve, as a fraction of the inverse inertia along the row.

@@ -70,8 +70,8 @@ pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, li
     })
 }
 
-/// Separation of two hulls along the facet of the Minkowski difference A - B near the direction `normal`, if the facet is certainly the
-/// nearest to the origin. `None` otherwise, and for other shapes.
+/// Separation of two hulls along the normal of a facet of their Minkowski difference A - B: the facet whose normal is near `normal`. `None`
+/// if another facet may be nearer to the origin, and for shapes that are not hulls.
 ///
 /// If `limits` exclude a contact, the result may be a lower bound.
 pub(super) fn facet(pair: &Pair<'_>, normal: V, limits: &SearchLimits) -> Option<Facing> {

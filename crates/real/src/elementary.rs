@@ -72,7 +72,8 @@ fn sin_reduced<R: Real>(x: R, low: R) -> R {
     x - ((z * (R::of(0.5) * low - cube * polynomial(z, others)) - low) - cube * R::splat(*first))
 }
 
-/// Cosine of x + low, for |x| <= pi/4 and |low| below half an ulp of x. The terms 1 - x^2/2 are summed first, with their rounding error.
+/// Cosine of x + low, for |x| <= pi/4 and |low| below half an ulp of x. The terms 1 - x^2/2 are summed first; the rounding error of
+/// this sum is added to the other terms.
 #[inline(always)]
 fn cos_reduced<R: Real>(x: R, low: R) -> R {
     let z = x * x;

@@ -200,10 +200,11 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Propagates the scales of the first component of `column` to ancestors, with the factors of the half solve (L^-T J^T).
+    /// Repeats the half solve (L^-T J^T) of the first component of `column` with squared scales in place of entries. The scale of an entry
+    /// is the size of the terms that it sums; an entry far below its scale is rounding error.
     ///
-    /// If all entries that the half solve adds to an entry are rounding errors, that entry then counts as rounding error too. In contrast,
-    /// [`Self::add_fill_scales`] takes the added entries as exact.
+    /// Use this function if entries may be rounding errors before the half solve: entries that are computed from them then have scales of
+    /// the same size. [`Self::add_fill_scales`] is for rows whose entries are exact before the half solve.
     #[inline(always)]
     pub(crate) fn propagate_scales(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let Self { dofs, scales, .. } = self;

@@ -88,7 +88,8 @@ impl Simulation {
         self.check_each_input(inputs, controls, self.num_envs)
     }
 
-    /// Checks the lengths of the input arrays of a call for `n` environments, array by array.
+    /// Checks the lengths of the input arrays of a call for `n` environments, array by array. `controls` is the number of controls that
+    /// follow one another in the call.
     #[cold]
     pub(super) fn check_each_input(&self, inputs: &StepInputs<'_>, controls: usize, n: usize) -> Result<(), Error> {
         let (nv, nu, nbody) = (self.model.nv(), self.model.nu(), self.model.bodies.len());

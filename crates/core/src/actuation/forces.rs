@@ -44,6 +44,10 @@
 //! * A servo is stiff if its added inertia is at least the inertia that it moves. If the solution gives a stiff servo another active bound,
 //!   the step assumes the new bound and solves again (`solve_velocities`).
 //! * For any other servo the added inertia stays as assumed, and stage 1 corrects the force: it clamps the force at the predicted velocity.
+//!
+//! Euler's rule predicts no velocity. With it, any servo with actuator dynamics that has another active bound leads to a new solve.
+//!
+//! Lengths, velocities and moment arms are in `site_wrench.rs`, limits of actuator models in `force_limits.rs`, losses in `losses.rs`.
 
 use stepper_real::{Mask, Real};
 

@@ -456,11 +456,11 @@ impl ActuatorPipeline {
         get(numbers, at + 2)
     }
 
-    /// Mean output of the lag over the step, for the input `u`. The function also stores the output for the next step.
+    /// Mean output of the lag over the step, for the input `u`.
     ///
-    /// Without a continuous servo, the function stores the output that the lag has at the end of this step. With one, the input depends on
-    /// the motion within this step, which is unknown yet. The function then advances the last stored output over the previous step, to
-    /// the beginning of this step, and stores it. `u` and the result exclude terms of length and velocity.
+    /// The function also stores an output, from which the next call continues. Without a continuous servo, it is the output at the end of
+    /// this step. With one, it is the output at the beginning of this step, because the input depends on the motion within this step. `u`
+    /// and the result exclude terms of length and velocity.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

@@ -1,4 +1,4 @@
-//! Actuators on sites: their moment arms depend on the configuration.
+//! Lengths, velocities and moment arms of actuators. The moment arms of actuators on sites depend on the configuration.
 
 use stepper_real::Real;
 

@@ -4,8 +4,8 @@
 //! The search has no memory of earlier steps, and runs lane by lane in scalar code. The centres of the balls are sorted into cells: cubes
 //! that are at least as wide as each of these balls. Geoms that can touch are therefore in neighbouring cells (Ericson, 2005, section 7.1).
 //! The keys of the cells are sorted, so that a row of cells along z is a range of the sorted list. While the search visits the cells in
-//! this order, it keeps the start of the range of each neighbouring row, which moves forward only. Geoms that are much larger or faster
-//! than the others have no cell, and are compared with all geoms.
+//! this order, it keeps the start of the range of each neighbouring row, which moves forward only. Very fast geoms, whose balls are more
+//! than twice as large as any geom, have no cell and are compared with all geoms.
 
 use stepper_real::{Real, Scalar};
 

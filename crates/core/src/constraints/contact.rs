@@ -56,13 +56,12 @@ fn least_lever<R: Real>() -> f64 {
 /// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Rounding in the model file
 /// gives such a contact a small approach speed.
 ///
-/// An overlap that nothing can correct must be reported once. Stage 8 reports a large one. Otherwise the residual reports it, so that any
-/// approach must count. The size of the overlap is measured by the speed at which it should be corrected, the difference of the two
-/// offsets. The resting speed is so small that a touching contact takes about a second to exceed the slop.
+/// Either stage 8 or the residual must report an overlap that nothing can correct. It is measured by the speed at which it should be
+/// corrected, the difference of the two offsets:
 ///
-/// * If this speed is at most the resting speed, the overlap needs no report. The result is the resting speed.
-/// * If this speed is above [`MIN_UNMET_TARGET`], stage 8 reports the overlap. The result is the resting speed.
-/// * Otherwise the residual must report the overlap. The result is 0, so that any approach counts.
+/// * Up to the resting speed, no report is needed, because the overlap takes about a second to exceed the slop.
+/// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap.
+/// * In between, the residual reports it: the result is 0, so that any approach counts. In the other cases it is the resting speed.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());

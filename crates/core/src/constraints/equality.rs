@@ -203,8 +203,8 @@ impl<R: Real> RowBuilder<R> {
     /// Repeats the half solve (L^-T J^T) of the first component of `column` with squared scales in place of entries. The scale of an entry
     /// is the size of the terms that it sums; an entry far below its scale is rounding error.
     ///
-    /// Use this function if entries may be rounding errors before the half solve. Entries that are computed from them then have scales of the
-    /// same size. [`Self::add_fill_scales`] is for rows whose entries are exact before the half solve.
+    /// Use this function if entries may be rounding errors before the half solve. Entries that are computed from them then have scales of
+    /// the same size. [`Self::add_fill_scales`] is for rows whose entries are exact before the half solve.
     #[inline(always)]
     pub(crate) fn propagate_scales(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let Self { dofs, scales, .. } = self;

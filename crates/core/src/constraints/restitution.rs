@@ -166,8 +166,8 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, for a velocity change that acts only after their impacts.
-    /// [`ConstraintProblem::shift`] has added the whole change to these offsets.
+    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, after a velocity change that acts evenly over the step. At the
+    /// time of an impact only a part of it has acted. [`ConstraintProblem::shift`] has added the whole change to these offsets.
     ///
     /// `change` is the change of the velocity after the step, in the scaled coordinates of the solver.
     #[inline(always)]
@@ -462,7 +462,7 @@ fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask
     }
 }
 
-/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts only after the impact.
+/// Factor by which a velocity change, which acts evenly over the step, corrects the offset of an impact's row.
 ///
 /// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
 #[inline(always)]

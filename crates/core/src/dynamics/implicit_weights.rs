@@ -10,7 +10,7 @@ pub struct ImplicitWeights<R> {
     /// Factor of the stiffness, s^2; zero makes springs explicit.
     pub stiffness: R,
     /// Time step, s. It determines the fraction of damping that a step evaluates at its end instead of its middle (see
-    /// [`crate::actuation::forces`]). If it is zero, the step evaluates no damping at its end.
+    /// [`crate::actuation::forces`]). If it is zero, this fraction is zero.
     pub step: R,
 }
 

@@ -57,7 +57,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) free_change: Vec<R>,
     /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
-    /// Velocity just before the impacts of the step, or its change by recomputed forces.
+    /// Velocity after a whole step with the forces before its impacts, or the change of this velocity by recomputed forces.
     pub(crate) before_impact: Vec<R>,
 }
 

@@ -21,7 +21,7 @@ use crate::tuning::MAX_IMPACT_ROTATION;
 /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
 ///
 /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. In
-/// moving lanes the prediction hardly depends on the previous impulses: it ignores them, or takes them as the first guess of an iteration.
+/// lanes whose bodies move, the impulses of the last step are at most the first guess of the prediction (`ImpulsePredictor` in stage 5).
 pub(crate) fn predict<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,

@@ -117,7 +117,7 @@ impl<R: Real> Assembler<'_, R> {
 /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`. Overwrites `change` and
 /// `before_impacts`.
 ///
-/// `before_impacts` is the change of the velocity just before the impacts, if a contact bounces within the step.
+/// `before_impacts` is the change of the velocity that the whole step would have without impacts, if a contact bounces within the step.
 pub(crate) fn shift_offsets<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,

@@ -221,7 +221,8 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// most the tolerance.
 ///
 /// The allowance for rounding is 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, above the default tolerance.
-/// Heavy boxes would creep into light ones at that residual, so that lanes with a contact group (`has_groups`) stop at a smaller one.
+/// With such a residual, heavy boxes would creep into light ones if the option `tolerance` permits it. Lanes with a contact group
+/// (`has_groups`) therefore stop at a smaller residual.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]

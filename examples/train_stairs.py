@@ -105,7 +105,6 @@ class Go1Stairs(Go1Rough):
         return np.asarray(super().truncated(now) | (np.abs(away).max(axis=1) > EDGE))
 
 
-# Scripts find the environment with the id "train_stairs:stepper/Go1Stairs-v0".
 ENVIRONMENT = "stepper/Go1Stairs-v0"
 """Id of the environment of the task on stairs."""
 if ENVIRONMENT not in gymnasium.registry:
@@ -118,34 +117,26 @@ if ENVIRONMENT not in gymnasium.registry:
     )
 
 
-class Teacher:
-    """Converts observations of the rough task to those of `Go1Velocity`, and actions of its policy to actions of the rough task.
+def teacher_actions(teacher: Policy, now: Moment) -> Array:
+    """Actions of the rough task, (num_envs, nu), that the policy of `Go1Velocity` chooses for a view of all environments.
 
-    Attributes:
-        policy: Policy from observations of `Go1Velocity` to set points, rad.
+    The function builds the observations of `Go1Velocity`. Set points of its actions become changes of set points from the stance.
     """
-
-    def __init__(self, policy: Policy):
-        self.policy = policy
-
-    def __call__(self, now: Moment) -> Array:
-        """Actions of the rough task, (num_envs, nu), from a view of all environments."""
-        model = now.sim.model
-        last = action_scale(model) * now.episode_state["last"]
-        parts = (
-            linear_velocity(now),
-            now.qvel[:, 3:6],
-            vertical(now),
-            command(now),
-            now.qpos[:, 7:] - stance(model),
-            now.qvel[:, 6:],
-            last,
-        )
-        actions: Array = (self.policy(np.hstack(parts)) - stance(model)) / action_scale(model)
-        return actions
+    model = now.sim.model
+    parts = (
+        linear_velocity(now),
+        now.qvel[:, 3:6],
+        vertical(now),
+        command(now),
+        now.qpos[:, 7:] - stance(model),
+        now.qvel[:, 6:],
+        action_scale(model) * now.episode_state["last"],
+    )
+    actions: Array = (teacher(np.hstack(parts)) - stance(model)) / action_scale(model)
+    return actions
 
 
-def imitate(run: Run, teacher: Teacher, *, rounds: int, steps: int) -> None:
+def imitate(run: Run, teacher: Policy, *, rounds: int, steps: int) -> None:
     """Stage 1: trains the actor of a run to act like the teacher.
 
     In the first round the teacher acts. In each later round it acts half as often as in the round before, and otherwise the actor does.
@@ -153,7 +144,7 @@ def imitate(run: Run, teacher: Teacher, *, rounds: int, steps: int) -> None:
 
     Args:
         run: Run, whose actor and observation moments change.
-        teacher: Teacher.
+        teacher: Policy of `Go1Velocity`.
         rounds: Number of rounds.
         steps: Number of actions per round, in each environment.
     """
@@ -163,7 +154,7 @@ def imitate(run: Run, teacher: Teacher, *, rounds: int, steps: int) -> None:
     for k in range(rounds):
         error = 0.0
         for _ in range(steps):
-            wanted = teacher(batch.now) / run.half
+            wanted = teacher_actions(teacher, batch.now) / run.half
             with torch.no_grad():
                 own = run.net.actor(run.normal(run.observation)).numpy()
             seen.append(run.observation.astype(np.float32))
@@ -228,7 +219,7 @@ def main() -> None:
     torch.set_num_threads(second.threads)
     if not (folders[0] / "checkpoint.pt").exists():
         run = Run(second)
-        imitate(run, Teacher(load(TEACHER)), rounds=6, steps=100)
+        imitate(run, load(TEACHER), rounds=6, steps=100)
         print("training the critic", flush=True)
         train_critic(run, updates=CRITIC_UPDATES)
         run.save(folders[0] / "checkpoint.pt")

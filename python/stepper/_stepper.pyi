@@ -704,7 +704,7 @@ class Model:
     def _requested_options(self) -> dict[str, Any]:
         """Dictionary of the options `contact`, `integrator` and `iterations` that the source file implies.
 
-        It is empty for models made in code. `Options.from_model` reads it.
+        The dictionary is empty for models made in code. `Options.from_model` reads it.
         """
     def pair(self, key: str | int) -> Pair:
         """Explicit pair of geoms by name or index (negative from the end).

@@ -251,7 +251,7 @@ def test_what_is_real_is_registered(envs):
         made.reset(seed=0)
         assert np.isfinite(made.step(made.action_space.sample())[0]).all()
         assert envs.sim.sensors is None and envs.sim.actuators is None
-    with pytest.raises(ValueError, match="noise is -1, must be at least 0"):
+    with pytest.raises(ValueError, match="noise is -1, must be at least 0 and finite"):
         Go1Velocity(noise=-1)
 
 

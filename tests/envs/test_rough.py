@@ -321,7 +321,7 @@ def test_every_robot_has_what_the_terms_need():
     with pytest.raises(TypeError, match="weights is 'pose', must be a mapping"):
         Go1Rough(weights="pose")
     for wrong in (-1.0, np.inf, "loud"):
-        with pytest.raises(ValueError, match=r"noise is .*, must be a finite number of at least 0"):
+        with pytest.raises(ValueError, match=r"noise is .*, must be at least 0 and finite"):
             Go1Rough(noise=wrong)
 
 

@@ -242,8 +242,9 @@ fn part_ends(span: Option<Span>) -> [u64; READINGS] {
 
 /// Meter for a [`Recorder`] that measures the cost of the instrumentation itself, with empty spans.
 ///
-/// It makes callgrind write the instruction counts since its last call, under the first name of [`EMPTY`] if `span` has just ended, and
-/// under the second one for the code outside all spans (`None`). The returned readings are zeros, because callgrind keeps the counts.
+/// Callgrind writes the instruction counts since the last call of this function: under the first name of [`EMPTY`] if `span` has just
+/// ended, and under the second one for the code outside all spans (`None`). The returned readings are zeros, because callgrind keeps the
+/// counts.
 fn empty_ends(span: Option<Span>) -> [u64; READINGS] {
     EMPTY_NAMES.with(|names| write_down(&names[usize::from(span.is_none())]));
     [0; READINGS]

@@ -115,9 +115,9 @@ fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Sepa
 
 /// Depth up to which a found local minimum of the penetration depth is certainly the least over all directions, m.
 ///
-/// It is the larger of two numbers. One is the depth of a closest point of one shape below the surface of the other. The other is the
-/// radius of a ball that can roll along the whole inner surface of the shapes' Minkowski difference. That ball contains the ball around
-/// the origin whose radius is the found depth.
+/// This depth is the larger of two numbers. One is the depth of a closest point of one shape below the surface of the other. The other is
+/// the radius of a ball that can roll along the whole inner surface of the shapes' Minkowski difference. That ball contains the ball
+/// around the origin whose radius is the found depth.
 fn certain_depth(pair: &Pair<'_>, found: &Separation) -> f64 {
     let [x, y] = found.points;
     let of_points = pair.a.depth_of(y).max(pair.b.depth_of(rotate_back(&pair.mat, sub(x, pair.pos))));

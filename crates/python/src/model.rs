@@ -427,7 +427,7 @@ impl Model {
 
     /// Dictionary of the options `contact`, `integrator` and `iterations` that the source file implies.
     ///
-    /// It is empty for models made in code. `Options.from_model` reads it.
+    /// The dictionary is empty for models made in code. `Options.from_model` reads it.
     fn _requested_options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let settings = PyDict::new(py);
         if self.core.requested.is_some() {

@@ -1,7 +1,8 @@
 //! Augmented-Lagrangian Newton: the robust solver, for the lanes that sweeps do not bring to the tolerance.
 //!
-//! It solves each island (set of coupled constraints) of each lane in scalar f64. The unknown is w, whose metric is the identity. The
-//! problem is convex if De Saxce's terms `s_i = mu_i |v_t,i|` are constant. The proximal method solves it by a few minimisations over w of
+//! The solver treats each island (set of coupled constraints) of each lane in scalar f64. The unknown is w, whose metric is the identity.
+//! The problem is convex if De Saxce's terms `s_i = mu_i |v_t,i|` are constant. The proximal method solves it by a few minimisations over
+//! w of
 //!
 //! ```text
 //! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)

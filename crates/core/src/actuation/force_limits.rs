@@ -11,7 +11,7 @@ use crate::dynamics::implicit_weights::ImplicitWeights;
 ///
 /// The force is `f = clamp(clamp(affine, limits), +-stall - back_emf v)`. It is piecewise affine in the motion. The active bound selects
 /// the affine piece, which the step treats implicitly. The step finds the active bound by semismooth Newton iterations (Qi & Sun 1993).
-/// It solves with an assumed active bound, and then assumes the active bound of the solution.
+/// Each iteration solves with an assumed active bound, and then assumes the active bound of the solution.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoundedForce<R: Real> {
     /// Explicit part and added inertia of the affine force, before clamping.

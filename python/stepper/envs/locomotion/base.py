@@ -35,6 +35,14 @@ def linear_velocity(now: Moment) -> Array:
     return in_base(now, now.qvel[:, :3])
 
 
+def check_sizes(task: object, *names: str) -> None:
+    """Raise ValueError if one of the fields `names` of a task is not a finite number of at least 0."""
+    for name in names:
+        value = getattr(task, name)
+        if not isinstance(value, Real) or not 0.0 <= float(value) < math.inf:
+            raise ValueError(f"{name} is {value!r}, must be at least 0 and finite")
+
+
 def check_weights(weights: Mapping[str, float] | None, terms: Collection[str]) -> None:
     """Check the weights of a reward.
 

@@ -14,7 +14,7 @@ from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, DCMotor, Drive
 from stepper.envs.assets import cache_per_model
 from stepper.envs.locomotion import terrain
-from stepper.envs.locomotion.base import check_weights, frame, linear_velocity, stance
+from stepper.envs.locomotion.base import check_sizes, check_weights, frame, linear_velocity, stance
 from stepper.envs.task import Array, Moment, Observation, Task, Terms, per_moment, square_sum
 from stepper.sensors import SensorModel, SensorSpec, Transfer
 from stepper.shared.rotations import about_vertical
@@ -116,9 +116,7 @@ class VelocityTask(Task):
             raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
         if not 0.0 <= self.roughness <= 1.0:
             raise ValueError(f"roughness is {self.roughness}, must be from 0 to 1 m")
-        for name in ("noise", "sight"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")
+        check_sizes(self, "noise", "sight")
         if self.motors and not self.MOTORS:
             raise ValueError(f"{type(self).__name__} has no `MOTORS`: define the curves of its motors in the class, or leave motors=False")
         check_weights(self.weights, self.WEIGHTS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.locomotion.base import check_weights, in_base, linear_velocity, stance
+from stepper.envs.locomotion.base import check_sizes, check_weights, in_base, linear_velocity, stance
 from stepper.envs.locomotion.rough.commands import (
     STAGES,
     Stages,
@@ -133,10 +132,7 @@ class RoughTask(Task):
     def __post_init__(self) -> None:
         if not isinstance(self.terrain, Terrain):
             raise TypeError(f"terrain is {self.terrain!r}, must be a Terrain of stepper.envs.terrain, such as Terrain(sub_terrains=...)")
-        for name in ("noise", "push", "max_init_level"):
-            value = getattr(self, name)
-            if not isinstance(value, int | float | np.number) or not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} is {value!r}, must be a finite number of at least 0")
+        check_sizes(self, "noise", "push", "max_init_level")
         check_weights(self.weights, TERMS)
 
     @property

@@ -446,3 +446,29 @@ def test_the_report_names_sensors(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "sensing: 1 times a sample of a sensor was lost" in said
     assert "first in row 1, environment 0; readings: gyro 3" in said
+
+
+@pytest.mark.parametrize("field", ["actuator_gainprm", "actuator_biasprm", "pair_friction", "geom_friction"])
+def test_fields_of_elements_that_a_model_does_not_have_are_replayed(tmp_path, field):
+    """A model without actuators and pairs has arrays of no elements for them."""
+    model = stepper.load('<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody></mujoco>')
+    sim = stepper.Stepper(model, 2)
+    values = getattr(model, field)
+    with sim.record(tmp_path / "run"):
+        sim.randomize(**{field: np.broadcast_to(values, (2, *values.shape))})
+        sim.step()
+    assert stepper.replay(tmp_path / "run")
+
+
+def test_sensors_with_a_limit_per_environment_are_replayed(tmp_path):
+    model = stepper.load(
+        '<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody><sensor><jointpos joint="j"/></sensor></mujoco>'
+    )
+    sensors = stepper.SensorModel(default=stepper.Transfer(limits=(0.0, np.array([0.5, 2.0]))))
+    sim = stepper.Stepper(model, 2, sensors=sensors)
+    sim.set_state(qpos=[1.0])
+    with sim.record(tmp_path / "run"):
+        sim.step()
+    assert sim.sensordata.ravel().tolist() == [0.5, 1.0]
+    assert stepper.replay(tmp_path / "run")
+    assert sensors == stepper.SensorModel.from_dict(sensors.to_dict())

@@ -195,7 +195,7 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
     for name, values in rows.items():
         shape = np.shape(getattr(sim.model, name))
         full = np.zeros((n, *shape))
-        full[mask] = values.reshape(-1, *shape)
+        full[mask] = values.reshape(len(values), *shape)
         drawn[name] = full if sim.num_envs is not None else full[0]
     if "actuators" in arrays:
         drawn["actuators"] = ActuatorModel.from_dict(json.loads(str(arrays["actuators"]))).spread(mask)

@@ -69,7 +69,7 @@ class SensorModel:
 
         def plain(transfer: Transfer) -> dict[str, Any]:
             given = {name: value for name, value in asdict(transfer).items() if value is not None}
-            return {name: np.asarray(value).tolist() if name != "noise" else value for name, value in given.items()}
+            return {name: _plain(value) for name, value in given.items()}
 
         out: dict[str, Any] = {"sensors": {name: plain(transfer) for name, transfer in self.named.items()}}
         return out | ({"default": plain(self.default)} if self.default else {})
@@ -112,6 +112,13 @@ class SensorModel:
 
     def __repr__(self) -> str:
         return f"SensorModel({self.named!r}, default={self.default!r})"
+
+
+def _plain(value: Any) -> Any:
+    """Value of a field of a transfer function without arrays: arrays, also those in a pair of limits, become lists."""
+    if isinstance(value, tuple):
+        return [_plain(end) for end in value]
+    return value if isinstance(value, str) else np.asarray(value).tolist()
 
 
 def _chosen(transfer: Transfer, index: np.ndarray[Any, Any]) -> Transfer:

@@ -471,3 +471,17 @@ def test_the_compilers_warnings_are_pythons(tmp_path, monkeypatch):
         model = stepper.load(old)
     assert model.body_mass[1] == pytest.approx(2.0)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("limit", ["", 'actuatorfrcrange="-1 1"'])
+def test_gravity_compensation_by_actuators_is_listed_and_is_an_error_only_where_it_changes_the_motion(limit):
+    """MuJoCo counts it as an actuator force; here it is a passive one, which readings of actuator forces do not contain."""
+    scene = f"""<mujoco><worldbody><body gravcomp="1"><joint name="j" axis="0 1 0" actuatorgravcomp="true" {limit}/>
+    <geom size=".1" mass="1" pos=".5 0 0"/></body></worldbody></mujoco>"""
+    if limit:
+        with pytest.raises(stepper.ModelError, match="joint gravity compensation j"):
+            stepper.load(scene)
+    else:
+        ((kind, name, reason),) = stepper.load(scene).omitted
+        assert (kind, name) == ("joint gravity compensation", "j")
+        assert "qfrc_actuator and jointactuatorfrc do not contain" in reason

@@ -150,9 +150,12 @@ def _joints(source: Source) -> None:
         name, dofs = source.label("JOINT", i), source.dofs(i)
         if np.any(m.jnt_stiffnesspoly[i]) and not source.off("spring"):
             source.leave_out("joint spring polynomial", name, "stiffness that grows with deflection is not simulated; the linear part is")
-        if m.jnt_actgravcomp[i] and m.jnt_actfrclimited[i] and np.any(m.body_gravcomp) and not source.skips_passive_forces:
-            reason = "gravity compensation acts as a passive force, which actuatorfrcrange does not limit"
-            source.leave_out("joint gravity compensation", name, reason)
+        if m.jnt_actgravcomp[i] and np.any(m.body_gravcomp) and not source.skips_passive_forces:
+            reason = "gravity compensation acts as a passive force, which qfrc_actuator and jointactuatorfrc do not contain"
+            limited = bool(m.jnt_actfrclimited[i])
+            if limited:
+                reason += " and actuatorfrcrange does not limit"
+            source.leave_out("joint gravity compensation", name, reason, changes_motion=limited)
         if m.jnt_springyield[i] and m.jnt_stiffness[i] and not source.off("spring"):
             source.leave_out("joint spring yield", name, "plastic yielding of springs is not simulated; the spring stays elastic")
         if np.any(m.dof_dampingpoly[dofs]) and not source.off("damper"):

@@ -169,3 +169,24 @@ def test_a_stiff_servo_on_a_site_is_stable(target, integrator):
         assert sim.status == stepper.Status.OK
         # The arms turn with the bodies, which the rules take to second order (midpoint) and first order.
         assert sim.energy()[1] < 1.2 * energy
+
+
+@pytest.mark.parametrize("interp", ["zoh", "linear"])
+@pytest.mark.parametrize("samples", [1, 2, 5])
+@pytest.mark.parametrize("delay", [0.3, 1, 1.5, 3])
+def test_controls_are_as_late_as_mujocos(delay, samples, interp):
+    """Delays below a step, and buffers that are too short for the delay. Delays in steps."""
+    # A power of two: sums of time steps have no rounding error, which could delay MuJoCo's samples by a step.
+    h = 1 / 256
+    scene = f"""<mujoco><option timestep="{h}" gravity="0 0 0"/>
+    <worldbody><body><joint name="j" type="slide"/><geom size=".1" mass="1"/></body></worldbody>
+    <actuator><motor joint="j" delay="{delay * h}" nsample="{samples}" interp="{interp}"/></actuator></mujoco>"""
+    compiled = mujoco.MjModel.from_xml_string(scene)
+    data, model = mujoco.MjData(compiled), stepper.load(compiled)
+    sim = stepper.Stepper(model, options=stepper.Options.from_model(model))
+    for k in range(20):
+        data.ctrl[:] = k
+        mujoco.mj_step(compiled, data)
+        sim.step([float(k)])
+        # A mass of 1 kg: the velocity is the sum of the controls times h. Rounding of twenty sums.
+        assert np.allclose(sim.qvel, data.qvel, rtol=1e-12)

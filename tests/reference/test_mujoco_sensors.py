@@ -271,3 +271,37 @@ def test_rays_and_distances_are_mujocos():
         np.testing.assert_allclose(sim.sensordata_ideal, expected, rtol=0, atol=BOUND)
         hits += expected[0] > 0
     assert 50 < hits < 300
+
+
+@pytest.mark.parametrize("interp", ["zoh", "linear"])
+@pytest.mark.parametrize("samples", [0, 1, 2, 5])
+@pytest.mark.parametrize("interval", [0, 1, 3])
+@pytest.mark.parametrize("delay", [0, 0.3, 0.5, 1, 1.5, 3])
+def test_readings_are_as_late_as_mujocos(delay, interval, samples, interp):
+    """Delays below a step, buffers that are too short for the delay, and intervals without a buffer. Times in steps."""
+    # A power of two: sums of time steps have no rounding error, which could delay MuJoCo's samples by a step.
+    h = 1 / 256
+    scene = f"""<mujoco><option timestep="{h}" gravity="0 0 0"/>
+    <worldbody><body><joint name="j" type="slide"/><geom size=".1" mass="1"/></body></worldbody>
+    <sensor><jointpos joint="j" delay="{delay * h}" interval="{interval * h}" nsample="{samples}" interp="{interp}"/></sensor>
+    </mujoco>"""
+    try:
+        compiled = mujoco.MjModel.from_xml_string(scene)
+    except ValueError:
+        pytest.skip("MuJoCo refuses a delay without samples")
+    model = stepper.load(compiled, strict=False)
+    if model.omitted:
+        assert "interpolation" in model.omitted[0][0]
+        pytest.skip("listed as an omission")
+    data = mujoco.MjData(compiled)
+    sim = stepper.Stepper(model, sensors=stepper.SensorModel.from_mjcf(model), options=stepper.Options.from_model(model))
+    data.qvel[:] = 1
+    sim.set_state(qvel=[1.0])
+    theirs, ours = [], []
+    for _ in range(24):
+        mujoco.mj_step(compiled, data)
+        theirs.append(data.sensordata[0] / h)
+        ours.append(float(sim.sensordata[0]) / h)
+        sim.step()
+    # At unit speed, a position in steps is the time of the sample. MuJoCo's reading after a step is that of the state before it.
+    assert np.allclose(ours, theirs, atol=1e-9)

@@ -95,10 +95,25 @@ def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str)
 def delay(source: Source, a: int) -> tuple[float, int]:
     """Delay of an actuator's control, s, and its interpolation: `PREVIOUS`, `LINEAR` or `CUBIC`.
 
-    The delay is at most the length of the actuator's history buffer. `a` is the index of the actuator in MuJoCo's model.
+    `a` is the index of the actuator in MuJoCo's model.
     """
     samples, between = (int(x) for x in source.m.actuator_history[a])
-    return min(float(source.m.actuator_delay[a]), samples * float(source.m.opt.timestep)), between
+    step = float(source.m.opt.timestep)
+    return delay_in_buffer(float(source.m.actuator_delay[a]), samples, step, step), between
+
+
+def delay_in_buffer(delay: float, samples: int, interval: float, step: float) -> float:
+    """Delay of a value that is read from a buffer of MuJoCo, s.
+
+    The buffer has the values of earlier steps only, so that a delay is at least one step. It is at most the age of the oldest value.
+
+    Args:
+        delay: Nominal delay, s; 0 if the value is not delayed.
+        samples: Number of values in the buffer.
+        interval: Time between two values, s.
+        step: Time step, s.
+    """
+    return min(max(delay, step), (samples - 1) * interval + step) if delay and samples else 0.0
 
 
 def is_whole(time: float, step: float) -> bool:

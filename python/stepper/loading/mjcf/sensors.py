@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from stepper.loading.mjcf.actuators import CUBIC, PREVIOUS, is_whole
+from stepper.loading.mjcf.actuators import CUBIC, PREVIOUS, delay_in_buffer, is_whole
 from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SDF, SPHERE, Description, Source
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
@@ -103,7 +103,9 @@ def _history(source: Source, i: int, word: str, name: str) -> Description:
     m, step = source.m, float(source.m.opt.timestep)
     samples, between = (int(x) for x in m.sensor_history[i])
     interval, phase = (float(x) for x in m.sensor_interval[i])
-    delay = min(float(m.sensor_delay[i]), samples * (interval or step))
+    # Without a buffer of samples, MuJoCo reads the sensor in every step.
+    interval = interval if samples else 0.0
+    delay = delay_in_buffer(float(m.sensor_delay[i]), samples, interval or step, step)
     if phase:
         source.leave_out(
             f"sensor {word} phase",

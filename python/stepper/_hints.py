@@ -17,7 +17,7 @@ from stepper._other_names import EARLIER_SELECTORS, NEW_KEYWORDS, NEW_KEYWORDS_O
 from stepper._stepper import Model, Stepper
 
 T = TypeVar("T")
-_RESULT = "it is a result of the simulation, which cannot be set"
+_RESULT = "each step computes it from the state, which sim.set_state(...) sets"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
 """Advice for error messages about assignments to attributes of a model, by attribute. Attributes without advice here follow from the
 file."""

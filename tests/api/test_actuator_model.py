@@ -275,9 +275,11 @@ def test_numbers_out_of_range_are_named(drive, message):
     (lambda: ActuatorModel({"a": PID(kp=1)}), "must be a stepper.Drive"),
     (lambda: Drive(servo=DCMotor()), "must be a stepper.actuators.PID"),
     (lambda: Drive(lag="slow"), "lag is 'slow'"),
-    (lambda: DCMotor(stall_torque=1.0), "give both"),
+    (lambda: DCMotor(stall_torque=1.0), "stall_torque is 1.0 and no_load_speed is None: give both, or neither"),
     (lambda: DCMotor(control="current"), "must be 'torque' or 'voltage'"),
     (lambda: Drive(limits=(1, 2, 3)), "limits"),
+    (lambda: ActuatorModel.from_dict([]), r"actuators is \[\], must be a dict such as"),
+    (lambda: ActuatorModel.from_file(3), r"path is 3 \(int\), must be a path"),
 ])  # fmt: skip
 def test_what_cannot_be_said(make, message):
     with pytest.raises((TypeError, ValueError), match=message):

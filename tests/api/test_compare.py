@@ -17,8 +17,8 @@ def test_a_ball_that_falls_a_millimetre():
     found = stepper.lab.compare(BALL, seconds=1.0, num_envs=2, start=(np.tile([0, 0, 0.101, 1, 0, 0, 0], (2, 1)), np.zeros((2, 6))))
     figures = found.figures()
     assert list(figures) == ["hard", "MuJoCo's law", "MuJoCo"]
-    assert figures["hard"]["deepest overlap, mm"] < 0.02  # twice the slop, which is left alone
-    assert figures["MuJoCo's law"]["deepest overlap, mm"] > 0.1
+    assert figures["hard"]["largest penetration, mm"] < 0.02  # twice the slop, which is left alone
+    assert figures["MuJoCo's law"]["largest penetration, mm"] > 0.1
     for name, value in figures["MuJoCo"].items():
         # The same law, and no chaos in a ball that falls: six digits, since energy and depth are differences.
         assert math.isclose(figures["MuJoCo's law"][name], value, rel_tol=1e-6, abs_tol=1e-9), name
@@ -59,11 +59,19 @@ def test_settings_hold_for_both_laws():
 
 @pytest.mark.parametrize(("given", "words"), [
     ({"seconds": 0.0}, "seconds is 0.0"),
-    ({"num_envs": 0}, "num_envs is 0"),
+    ({"num_envs": 0}, "num_envs is 0, must be a whole number of at least 1"),
+    ({"num_envs": "8"}, "num_envs is '8', must be a whole number of at least 1"),
+    ({"seconds": "2"}, "seconds is '2', must be a number"),
+    ({"seed": -1}, "seed is -1, must be a whole number of at least 0"),
+    ({"options": "euler"}, r"options is 'euler' \(str\), must be a stepper.Options"),
+    ({"start": 3}, "start is 3, must be two arrays, qpos and qvel"),
+    ({"controller": []}, r"controller has shape \(0,\), must be \(steps, 0\) or \(steps, 8, 0\)"),
+    ({"controller": "zero"}, "controller is 'zero', must be an array of numbers"),
+    ({"reward": 1.0}, "reward is 1.0, must be a function"),
     ({"start": (np.zeros((1, 7)), np.zeros((1, 6)))}, r"start has shapes \(1, 7\) and \(1, 6\), must be \(8, 7\) and \(8, 6\)"),
 ])  # fmt: skip
 def test_what_is_wrong_is_named(given, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises((TypeError, ValueError), match=words):
         stepper.lab.compare(BALL, **given)
 
 

@@ -58,10 +58,13 @@ def test_it_is_asked_in_the_frame_of_a_sensor(place):
         ({"width": np.array([1.0, np.nan]), "height": 1.0}, "width is"),
         ({"width": 1.0, "height": 1.0, "near": 2.0, "far": 1.0}, "near is 2.0 and far is 1.0"),
         ({"width": 1.0, "height": 1.0, "near": -1.0}, "near is -1.0"),
+        ({"width": "wide", "height": 1.0}, "width is 'wide', must be an array of numbers"),
+        ({"width": 1.0, "height": 1.0, "near": None}, "near is None and far is inf, must be distances"),
+        ({"width": 1.0, "height": 1.0, "far": [1.0, 2.0]}, r"far is \[1.0, 2.0\], must be distances"),
     ],
 )
 def test_a_wrong_view_is_named(given, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         stepper.sensors.FieldOfView(**given)
 
 
@@ -69,5 +72,7 @@ def test_rows_that_are_no_positions_are_named():
     view = stepper.sensors.FieldOfView(width=1.0, height=1.0)
     with pytest.raises(ValueError, match=r"position has the shape \(2, 2\), must be \(num_envs, 3\)"):
         view.sees(np.zeros((2, 2)))
+    with pytest.raises(TypeError, match=r"position is \[\['a'\]\], must be an array of numbers"):
+        view.sees([["a"]])
     with pytest.raises(ValueError, match=r"reading has the shape \(2, 3\) and last \(1, 3\)"):
         view.detect(np.zeros((2, 3)), np.zeros((1, 3)))

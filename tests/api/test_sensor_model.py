@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import stepper
 from stepper import SensorModel, Transfer
-from stepper.sensors import Combination, RayFan, devices
+from stepper.sensors import Combination, RayFan, SensorSpec, devices
 
 SCENE = """
 <mujoco>
@@ -307,6 +307,8 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
         ({"fan": RayFan("eye", "up")}, ValueError, r"sensor 'fan': rays is 'up', must be an array"),
         ({"fan": RayFan("eye", [[1, 0, 0], [1]])}, ValueError, r"sensor 'fan': rays is .* must be an array"),
         ({"fan": RayFan("eye", [[1, 0, 0]], data="distance")}, TypeError, r"sensor 'fan': data is 'distance', must be a sequence"),
+        ({"fan": RayFan("eye", [[1, 0, 0]], geoms=3)}, TypeError, r"sensor 'fan': geoms is 3, must be a sequence of strings"),
+        ({"fan": SensorSpec(type=[], site="eye")}, ValueError, r"sensor 'fan': there is no type \[\]; the types are: jointpos"),
         ({"sum": Combination(["gyro"])}, TypeError, r"sensor 'sum': terms is \['gyro'\], must be a mapping"),
         ({"sum": Combination({"gyro": None})}, TypeError, r"sensor 'sum': the coefficient of 'gyro' is None, must be a number"),
         ({3: Combination({"gyro": 1.0})}, TypeError, r"sensor 3: its name must be a string"),
@@ -396,3 +398,14 @@ def test_a_wrong_seed_is_named_and_nothing_starts(model, seed, error, words):
     with pytest.raises(error, match=words):
         sim.reset(seed=seed)
     assert (sim.time > 0).all()
+
+
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda: devices.encoder("12"), "bits is '12', must be a whole number from 1 to 40"),
+    (lambda: devices.encoder(12, turn=None), "turn is None, must be a number"),
+    (lambda: devices.encoder_velocity(12, -0.01), "period is -0.01, must be a finite number above 0"),
+    (lambda: devices.find([]), r"there is no device \[\]; the devices are: adis16470_accelerometer"),
+])  # fmt: skip
+def test_wrong_arguments_of_devices_are_named(call, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        call()

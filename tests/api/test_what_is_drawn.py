@@ -340,7 +340,7 @@ def command(monkeypatch, capsys):
 
 @pytest.mark.parametrize(("arguments", "said"), [
     (("nothing.xml",), "nothing.xml"),
-    (("nothing/Nothing-v5",), "is no file, no recording and no environment"),
+    (("nothing/Nothing-v5",), "is neither a file nor a recording nor an environment"),
     (("CartPole-v1",), "CartPole-v1 is an environment of another simulator"),
     (("tests",), "tests is a folder without run.json"),
     (("examples/policies/ant.npz",), "is a policy, and runs in an environment: film it with stepper evaluate"),
@@ -350,7 +350,7 @@ def command(monkeypatch, capsys):
     (("a.xml", "--actions", "zero"), "--actions has no effect on a model, and a.xml is one"),
     (("stepper/Hopper-v5", "--keyframe", "home"), "--keyframe has no effect on an environment, and stepper/Hopper-v5 is one"),
     # Its name has what might be the ending of a file.
-    (("stepper/dm_control.nothing-nothing-v0",), "is no file, no recording and no environment"),
+    (("stepper/dm_control.nothing-nothing-v0",), "is neither a file nor a recording nor an environment"),
 ])  # fmt: skip
 def test_the_command_says_what_is_wrong(command, monkeypatch, arguments, said):
     monkeypatch.chdir(ROOT)

@@ -358,7 +358,7 @@ def test_what_is_wrong_with_a_state_is_said():
         envs.get_state()
     with pytest.raises(ResetNeeded, match="before get_state"):
         StepperEnv("HalfCheetah").get_state()
-    with pytest.raises(ResetNeeded, match="others have not begun"):
+    with pytest.raises(ResetNeeded, match="some environments have no episode yet"):
         envs.set_state(STATE.get_state(), envs=[1])
     with pytest.raises(ValueError, match="qvel is given together with a state"):
         envs.set_state(STATE.get_state(), np.zeros(9))

@@ -159,20 +159,52 @@ def test_slopes_have_no_boxes():
 @pytest.mark.parametrize(("given", "said"), [
     ({"sub_terrains": {}}, "sub_terrains is empty"),
     ({"num_rows": 0}, "num_rows is 0, must be a whole number"),
-        ({"num_rows": "3"}, "num_rows is '3', must be a whole number"),
+    ({"num_rows": "3"}, "num_rows is '3', must be a whole number of at least 1"),
+    ({"size": "8"}, "size is '8', must be a number"),
+    ({"size": -8.0}, "size is -8.0, must be a finite number of at least 0"),
+    ({"size": np.nan}, "size is nan, must be a finite number"),
+    ({"horizontal_scale": None}, "horizontal_scale is None, must be a number"),
+    ({"difficulty_range": 0.5}, "difficulty_range is 0.5, must be two numbers"),
+    ({"seed": 1.5}, "seed is 1.5, must be a whole number of at least 0"),
+    ({"seed": -1}, "seed is -1, must be a whole number of at least 0"),
     ({"size": 8.05}, "size is 8.05 m, must be a whole number of cells of 0.1 m"),
     ({"border_width": 0.25}, "border_width is 0.25 m"),
     ({"horizontal_scale": 0.0}, "horizontal_scale is 0.0"),
     ({"difficulty_range": (0.5, 0.2)}, "difficulty_range"),
 ])  # fmt: skip
 def test_wrong_arguments_are_errors(given, said):
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises((TypeError, ValueError), match=said):
         Terrain(**({"sub_terrains": {"flat": terrain.Flat()}} | given))
 
 
-def test_wrong_arguments_of_kinds_are_errors():
-    with pytest.raises(ValueError, match="border_width of Gap is -1"):
-        terrain.Gap(border_width=-1.0)
+@pytest.mark.parametrize(("kind", "given", "message"), [
+    (terrain.Gap, {"border_width": -1.0}, "border_width of Gap is -1.0, must be a finite number of at least 0"),
+    (terrain.Flat, {"proportion": "8"}, "proportion of Flat is '8', must be a number"),
+    (terrain.RandomRough, {"height_range": 0.1}, r"height_range of RandomRough is 0.1, must be two numbers, such as \(0.0, 0.1\)"),
+    (terrain.RandomRough, {"height_range": (-0.1, 0.1)}, "height_range of RandomRough is -0.1, must be a finite number of at least 0"),
+    (terrain.RandomRough, {"spacing": 0.0}, "spacing of RandomRough is 0.0, must be a finite number above 0"),
+    (terrain.Wave, {"num_waves": None}, "num_waves of Wave is None, must be a whole number"),
+    (terrain.DiscreteObstacles, {"width_range": (1.0, 0.3)}, r"width_range of DiscreteObstacles is \(1.0, 0.3\), must be two widths"),
+])  # fmt: skip
+def test_wrong_arguments_of_kinds_are_errors(kind, given, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        kind(**given)
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"terrain": None}, "terrain is None, must be a stepper.envs.terrain.Terrain"),
+    ({"max_init_level": 0.5}, "max_init_level is 0.5, must be a whole number"),
+    ({"spread": "near"}, "spread is 'near', must be a number"),
+])  # fmt: skip
+def test_wrong_arguments_of_curricula_are_errors(given, message):
+    with pytest.raises(TypeError, match=message):
+        TerrainCurriculum(**({"terrain": GROUND} | given))
+
+
+@pytest.mark.parametrize("stages", [None, 3, [0, 1000], "8"])
+def test_stages_that_are_no_pairs_are_errors(stages):
+    with pytest.raises(TypeError, match=r"stages is .*, must be pairs of a number of actions and values"):
+        stage_of(np.zeros(3), stages)
 
 
 GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)

@@ -95,7 +95,7 @@ def test_a_recording_with_resets_forces_and_a_mask(tmp_path):
 
 @pytest.mark.parametrize(("change", "message"), [
     (lambda t: t.pop("time"), "there is no column 'time'; add one"),
-    (lambda t: t["time"].__setitem__(slice(50, None), t["time"][50:] + 0.01), "not equally far apart"),
+    (lambda t: t["time"].__setitem__(slice(50, None), t["time"][50:] + 0.01), "not equally spaced"),
     (lambda t: t.update(ctrl=t["ctrl"][:, :0]), r"ctrl has 0 columns, must have 1"),
     (lambda t: t["ctrl"].__setitem__(7, np.nan), "ctrl of row 7 is not finite"),
     (lambda t: t.update(time=1.1 * t["time"] + 0.0), r"no whole number of time steps.*choose options=stepper.Options\(timestep=0.002\)"),
@@ -124,8 +124,9 @@ def test_cells_lines_and_names(tmp_path):
     file.write_text("time,ctrl,box_y\n0,0,0\n0.02,0,0\n0.04,0,0\n")
     with pytest.raises(KeyError, match="no sensor or coordinate is named 'box_y'; did you mean box_x"):
         stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
-    with pytest.raises(FileNotFoundError):
-        stepper.sysid.identify(MODEL, tmp_path / "none.csv", ["body_mass[box]"])
+    for name in ("none.csv", "none"):
+        with pytest.raises(FileNotFoundError, match=rf"there is no .* file '.*{name}'"):
+            stepper.sysid.identify(MODEL, tmp_path / name, ["body_mass[box]"])
     good = Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02)
     for parameters, error, message in (
         ([], ValueError, "no parameter"),
@@ -143,8 +144,51 @@ def test_cells_lines_and_names(tmp_path):
             stepper.sysid.identify(MODEL, good, parameters)
     with pytest.raises(ValueError, match="noise has 'q'"):
         stepper.sysid.identify(MODEL, good, ["body_mass[box]"], noise={"q": 1.0})
-    with pytest.raises(TypeError, match=r"stepper\.sysid\.Episode or the path"):
+    with pytest.raises(TypeError, match=r"data has 3 \(int\), must be a stepper\.sysid\.Episode, or the path"):
         stepper.sysid.identify(MODEL, 3, ["body_mass[box]"])
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"readings": "8"}, "readings is '8', must be a dict"),
+    ({"readings": {}}, "readings is empty; give the readings of a sensor"),
+    ({"readings": {"box_x": [["a"]]}}, r"channel 'box_x' is \[\['a'\]\], must be an array of numbers"),
+    ({"applied": {"xfrc_applied": 3.0}}, r"applied\['xfrc_applied'\] has shape \(\), must have .* rows"),
+    ({"period": "8"}, r"period \(s\) is '8', must be a number"),
+    ({"ctrl": [["a"]]}, r"ctrl is \[\['a'\]\], must be an array of numbers"),
+    ({"start_std": 0.1}, "start_std is 0.1, must be two values, of positions and of velocities"),
+    ({"start_std": (0.1, [0.1] * 99)}, r"start_std has shapes \[\(\), \(99,\)\], each must be \(\) or"),
+])  # fmt: skip
+def test_episodes_with_wrong_values_are_named(given, message):
+    good = {"ctrl": SCENE.ctrl, "readings": SCENE.readings(stepper.Options()), "period": 0.02}
+    with pytest.raises(ValueError, match=f"^episode: {message}"):
+        Episode(**(good | given)).checked(MODEL)
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"model": "box.xml"}, r"model is 'box.xml' \(str\), must be a stepper.Model: stepper.load\(path\) reads one"),
+    ({"parameters": [1, 2]}, r"parameters is \[1, 2\], must be a list of selectors or FitParameter"),
+    ({"noise": 0.1}, "noise is 0.1, must be a dict such as"),
+    ({"noise": {"box_x": "small"}}, "noise of 'box_x' is 'small', must be an array of numbers"),
+    ({"starts": "8"}, "starts is '8', must be a whole number of at least 1"),
+    ({"step": 0.0}, "step is 0.0, must be a finite number above 0"),
+    ({"seed": -1}, "seed is -1, must be a whole number of at least 0"),
+    ({"tick": 1}, "tick is 1, must be a function"),
+    ({"options": "euler"}, r"options is 'euler' \(str\), must be a stepper.Options"),
+])  # fmt: skip
+def test_wrong_arguments_of_identify_are_named(given, message):
+    good = {"model": MODEL, "data": Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02), "parameters": ["body_mass[box]"]}
+    with pytest.raises((TypeError, ValueError), match=message):
+        stepper.sysid.identify(**(good | given))
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"bounds": 3.0}, r"bounds is 3.0, must be two numbers, \(low, high\)"),
+    ({"prior": [1.0]}, r"prior is \[1.0\], must be two numbers, \(mean, standard deviation\)"),
+    ({"start": "heavy"}, "start is 'heavy', must be a number"),
+])  # fmt: skip
+def test_wrong_arguments_of_parameters_are_named(given, message):
+    with pytest.raises(TypeError, match=rf"^body_mass\[box\]: {message}"):
+        stepper.sysid.FitParameter("body_mass[box]", **given)
 
 
 def test_a_log_without_a_start_says_so(tmp_path):

@@ -174,11 +174,13 @@ def test_a_field_of_a_package_is_read():
     (lambda model: HeightField.from_elevation(np.zeros((1, 5)), (1, 1)), r"elevation has shape \(1, 5\)"),
     (lambda model: HeightField.from_elevation(np.zeros((2, 5)), (1, 0)), "half is"),
     (lambda model: HeightField(model, "ground").around(np.zeros((2, 2)), np.zeros(3), np.zeros((1, 2))), r"places has shape \(2, 2\)"),
+    (lambda model: HeightField.from_elevation([["a"]], (1, 1)), r"elevation is \[\['a'\]\], must be an array of numbers"),
+    (lambda model: HeightField(model, "ground").heights(None, "here"), "places is 'here', must be an array of numbers"),
     (lambda model: HeightField(model, "ground").heights(None, 1.0), r"places has shape \(\)"),
     (lambda model: HeightField(stepper.load(scene().replace('euler="0 0 30.0"', 'euler="20 0 0"')), "ground"), "is inclined"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(call, said):
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises((TypeError, ValueError), match=said):
         call(stepper.load(scene()))
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import stepper
-from stepper.lab import Outcome, Parameter, Study
+from stepper.lab import Outcome, Parameter, Study, chart, rank, sweep, tune
 
 ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0"/><geom name="rod" size=".02" pos=".3 0 0"/>
   <site name="tip" pos=".3 0 0"/></body></worldbody><actuator><position name="servo" joint="hinge" kp="5"/></actuator>
@@ -33,6 +33,8 @@ def words(measure):
         ({"outcomes": [words("sensor angel 0")]}, ValueError, ["outcome 'x'", "did you mean angle"]),
         ({"outcomes": [words("force amr z")]}, ValueError, ["outcome 'x'", "did you mean arm"]),
         ({"parameters": [Parameter("gravity[2]", low=-10, high=-9)]}, TypeError, ["parameters is [", "a dict of stepper.lab.Parameter"]),
+        ({"settings": {"fast": "euler"}}, TypeError, ["settings 'fast' is 'euler'", "must be a dict"]),
+        ({"settings": ["euler"]}, TypeError, ["settings is ['euler']", "must be a dict"]),
         ({"parameters": {"g": (0, 1)}}, TypeError, ["parameter 'g' is (0, 1)", "stepper.lab.Parameter"]),
         (
             {"parameters": {"m": Parameter("body_mass[amr]", low=1, high=2)}},
@@ -74,6 +76,26 @@ def test_settings_are_checked_before_any_episode(own, parts):
     assert all(part in str(error.value) for part in parts), str(error.value)
 
 
+def arm():
+    return Study(model=ARM, **GIVEN)
+
+
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda out: Parameter("gravity[2]", values=3.0), "values is 3.0, must be a list of values"),
+    (lambda out: Study.from_file(3), r"path is 3 \(int\), must be a path"),
+    (lambda out: sweep(3, out), r"study is 3 \(int\), must be a stepper.lab.Study or the path"),
+    (lambda out: sweep(arm(), 3), r"out is 3 \(int\), must be a path"),
+    (lambda out: sweep(arm(), out, parameters="mass"), "parameters is 'mass', must be a list of names or selectors"),
+    (lambda out: sweep(arm(), out, resolution="fine"), "resolution is 'fine', must be a number"),
+    (lambda out: rank(arm(), out, setting=[]), r"setting is \[\], must be the name of settings"),
+    (lambda out: chart(arm(), out, episodes="8"), "episodes is '8', must be a whole number of at least 1"),
+    (lambda out: tune(arm(), out, error="1 mm", horizon="1 s", coverage="0.9"), "coverage is '0.9', must be a number"),
+])  # fmt: skip
+def test_arguments_of_another_type_are_named(tmp_path, call, message):
+    with pytest.raises(TypeError, match=message):
+        call(tmp_path)
+
+
 def test_settings_of_mujoco_run():
     every = {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton", "impratio": 2, "noslip_iterations": 0, "iterations": 9}
     study = Study(model=ARM, settings={"other": {"engine": "mujoco", "tolerance": 0, "timestep": 0.001} | every}, seconds=0.1)
@@ -95,3 +117,23 @@ def test_a_copy_with_a_wrong_name_is_refused_too():
 
 def test_a_study_without_names_loads_nothing():
     Study(model="there_is_no_such_file.xml", parameters={"h": Parameter("options.timestep", values=(0.001, 0.002))})
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("outcomes = 3", r"outcomes is 3, must be tables: begin each with the line \[\[outcomes\]\]"),
+    ("parameters = 3", "parameters is 3, must be tables"),
+    ('[[outcomes]]\nname = "x"', "outcome 1 has no measure: add measure = ..."),
+    ("[parameters.g]\nlow = 1", "parameter 'g' has no selector: add selector = ..."),
+    ('[options]\ntimestep = "x"', "options.timestep is 'x', must be a number"),
+    ("[settings]\nfast = 3", "settings 'fast' is 3, must be a dict"),
+])  # fmt: skip
+def test_wrong_entries_of_files_are_named(tmp_path, text, message):
+    (tmp_path / "arm.toml").write_text(f'model = """{ARM}"""\n{text}\n')
+    with pytest.raises(ValueError, match=rf"arm.toml: {message}"):
+        Study.from_file(tmp_path / "arm.toml")
+
+
+def test_a_model_is_no_study(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    with pytest.raises(ValueError, match=r"arm.xml is no study: give a study's file, whose name ends in .toml or .py"):
+        Study.from_file(tmp_path / "arm.xml")

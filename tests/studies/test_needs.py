@@ -165,7 +165,7 @@ def test_what_happened_beside_what_could():
     told = {use.name: (use.could, use.did) for use in found.uses}
     # Three boxes and the world; the heap touches the floor by one of its boxes.
     assert told["pairs of bodies within reach of a step"] == (6, 3)
-    assert told["pairs of geoms that press, of those within reach"] == (3, 3)
+    assert told["pairs of geoms that press on each other, of those within reach"] == (3, 3)
     assert told["pairs of geoms with a sliding contact, of those with friction"] == (3, 1)
     assert told["contacts of an environment at once"] == (None, 12)
     assert told["sensors that are read"] == (1, 0)

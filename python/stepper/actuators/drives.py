@@ -89,7 +89,7 @@ class DCMotor:
         if self.control not in ("torque", "voltage"):
             raise ValueError(f"control is {self.control!r}, must be 'torque' or 'voltage'")
         if (self.stall_torque is None) != (self.no_load_speed is None):
-            raise ValueError("give both stall_torque and no_load_speed, or none of them")
+            raise ValueError(f"stall_torque is {self.stall_torque!r} and no_load_speed is {self.no_load_speed!r}: give both, or neither")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
         """Dictionary of the motor's numbers for the Rust library. Values per environment are lists, with one number if all are equal.

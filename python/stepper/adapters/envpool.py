@@ -111,7 +111,8 @@ class StepperPool:
         if not np.issubdtype(ids.dtype, np.integer) or (ids < 0).any() or (ids >= len(self)).any():
             raise ValueError(f"env_id has {ids[:10].tolist()}, must be integers from 0 to {len(self) - 1}")
         if len(np.unique(ids)) != len(ids):
-            raise ValueError("env_id contains an environment twice")
+            found, counts = np.unique(ids, return_counts=True)
+            raise ValueError(f"env_id has environment {found[counts > 1][0]} more than once: give each environment once")
         if not (waits := self._waits.flat[ids]).all():
             remedy = "call recv before send, or async_reset after an error"
             raise ValueError(f"environments {ids[~waits][:10].tolist()} already have an action or a pending step: {remedy}")

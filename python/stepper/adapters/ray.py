@@ -130,7 +130,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(f"reset_mask is {mask!r}, must be an array of bool, ({self.num_envs},), with at least one True")
         if not self._begun and not mask.all():
-            raise ResetNeeded("call reset without reset_mask first: not all environments have begun")
+            raise ResetNeeded("some environments have no episode yet: call reset without reset_mask first")
         super().reset(seed=seed if isinstance(seed, int) else None)
         if seed is not None:
             self._seed, self._rollouts = seeds[0] or 0, 0

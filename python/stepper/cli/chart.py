@@ -68,7 +68,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         out: Path = folder,
         quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps; takes at most two minutes."),
         horizon: str | None = typer.Option(
-            None, help='Simulated time up to which errors count, "0.5 s"; without it, until the reference is no longer converged.'
+            None, help='Simulated time up to which errors are measured, such as "0.5 s"; by default, as long as the reference is converged.'
         ),
         angle: bool = typer.Option(False, "--angle", help="Measure errors as angles in rad, not distances in m."),
         episodes: int = typer.Option(8, min=1, help="Number of episodes; the chart shows their medians."),

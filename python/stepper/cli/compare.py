@@ -34,7 +34,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         model: str = typer.Argument(help="MJCF, URDF or a saved model."),
         out: Path = folder,
         seconds: float = typer.Option(2.0, help="Length of an episode, s."),
-        envs: int = typer.Option(8, help="Number of episodes."),
+        envs: int = typer.Option(8, min=1, help="Number of episodes."),
         seed: int = typer.Option(0, help="Seed of the random controls."),
     ) -> None:
         compare(model, out, seconds=seconds, envs=envs, seed=seed)

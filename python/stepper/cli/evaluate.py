@@ -48,7 +48,7 @@ def evaluate(
     if against and infos:
         raise ValueError("--info cannot be compared: leave out --against or --info")
     if own := sorted(values.keys() & {"contact", "precision"}):
-        raise ValueError(f"--values sets {own[0]}, which is another option: give --{own[0]}")
+        raise ValueError(f"--values sets {own[0]}, which has its own option: use --{own[0]}")
     settings, shared = settings | dict(values), dict(values)
     loaded = load(policy)
     if video is not None:
@@ -76,7 +76,9 @@ def register(app: Typer, typer: ModuleType) -> None:
     keys = typer.Option([], "--info", help="Key of an info whose mean is printed, for example tracking_error. Repeat the option for more.")
 
     arguments = typer.Option([], "--values", help=ARGUMENTS)
-    video = typer.Option(None, "--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of an episode with the seed.")
+    video = typer.Option(
+        None, "--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of an episode with the seed of --seed."
+    )
 
     @app.command("evaluate", help=evaluate.__doc__)
     def _(

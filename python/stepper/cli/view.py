@@ -209,7 +209,7 @@ def _environments(name: str, options: ViewOptions, arguments: dict[str, Any]) ->
         law = {} if options.contact is None else {"contact": options.contact}
         envs = gymnasium.make_vec(import_env(name), num_envs=options.envs, **law, **arguments)
     except gymnasium.error.Error as error:
-        raise ValueError(f"{name} is no file, no recording and no environment: {error}") from error
+        raise ValueError(f"{name} is neither a file nor a recording nor an environment: {error}") from error
     sim = getattr(envs.unwrapped, "sim", None)
     if not isinstance(sim, Stepper):
         raise ValueError(f"{name} is an environment of another simulator: use one on stepper, such as stepper/HalfCheetah-v5")

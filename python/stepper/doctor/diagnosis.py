@@ -87,7 +87,7 @@ def diagnose(*, self_test: bool = True) -> Diagnosis:
     """
     levels = cpu_levels()
     requested = os.environ.get(_LEVEL, "")
-    error = f"none, as {_LEVEL}={requested} names no level of this machine and build; unset it, or use one of {', '.join(levels)}"
+    error = f"none, because {_LEVEL}={requested} names no level of this machine and build; unset it, or use one of {', '.join(levels)}"
     return Diagnosis(
         versions=_versions(),
         cpu=cpu_name(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -12,6 +13,7 @@ from xml.etree import ElementTree
 
 from stepper._stepper import Model
 from stepper.loading import Origin, load, origin_of, remember
+from stepper.shared.arguments import path_of
 
 P = ParamSpec("P")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -89,6 +91,8 @@ def model_file(name: str) -> str:
     Raises:
         FileNotFoundError: There is no such file.
     """
+    path_of("xml_file", name)
+    name = os.fspath(name)
     if Path(name).is_absolute() or name.startswith((".", "~")):
         file = Path(name).expanduser()
         remedy = "give the path of an MJCF file"

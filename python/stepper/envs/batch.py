@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
+from dataclasses import is_dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
 from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of, table_of
 from stepper.loading import ModelWarning
+from stepper.shared.arguments import check_fields, check_whole
 from stepper.shared.streams import Rng, Streams
 
 _NON_FINITE = np.uint32(Status.NON_FINITE)
@@ -58,6 +60,12 @@ class Batch:
     ):
         self.task = task
         check_methods(task)
+        check_whole("num_envs", num_envs, least=1)
+        if not hasattr(task, "frame_skip"):
+            raise TypeError(f"{type(task).__name__} has no frame_skip, the number of steps per action: add the field `frame_skip: int = 1`")
+        check_whole(f"frame_skip of {type(task).__name__}", task.frame_skip, least=1)
+        if is_dataclass(task):
+            check_fields(task)
         model = model_of(task) if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()
@@ -67,12 +75,10 @@ class Batch:
         self._has_noise = sensors is not None
         # Seeds of the sensor errors, and a mask of the environments whose sensor seed takes effect at the next reset.
         self._noise_seeds, self._new_seeds = np.full(num_envs, _hashed_seed(), dtype=np.uint64), np.full(num_envs, self._has_noise)
-        if not hasattr(task, "frame_skip"):
-            raise TypeError(f"{type(task).__name__} has no frame_skip, the number of steps per action: add the field `frame_skip: int = 1`")
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
         self.dtype = _dtype_of(precision if dtype is None else dtype)
-        if max_episode_steps is not None and max_episode_steps < 1:
-            raise ValueError(f"max_episode_steps is {max_episode_steps}, must be at least 1, or None for no limit")
+        if max_episode_steps is not None:
+            check_whole("max_episode_steps", max_episode_steps, least=1)
         self._limit = max_episode_steps
         self.streams = Streams(num_envs, _hashed_seed())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)

@@ -16,6 +16,7 @@ from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_setti
 from stepper.envs.making import make_task
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
+from stepper.shared.arguments import array_of
 
 
 class StepperEnv(gymnasium.Env[Array, Array]):
@@ -114,7 +115,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
             ValueError: `options` is not empty.
         """
         if options:
-            raise ValueError(f"unknown options {sorted(options)}, there are none")
+            raise ValueError(f"options is {options!r}, but this environment has no options: leave options out")
         super().reset(seed=seed)
         if seed is not None:
             self._batch.seed(np.zeros(1, dtype=np.int64), [int(seed)])
@@ -133,7 +134,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
             ResetNeeded: `reset` was not called yet.
         """
         batch = self._batch
-        action = np.asarray(action, dtype=np.float64)
+        action = array_of("action", action)
         if action.shape != self.action_space.shape:
             raise ValueError(f"the action has shape {action.shape}, must be {self.action_space.shape}")
         if not self._begun:

@@ -21,6 +21,7 @@ from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_setti
 from stepper.envs.making import autoreset, make_task
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
+from stepper.shared.arguments import array_of, check_mapping
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
@@ -171,7 +172,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
         seeds = _seeds(seed, self.num_envs)
         if not self._begun and not mask.all():
-            raise ResetNeeded("call reset without envs or reset_mask first: not all environments have begun")
+            raise ResetNeeded("some environments have no episode yet: call reset without envs or reset_mask first")
         if not mask.any():
             return self._batch.observation(observations), {}
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -201,7 +202,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             ResetNeeded: `reset` was not called yet; or, with `AutoresetMode.DISABLED`, the episode of an environment has ended.
         """
         batch = self._batch
-        action = np.asarray(actions, dtype=np.float64)
+        action = array_of("actions", actions)
         if action.shape != self.action_space.shape:
             raise ValueError(f"actions have shape {action.shape}, must be {self.action_space.shape}")
         if not self._begun:
@@ -276,7 +277,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         if qvel is not None:
             raise ValueError("qvel is given together with a state, which contains velocities: leave it out")
         if not self._begun and not mask.all():
-            raise ResetNeeded("call reset before set_state with a state of some environments: the others have not begun")
+            raise ResetNeeded("some environments have no episode yet: call reset before set_state with a state of the other environments")
         self._batch.restore(qpos, mask)
         episodes = qpos.episodes
         # A state of a `StepperEnv` has neither "over" nor "elapsed".
@@ -383,13 +384,15 @@ def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int |
 
 def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
     """Mask (num_envs,) of the environments that `reset` starts, from Gymnasium's "reset_mask" in the options; all if it is absent."""
+    if options is not None:
+        check_mapping("options", options, '{"reset_mask": mask}')
     if unknown := set(options or {}) - {"reset_mask"}:
-        raise ValueError(f"unknown options {sorted(unknown)}, the only option is 'reset_mask'; reset(envs=...) takes indices")
+        raise ValueError(f"unknown options {sorted(map(str, unknown))}, the only option is 'reset_mask'; reset(envs=...) takes indices")
     if options is None or "reset_mask" not in options:
         return np.ones(num_envs, dtype=bool)
     mask = options["reset_mask"]
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
         raise TypeError(f"reset_mask is {mask!r}, must be an array of bool")
     if mask.shape != (num_envs,) or not mask.any():
-        raise ValueError(f"reset_mask has shape {mask.shape} and {mask.sum()} true entries, must be ({num_envs},) with at least one")
+        raise ValueError(f"reset_mask has shape {mask.shape} and {mask.sum()} true entries, must be ({num_envs},) with at least one True")
     return mask

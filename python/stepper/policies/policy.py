@@ -191,7 +191,7 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
     except PolicyError as error:
         raise PolicyError(f"{file}: {error}") from error
     except _DAMAGED as error:
-        reason = "" if isinstance(error, _OTHER_KIND) else f" ({type(error).__name__}: {error})"
+        reason = "" if isinstance(error, _OTHER_KIND) or "pickle" in str(error) else f" ({type(error).__name__}: {error})"
         remedy = "give a file that Policy.save wrote, or make a stepper.policies.Policy of another library's layers"
         raise PolicyError(f"{file} contains no policy{reason}; {remedy}") from error
     if env is not None:

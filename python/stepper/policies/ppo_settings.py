@@ -17,7 +17,7 @@ from stepper.shared.name_values import literal, name_values
 
 ABOUT = """Trains a policy for a task by proximal policy optimisation (PPO), evaluates it, and films it with --film.
 
-The learning curve, a checkpoint and the policy are written to a folder of out/train in the working folder, or to that of --out.
+The command writes the learning curve, a checkpoint and the policy to a new folder in out/train, or to the folder of --out.
 
     stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
     stepper train stepper/Go1Velocity-v0 --values roughness=0.05
@@ -196,5 +196,5 @@ def settings_of(env: str, given: Mapping[str, Any]) -> Settings:
     if "values" in options:
         options["values"] = name_values(options["values"], "--values", literal)
         if own := sorted(options["values"].keys() & {"contact", "precision", "threads", "num_envs"}):
-            raise ValueError(f"--values sets {own[0]}, which is another option: give --{own[0].replace('_', '-')}")
+            raise ValueError(f"--values sets {own[0]}, which has its own option: use --{own[0].replace('_', '-')}")
     return Settings.of_task(env, **options)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from functools import partial
 
 from stepper.sensors.transfer import Transfer
+from stepper.shared.arguments import check_number, check_whole
 
 __all__ = ["DEVICES", "encoder", "encoder_velocity", "find"]
 
@@ -28,8 +29,8 @@ def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:
         bits: Number of bits per turn.
         turn: Range of the encoder, rad, or m of travel.
     """
-    if not 1 <= bits <= 40:
-        raise ValueError(f"bits is {bits}, must be from 1 to 40")
+    check_whole("bits", bits, least=1, most=40)
+    check_number("turn", turn, above=0.0)
     return Transfer(quantum=turn / 2**bits)
 
 
@@ -41,8 +42,7 @@ def encoder_velocity(bits: int, period: float, *, turn: float = 2 * math.pi) -> 
         period: Sampling period, s.
         turn: Range of the encoder, rad, or m of travel.
     """
-    if period <= 0:
-        raise ValueError(f"period is {period} s, must be above 0")
+    check_number("period", period, above=0.0)
     return Transfer(quantum=encoder(bits, turn=turn).quantum / period, period=period)  # type: ignore[operator]
 
 
@@ -140,6 +140,6 @@ def find(name: str) -> Transfer:
     Raises:
         ValueError: An unknown device; the message lists the known ones.
     """
-    if name not in DEVICES:
+    if not isinstance(name, str) or name not in DEVICES:
         raise ValueError(f"there is no device {name!r}; the devices are: {', '.join(sorted(DEVICES))}")
     return DEVICES[name]()

@@ -14,6 +14,7 @@ from stepper._stepper import Model, Stepper
 from stepper.loading.load import compile_source
 from stepper.loading.origins import Origin, origin_of
 from stepper.sensors.height_grid import HeightGrid
+from stepper.shared.arguments import array_of
 
 Array = NDArray[Any]
 
@@ -88,11 +89,11 @@ class HeightField:
         Raises:
             ValueError: An array has a wrong shape, or fewer than two rows or columns.
         """
-        top, extent, middle = np.array(elevation, np.float64), np.array(half, np.float64), np.array(pos, np.float64)
+        top, extent, middle = array_of("elevation", elevation).copy(), array_of("half", half).copy(), array_of("pos", pos).copy()
         if top.ndim != 2 or min(top.shape) < 2:
             raise ValueError(f"elevation has shape {top.shape}, must be (rows, columns) of at least 2 each")
         if extent.shape != (2,) or not (extent > 0).all() or middle.shape != (3,):
-            raise ValueError(f"half is {half!r} and pos is {pos!r}, must be (2,) of positive lengths and (3,), m")
+            raise ValueError(f"half is {half!r} and pos is {pos!r}, must be two positive lengths and three coordinates, m")
         made = cls.__new__(cls)
         made._grid, made._pos, made._angle = HeightGrid(top, extent), middle, float(angle)
         return made
@@ -125,7 +126,7 @@ class HeightField:
         Raises:
             ValueError: `places` or `out` has a wrong shape, or `out` is not float64.
         """
-        given = np.asarray(places, dtype=np.float64)
+        given = array_of("places", places)
         pos, angle = self._pose(sim)
         axes = angle.shape
         if sim is None and (given.ndim < 1 or given.shape[-1] != 2):
@@ -179,7 +180,7 @@ class HeightField:
         Raises:
             ValueError: An array has a wrong shape, or `out` is not float64.
         """
-        middles, turns = np.asarray(places, np.float64), np.asarray(angles, np.float64)
+        middles, turns = array_of("places", places), array_of("angles", angles)
         if middles.shape != (*turns.shape, 2) or turns.ndim > 1:
             raise ValueError(f"places has shape {middles.shape} and angles {turns.shape}, must be (n, 2) and (n,)")
         return _filled(self._around(self._pose(None), middles, turns, offsets, out), beyond)
@@ -202,7 +203,7 @@ class HeightField:
             offsets: Positions relative to the centres, ahead and to the left, (k, 2), m.
             out: Destination of the result; None creates a new array.
         """
-        given = np.asarray(offsets, dtype=np.float64)
+        given = array_of("offsets", offsets)
         if given.ndim != 2 or given.shape[1] != 2:
             raise ValueError(f"offsets has shape {given.shape}, must be (n, 2)")
         pos, angle = pose

@@ -147,8 +147,9 @@ def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
     """Ray fan as a dictionary for the Rust library; error messages begin with `place`."""
     site = _index(model.site_names, fan.site, "site", place)
     for what in ("geoms", "data"):
-        if isinstance(getattr(fan, what), str):
-            raise TypeError(f"{place}: {what} is {getattr(fan, what)!r}, must be a sequence of strings")
+        given = getattr(fan, what)
+        if isinstance(given, str) or not (isinstance(given, Sequence) or (what == "geoms" and given is None)):
+            raise TypeError(f"{place}: {what} is {given!r}, must be a sequence of strings")
     try:
         rays = np.asarray(fan.rays, np.float64)
     except (TypeError, ValueError) as error:
@@ -196,7 +197,7 @@ def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]
     Raises:
         ValueError: The type is unknown, or the sensor names an element or a reference that the type does not have.
     """
-    family = next((family for family, (_, words) in _WORDS.items() if reading.type in words), None)
+    family = next((family for family, (_, words) in _WORDS.items() if reading.type in list(words)), None)
     if family is None:
         known = ", ".join(word for _, words in _WORDS.values() for word in words)
         raise ValueError(f"{place}: there is no type {reading.type!r}; the types are: {known}")

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper.shared.arguments import array_of
+
 Array = NDArray[np.float64]
 
 
@@ -35,10 +37,11 @@ class FieldOfView:
 
     def __post_init__(self) -> None:
         for name in ("width", "height"):
-            angle = np.asarray(getattr(self, name), float)
+            angle = array_of(name, getattr(self, name))
             if not np.all((angle > 0) & (angle < np.pi)):
                 raise ValueError(f"{name} is {getattr(self, name)}, must be between 0 and pi: the whole angle between two edges, in rad")
-        if not 0 <= self.near < self.far:
+        near, far = array_of("near", self.near), array_of("far", self.far)
+        if near.shape != () or far.shape != () or not 0 <= near < far:
             raise ValueError(f"near is {self.near} and far is {self.far}, must be distances in m, near at least 0 and below far")
 
     def sees(self, position: ArrayLike) -> NDArray[np.bool_]:
@@ -53,7 +56,7 @@ class FieldOfView:
         Raises:
             ValueError: `position` has another shape.
         """
-        given = np.asarray(position, float)
+        given = array_of("position", position)
         if given.ndim == 0 or given.shape[-1] != 3:
             raise ValueError(f"position has the shape {given.shape}, must be (num_envs, 3) or (3,): x, y and z in the camera's frame")
         x, y, z = np.moveaxis(given, -1, 0)
@@ -71,7 +74,7 @@ class FieldOfView:
         Raises:
             ValueError: The shapes differ, or a row has fewer than three numbers.
         """
-        given, before = np.asarray(reading, float), np.asarray(last, float)
+        given, before = array_of("reading", reading), array_of("last", last)
         if given.shape != before.shape or given.ndim != 2:
             raise ValueError(f"reading has the shape {given.shape} and last {before.shape}, must both be (num_envs, 3 + k)")
         return np.where(self.sees(given[:, :3])[:, None], given, before)

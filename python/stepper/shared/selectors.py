@@ -60,7 +60,7 @@ class Selector:
     def __post_init__(self) -> None:
         for name in ("elements", "columns"):
             if getattr(self, name) == ():
-                raise ValueError(f"{name} of a selector of {self.field!r} is empty: give one at least, or None for all")
+                raise ValueError(f"{name} of a selector of {self.field!r} is empty: give at least one, or None for all")
         if self.columns is not None and self.elements is None and not _global(self.field):
             object.__setattr__(self, "elements", ("*",))
 

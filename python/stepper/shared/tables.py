@@ -8,12 +8,12 @@ import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper.shared.arguments import check_mapping, path_of
 from stepper.shared.files import existing
 
 T = TypeVar("T")
@@ -26,7 +26,8 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         FileNotFoundError: There is no such file.
         ValueError: The ending is another one, or the text is not valid TOML or JSON.
     """
-    file = existing(path, "JSON" if Path(path).suffix == ".json" else "TOML")
+    path = path_of("path", path)
+    file = existing(path, "JSON" if path.suffix == ".json" else "TOML")
     if file.suffix not in (".toml", ".json"):
         raise ValueError(f"{path}: the ending is {file.suffix!r}, must be .toml or .json")
     text = file.read_text(encoding="utf-8")
@@ -47,8 +48,9 @@ def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, An
     Raises:
         ValueError: There are other keys, or the value is not a dictionary.
     """
+    check_mapping(place, data, f"{{{name!r}: {{...}}, 'default': {{...}}}}")
     if unknown := set(data) - {name, "default"}:
-        raise ValueError(f"{place}: unknown tables {sorted(unknown)}, must be {name!r} and 'default'")
+        raise ValueError(f"{place}: unknown tables {sorted(map(str, unknown))}; the known ones are {name!r} and 'default'")
     tables = data.get(name, {})
     if not isinstance(tables, Mapping):
         raise ValueError(f"{place}: {name} is {tables!r}, must be a table by name")

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from stepper._stepper import Model
 from stepper.recording import HEADER, segments
+from stepper.shared.arguments import array_of, check_mapping, check_number
 from stepper.shared.fields import APPLIED
 from stepper.shared.files import existing
 from stepper.sysid.inertia import Array
@@ -73,32 +74,38 @@ class Episode:
 
     def _checked(self, model: Model) -> Episode:
         """This episode with arrays of float64, after a check against a model; a ValueError for wrong shapes or values."""
-        if not self.period > 0:
-            raise ValueError(f"period is {self.period}, must be above 0 s")
-        ctrl = np.asarray(self.ctrl, np.float64)
+        check_number("period (s)", self.period, above=0.0)
+        ctrl = array_of("ctrl", self.ctrl)
         if ctrl.ndim != 2 or ctrl.shape[1] != model.nu or not len(ctrl):
             raise ValueError(f"ctrl has shape {ctrl.shape}, must be (T, {model.nu}) with one row or more")
         if not np.isfinite(ctrl).all():
             raise ValueError(f"ctrl of row {int(np.argwhere(~np.isfinite(ctrl))[0, 0])} is not finite; every period needs its control")
+        check_mapping("readings", self.readings, "{'qpos': array}")
+        check_mapping("applied", self.applied, "{'xfrc_applied': array}")
         if not self.readings:
-            raise ValueError("it has no readings; name a sensor of the model, qpos or qvel")
+            raise ValueError("readings is empty; give the readings of a sensor of the model, or of qpos or qvel, as {'qpos': array}")
         readings = {name: _rows(name, given, len(ctrl)) for name, given in self.readings.items()}
         if not any(np.isfinite(array).any() for array in readings.values()):
-            raise ValueError("all readings are NaN; give measured ones")
+            raise ValueError("all readings are NaN, which means not measured; give measured ones")
         qpos = vector("qpos", model.qpos0 if self.qpos is None else self.qpos, model.nq)
         qvel = vector("qvel", np.zeros(model.nv) if self.qvel is None else self.qvel, model.nv)
         act = vector("act", np.zeros(model.na) if self.act is None else self.act, model.na)
         std = self.start_std
         if std is not None:
-            std = tuple(np.broadcast_to(np.asarray(s, np.float64), (model.nv,)) for s in std)  # type: ignore[assignment]
+            if not isinstance(std, Sequence) or isinstance(std, str) or len(std) != 2:
+                raise TypeError(f"start_std is {std!r}, must be two values, of positions and of velocities, as (0.01, 0.1)")
+            std = tuple(array_of("start_std", s) for s in std)  # type: ignore[assignment]
+            if any(np.shape(s) not in ((), (model.nv,)) for s in std or ()):
+                raise ValueError(f"start_std has shapes {[np.shape(s) for s in std or ()]}, each must be () or ({model.nv},)")
+            std = tuple(np.broadcast_to(s, (model.nv,)) for s in std or ())  # type: ignore[assignment]
             if not all(np.isfinite(s).all() and (np.asarray(s) >= 0).all() for s in std or ()):
                 raise ValueError("start_std has a standard deviation that is negative or not finite; 0 takes a coordinate as exact")
-        applied = {name: np.asarray(given, np.float64) for name, given in self.applied.items()}
+        applied = {name: array_of(f"applied[{name!r}]", given) for name, given in self.applied.items()}
         for name, array in applied.items():
             if name not in FORCES_AND_POSES:
                 raise ValueError(f"applied has {name!r}, there are: {', '.join(FORCES_AND_POSES)}")
-            if len(array) != len(ctrl):
-                raise ValueError(f"{name} has {len(array)} rows, must have {len(ctrl)}, as ctrl has")
+            if np.shape(array)[:1] != (len(ctrl),):
+                raise ValueError(f"applied[{name!r}] has shape {array.shape}, must have {len(ctrl)} rows, one per row of ctrl")
         return replace(self, ctrl=ctrl, readings=readings, start_std=std, applied=applied, qpos=qpos, qvel=qvel, act=act)
 
 
@@ -110,10 +117,10 @@ def _rows(name: str, given: ArrayLike, count: int) -> Array:
         given: Readings, (count,) or (count, dim).
         count: Number of control periods.
     """
-    array = np.asarray(given, np.float64)
+    array = array_of(f"channel {name!r}", given)
     array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or len(array) != count:
-        raise ValueError(f"channel {name!r} has shape {array.shape}, must have {count} rows, as ctrl has")
+        raise ValueError(f"channel {name!r} has shape {array.shape}, must have {count} rows, one per row of ctrl")
     if np.isinf(array).any():
         row = int(np.argwhere(np.isinf(array))[0, 0])
         raise ValueError(f"channel {name!r} has an infinite reading in row {row}; NaN is not measured")
@@ -122,7 +129,7 @@ def _rows(name: str, given: ArrayLike, count: int) -> Array:
 
 def vector(name: str, given: ArrayLike, size: int) -> Array:
     """Initial qpos, qvel or act as an array (size,), in its unit, after a check. `name` is its name in error messages."""
-    array = np.asarray(given, np.float64)
+    array = array_of(f"{name} at the start", given)
     if array.shape != (size,):
         raise ValueError(f"{name} at the start has shape {array.shape}, must be ({size},)")
     if not np.isfinite(array).all():
@@ -167,7 +174,9 @@ def episodes_of(
         elif isinstance(part, str | os.PathLike):
             found += [episode.checked(model) for episode in _read(Path(part), model, channels, dict(columns or {}), start)]
         else:
-            raise TypeError(f"data has a {type(part).__name__}, must be stepper.sysid.Episode or the path of a recording, .csv or .npz")
+            raise TypeError(
+                f"data has {part!r} ({type(part).__name__}), must be a stepper.sysid.Episode, or the path of a recording, .csv or .npz file"
+            )
     if not found:
         raise ValueError("data has no episode; give an Episode, or the path of a recording, .csv or .npz file")
     return found
@@ -186,8 +195,9 @@ def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dic
     if (path / HEADER).exists():
         return _of_recording(path, model, channels)
     if path.is_dir() or path.suffix not in (".csv", ".npz"):
-        what = "neither a recording" if path.exists() else "not there, and would be neither a recording"
-        raise ValueError(f"{path} is {what} (a folder with {HEADER}) nor a .csv or .npz file; give the path of one of these")
+        if not path.exists():
+            existing(path, "data")
+        raise ValueError(f"{path} is neither a recording (a folder with {HEADER}) nor a .csv or .npz file; give the path of one of these")
     existing(path, "log")
     if path.suffix == ".csv":
         table = _csv(path)
@@ -260,7 +270,7 @@ def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequenc
     period = float((time[-1] - time[0]) / len(steps)) if len(steps) else 0.0
     if not np.isfinite(time).all() or not (np.abs(steps - period) < 0.01 * period).all():
         worst = int(np.nanargmax(np.abs(steps - period))) if len(steps) else 0
-        raise ValueError(f"times are not equally far apart (row {worst + 1}); resample the log to one rate")
+        raise ValueError(f"times are not equally spaced (row {worst + 1}); resample the log to one rate")
     ctrl = np.asarray(table.pop("ctrl", np.zeros((len(time), 0))), np.float64).reshape(len(time), -1)
     if ctrl.shape[1] != model.nu:
         raise ValueError(f"ctrl has {ctrl.shape[1]} columns, must have {model.nu}: {', '.join(model.actuator_names)}")

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from stepper._options import Options
 from stepper._stepper import Stepper
 from stepper.actuators import ActuatorModel
+from stepper.shared.arguments import check_kind, check_mapping, check_number, check_whole
 from stepper.sysid.data import Episode
 from stepper.sysid.inertia import Array
 from stepper.sysid.residuals import Residuals
@@ -81,8 +82,16 @@ def design(
         KeyError: The model does not have a channel.
         ValueError: An experiment does not match the model, or a noise is not a standard deviation.
     """
-    if draws < 0 or not experiments:
-        raise ValueError(f"draws is {draws}, must not be negative, and there must be an experiment; there are {len(experiments)}")
+    check_kind("found", found, Identification, "stepper.sysid.identify returns one")
+    if not isinstance(experiments, Sequence) or not all(isinstance(experiment, Episode) for experiment in experiments):
+        raise TypeError(f"experiments is {experiments!r}, must be a list of stepper.sysid.Episode, as [Episode(ctrl, {{}}, period)]")
+    if not experiments:
+        raise ValueError("experiments is empty, must have at least one stepper.sysid.Episode")
+    check_whole("draws", draws, least=0)
+    check_whole("seed", seed, least=0)
+    check_number("step", step, above=0.0)
+    if noise is not None:
+        check_mapping("noise", noise, '{"wrist_force": 0.3}')
     given = dict(found.noise if noise is None else noise)
     settings = solved(options or Options())
     points = [theta / found.scale for theta in (found.theta, *(found.draw(draws, seed) if draws else ()))]

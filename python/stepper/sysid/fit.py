@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel
+from stepper.shared.arguments import check_mapping, check_number, check_whole
 from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
 from stepper.sysid.data import Data, episodes_of
@@ -109,8 +110,15 @@ def identify(
     """
     optimize = require("scipy.optimize", "to identify parameters")
     qmc = require("scipy.stats.qmc", "to identify parameters")
-    if starts < 1 or not step > 0 or max_evaluations < 1 or not f_scale > 0:
-        raise ValueError(f"starts, step, max_evaluations, f_scale are {starts}, {step}, {max_evaluations}, {f_scale}, must all be above 0")
+    for name, count in (("starts", starts), ("max_evaluations", max_evaluations)):
+        check_whole(name, count, least=1)
+    for name, number in (("step", step), ("f_scale", f_scale)):
+        check_number(name, number, above=0.0)
+    check_whole("seed", seed, least=0)
+    if noise is not None:
+        check_mapping("noise", noise, '{"wrist_force": 0.3}')
+    if tick is not None and not callable(tick):
+        raise TypeError(f"tick is {tick!r}, must be a function of a text and a fraction, or None")
     if loss not in ("linear", "soft_l1", "huber", "cauchy", "arctan"):
         raise ValueError(f"loss is {loss!r}, must be linear, soft_l1, huber, cauchy or arctan")
     began = time.perf_counter()

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
+from stepper.shared.arguments import array_of, check_mapping, check_number
 from stepper.shared.fields import RANDOMIZED
 from stepper.sysid.data import vector
 from stepper.sysid.findings import undetermined
@@ -137,8 +138,9 @@ class Tracker:
         n = len(start)
         fields = write(self.blocks, start[None], model)
         self.model = model.replace(**{name: array[0] for name, array in fields.fields.items()})
+        check_mapping("noise", noise, '{"wrist_force": 0.3}')
         if not noise:
-            raise ValueError("noise names no channel; give the standard deviation of every channel that is read")
+            raise ValueError("noise is empty, must have the standard deviation of every channel that is read, as {'wrist_force': 0.3}")
         channels = find_channels(self.model, noise)
         dofs = list(range(model.nv)) if moving is None else _dofs(model, moving)
         kinds = [block.parameter.kind for block in self.blocks for _ in range(block.size)]
@@ -147,8 +149,7 @@ class Tracker:
         sim = Stepper(self.model, count, options=solved(options or Options()), threads=threads)
         self.period = period
         for name, seconds in (("period", period), ("window", window)):
-            if not math.isfinite(seconds):
-                raise ValueError(f"{name} is {seconds}, must be a length of time in s, as {name}={0.02 if name == 'period' else 0.12}")
+            check_number(f"{name} (s)", seconds, above=0.0)
         nstep, length = round(period / float(sim.timestep)), round(window / period)
         if nstep < 1 or abs(nstep * sim.timestep / period - 1) > 1e-3:
             raise ValueError(f"period is {period:g} s, must be a whole number of time steps of {sim.timestep:g} s")
@@ -208,7 +209,7 @@ class Tracker:
             FloatingPointError: The prediction is not finite.
         """
         began = time.perf_counter()
-        given = np.asarray(ctrl, np.float64)
+        given = array_of("ctrl", ctrl)
         if given.shape != (self.model.nu,) or not np.isfinite(given).all():
             raise ValueError(f"ctrl has shape {given.shape}, must be ({self.model.nu},) and finite")
         read = self._checked(readings)
@@ -258,11 +259,12 @@ class Tracker:
     def _checked(self, readings: Mapping[str, ArrayLike]) -> dict[str, Array]:
         """Readings of a sample for all channels of the tracker, (columns,) each, after a check; NaN for absent channels."""
         known = {channel.name: channel for channel in self._problem.channels}
+        check_mapping("readings", readings, '{"wrist_force": [0.1, 0.0, 2.3]}')
         out = {}
         for name, given in readings.items():
             if name not in known:
                 raise KeyError(f"no noise was given of channel {name!r}, there are: {', '.join(known)}")
-            value = np.atleast_1d(np.asarray(given, np.float64))
+            value = np.atleast_1d(array_of(f"readings[{name!r}]", given))
             if value.shape != (len(known[name].columns),) or np.isinf(value).any():
                 raise ValueError(f"{name!r} has shape {value.shape}, must be ({len(known[name].columns)},) and not infinite")
             out[name] = value
@@ -279,7 +281,7 @@ def _spread(name: str, given: ArrayLike, size: int, remedy: str, *, alone: bool 
         remedy: Description of the required shape, for the error message.
         alone: Whether a single number for all `size` standard deviations is accepted.
     """
-    value = np.asarray(given, np.float64)
+    value = array_of(name, given)
     if value.shape != (size,) and not (alone and value.ndim == 0):
         raise ValueError(f"{name} has shape {value.shape}, must be {remedy}")
     if not (np.isfinite(value).all() and (value >= 0).all()):
@@ -289,6 +291,8 @@ def _spread(name: str, given: ArrayLike, size: int, remedy: str, *, alone: bool 
 
 def _dofs(model: Model, names: Sequence[str]) -> list[int]:
     """Indices of the degrees of freedom of the named joints."""
+    if isinstance(names, str) or not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
+        raise TypeError(f"moving is {names!r}, must be a list of names of joints, or None for all")
     joints = [model.joint(name) for name in names]
     return [dof for joint in joints for dof in range(joint.dofadr, joint.dofadr + joint.nv)]
 

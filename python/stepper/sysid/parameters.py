@@ -15,6 +15,7 @@ import numpy as np
 from stepper._hints import did_you_mean_or_all, hint_keywords
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
+from stepper.shared.arguments import check_kind, check_number, check_pair
 from stepper.shared.fields import OF_PAIRS, check_pairs
 from stepper.shared.rotations import matrices
 from stepper.shared.selectors import Selector, conflict, parse, parse_range, parts_of, rows_of
@@ -119,10 +120,16 @@ class FitParameter:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(_no_kind(self.parsed))
+        if self.start is not None:
+            check_number(f"{self}: start", self.start)
+        if self.bounds is not None:
+            check_pair(f"{self}: bounds", self.bounds, meaning="(low, high)")
+        if self.prior is not None:
+            check_pair(f"{self}: prior", self.prior, meaning="(mean, standard deviation)")
         if self.parsed.elements is None:
             raise ValueError(f"'{self}' names no {KINDS[self.kind].element}: write '{self.parsed.field}[name]'")
         if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
-            raise ValueError(f"{self}: bounds are {self.bounds}, must be (low, high)")
+            raise ValueError(f"{self}: bounds are {self.bounds}, must be (low, high), with low below high")
         if self.prior is not None and not self.prior[1] > 0:
             raise ValueError(f"{self}: the standard deviation of the prior is {self.prior[1]}, must be above 0")
 
@@ -451,6 +458,9 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
     """
     if isinstance(parameters, str | FitParameter):
         parameters = [parameters]
+    check_kind("model", model, Model, "stepper.load(path) reads one")
+    if not isinstance(parameters, Sequence) or not all(isinstance(p, str | FitParameter) for p in parameters):
+        raise TypeError(f"parameters is {parameters!r}, must be a list of selectors or FitParameter, as ['body_mass[box]']")
     given = [FitParameter.parse(p) if isinstance(p, str) else p for p in parameters]
     if not given:
         raise ValueError('there is no parameter to identify; give some, as in ["body_mass[box]", "geom_friction[floor,box][0]"]')

@@ -7,14 +7,15 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel
+from stepper.shared.arguments import check_number, check_whole, path_of
 from stepper.shared.fields import RANDOMIZED
+from stepper.shared.files import existing
 from stepper.shared.machine import require
 from stepper.sysid.findings import undetermined
 from stepper.sysid.inertia import Array
@@ -123,6 +124,7 @@ class Identification:
         Raises:
             ValueError: The confidence is not between 0 and 1.
         """
+        check_number("confidence", confidence)
         if not 0 < confidence < 1:
             raise ValueError(f"confidence is {confidence}, must be between 0 and 1")
         t = float(require("scipy.stats", "for intervals").t.ppf((1 + confidence) / 2, self.freedom))
@@ -162,6 +164,8 @@ class Identification:
 
     def draw(self, count: int, seed: int = 0) -> Array:
         """Random parameter vectors theta from the distribution, clipped to the bounds, (count, n)."""
+        check_whole("count", count, least=1)
+        check_whole("seed", seed, least=0)
         low, high = (np.concatenate([getattr(block, end) for block in self.blocks]) for end in ("low", "high"))
         root = root_of(self.covariance, RIDGE)
         drawn = self.theta + np.random.default_rng(seed).standard_normal((count, len(self.theta))) @ root.T
@@ -249,7 +253,7 @@ class Identification:
             kept[name] = getattr(self, name).tolist()
         for name in ("freedom", "noise", "residual", "evaluations", "steps", "seconds", "warnings"):
             kept[name] = getattr(self, name)
-        Path(path).write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
+        path_of("path", path).write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], model: Model) -> Identification:
@@ -262,8 +266,9 @@ class Identification:
         Raises:
             ValueError: The file has another format or belongs to another model.
         """
+        file = existing(path_of("path", path), "identification")
         try:
-            kept = json.loads(Path(path).read_text(encoding="utf-8"))
+            kept = json.loads(file.read_text(encoding="utf-8"))
             if kept.get("format") != FORMAT:
                 raise ValueError(f"it has format {kept.get('format')}, this version reads {FORMAT}")
             if kept["model"] != model.digest:

@@ -18,6 +18,7 @@ from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, Drive
+from stepper.shared.arguments import array_of, check_kind
 from stepper.shared.fields import RANDOMIZED
 from stepper.sysid.data import COORDINATES, Episode
 from stepper.sysid.inertia import Array
@@ -110,6 +111,8 @@ def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
     """
     found: list[Channel] = []
     for name in names:
+        if not isinstance(name, str):
+            raise TypeError(f"channel is {name!r}, must be the name of a sensor of the model, or 'qpos', 'qvel' or 'act'")
         found.append(_channel(model, name, found[-1].lines.stop if found else 0))
     return found
 
@@ -120,7 +123,7 @@ def noise_of(channel: Channel, given: ArrayLike) -> Array:
     Raises:
         ValueError: A standard deviation is not above 0, or their number is wrong.
     """
-    value = np.asarray(given, np.float64)
+    value = array_of(f"noise of {channel.name!r}", given)
     size = channel.lines.stop - channel.lines.start
     if value.shape not in ((), (size,)) or not (value > 0).all():
         raise ValueError(f"noise of {channel.name!r} is {value.tolist()}, must be above 0, one number or {size}")
@@ -152,6 +155,7 @@ def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Ar
 
 def solved(options: Options) -> Options:
     """Copy of the user's options of the step, in which `TOLERANCE` is the solver tolerance if the user has not set one."""
+    check_kind("options", options, Options, "write stepper.Options(...)")
     return options if options.tolerance is not None else replace(options, tolerance=TOLERANCE)
 
 

@@ -61,7 +61,7 @@ def sized_geoms(model: Model) -> list[int]:
 
 def _check_same(model: Model, m: Any) -> None:
     """Raises LooksError unless the compiled model `m` of MuJoCo has the same bodies, joints and geoms as stepper's model."""
-    mujoco = require("mujoco", "to read the looks of a model")
+    mujoco = require("mujoco", "to read colours and meshes of a model")
 
     def names(kind: Any, count: int) -> list[str]:
         return [mujoco.mj_id2name(m, kind, i) or "" for i in range(count)]

@@ -298,7 +298,7 @@ class Window:
         lines = [
             f"**{self._model.name or 'model'}**, {self.count} shown" if self.count > 1 else f"**{self._model.name or 'model'}**",
             f"time {frame.time[0]:.3f} s",
-            f"residual {frame.residual.max():.1e} m/s, depth {1e3 * frame.max_penetration.max():.2f} mm",
+            f"residual {frame.residual.max():.1e} m/s, penetration {1e3 * frame.max_penetration.max():.2f} mm",
             f"status {wrong}",
         ]
         text = "  \n".join(lines)

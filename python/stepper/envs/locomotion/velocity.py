@@ -111,7 +111,9 @@ class VelocityTask(Task):
 
     def __post_init__(self) -> None:
         if not hasattr(self, "lowest"):
-            raise TypeError(f"{type(self).__name__} has no `lowest`: give it the height of the base (m) at which an episode ends")
+            raise TypeError(
+                f"{type(self).__name__} has no `lowest`: define it in the class, the height of the base (m) at which an episode ends"
+            )
         if not 0 <= self.max_latency <= self.frame_skip:
             raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
         if not 0.0 <= self.roughness <= 1.0:
@@ -123,7 +125,7 @@ class VelocityTask(Task):
 
     def robot(self) -> Model:
         """Model of the robot on its ground, with a servo for each joint and a keyframe "stance". Subclasses must define it."""
-        raise NotImplementedError(f"{type(self).__name__} has no `robot`: give it the model")
+        raise NotImplementedError(f"{type(self).__name__} has no `robot`: define the method, which returns the model")
 
     def model(self) -> Model:
         """Model of the robot, with additional sensors if `noise` is above 0."""
@@ -168,7 +170,7 @@ class VelocityTask(Task):
         if "stance" not in model.keyframe_names:
             raise ValueError('the model has no keyframe "stance", from which episodes start: give it <key name="stance" qpos=.../>')
         if not any("foot" in name for name in model.geom_names):
-            raise ValueError('no geom of the model has "foot" in its name, and friction is drawn for those: name the geoms of the feet so')
+            raise ValueError('no geom has "foot" in its name, and the task draws friction for the feet: name their geoms as "left_foot"')
         if self.roughness and "terrain" not in model.geom_names:
             raise ValueError(f'roughness is {self.roughness}, and the model has no geom "terrain": add `terrain.elements` to it')
 

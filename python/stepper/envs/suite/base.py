@@ -172,7 +172,9 @@ def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
             quat = rng.uniform(0.0, 1.0, 4)
             qpos[:, at + 3 : at + 7] = quat / norm(quat)[:, None]
         else:
-            raise NotImplementedError(f"joint {joint.name!r} is a ball: the tasks of this package have none")
+            raise NotImplementedError(
+                f"joint {joint.name!r} is a ball joint, for which no random positions are defined: use hinges, slides or free joints"
+            )
 
 
 def randomize_without_overlap(

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, per_moment, square_sum
+from stepper.shared.arguments import check_whole
 from stepper.shared.streams import Rng
 
 
@@ -48,9 +49,9 @@ class Ant(MujocoTask):
 
     def position(self, now: Moment) -> Array:
         """Position of the main body in x and y, (num_envs, 2), m."""
-        body = self.main_body
-        if isinstance(body, str):
-            body = now.sim.model.body_names.index(body)
+        model = now.sim.model
+        body = model.body(self.main_body).id if isinstance(self.main_body, str) else self.main_body
+        check_whole("main_body, if it is no name,", body, least=0, most=model.nbody - 1)
         xy: Array = now.qpos[:, :2] if body == 1 else now.xpos[:, body, :2]
         return xy
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from stepper.envs.task import Array, Reset, Terms
 from stepper.envs.terrain.generator import Terrain
+from stepper.shared.arguments import check_number, check_whole
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,6 +50,13 @@ class TerrainCurriculum:
     max_init_level: int = 5
     spread: float = 0.5
     footprint: float = 0.4
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.terrain, Terrain):
+            raise TypeError(f"terrain is {self.terrain!r}, must be a stepper.envs.terrain.Terrain, such as Terrain(sub_terrains=...)")
+        check_whole("max_init_level", self.max_init_level, least=0)
+        check_number("spread", self.spread, least=0.0)
+        check_number("footprint", self.footprint, least=0.0)
 
     def episode_state(self, num_envs: int) -> Terms:
         """Arrays for `Task.episode_state`, by name.
@@ -128,8 +136,11 @@ def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> A
     Raises:
         ValueError: The stages do not begin with 0, or do not ascend.
     """
-    begins = [begin for begin, _ in stages]
+    try:
+        begins = [begin for begin, _ in stages]
+    except (TypeError, ValueError):
+        raise TypeError(f"stages is {stages!r}, must be pairs of a number of actions and values, as [(0, (-1.0, 1.0))]") from None
     if not begins or begins[0] != 0 or begins != sorted(set(begins)):
-        raise ValueError(f"stages begin at {begins}, must ascend from 0")
+        raise ValueError(f"stages begin at {begins}, must ascend from 0: give numbers of actions such as 0 and 1000")
     values: Array = np.array([value for _, value in stages])[np.searchsorted(begins, steps, side="right") - 1]
     return values

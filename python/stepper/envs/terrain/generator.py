@@ -14,6 +14,7 @@ import numpy as np
 from stepper.envs.task import Array
 from stepper.envs.terrain.sub_terrains import BoxTerrain, SubTerrain
 from stepper.sensors import HeightField
+from stepper.shared.arguments import check_number, check_pair, check_whole
 
 if TYPE_CHECKING:
     import mujoco
@@ -63,16 +64,17 @@ class Terrain:
         kinds = self.sub_terrains
         if not isinstance(kinds, Mapping) or not all(isinstance(kind, SubTerrain) for kind in kinds.values()):
             raise TypeError(f'sub_terrains is {kinds!r}, must be a mapping from names to kinds of terrain, such as {{"flat": Flat()}}')
-        if not isinstance(self.num_rows, int | np.integer) or self.num_rows < 1:
-            raise ValueError(f"num_rows is {self.num_rows!r}, must be a whole number of at least 1")
+        check_whole("num_rows", self.num_rows, least=1)
+        check_whole("seed", self.seed, least=0)
         if not kinds:
-            raise ValueError("sub_terrains is empty, must have at least one kind of terrain")
-        if not self.horizontal_scale > 0.0:
-            raise ValueError(f"horizontal_scale is {self.horizontal_scale}, must be above 0 m")
+            raise ValueError('sub_terrains is empty, must have at least one kind of terrain, such as {"flat": Flat()}')
+        check_number("horizontal_scale", self.horizontal_scale, above=0.0)
         for name in ("size", "border_width"):
+            check_number(name, getattr(self, name), least=0.0)
             cells = getattr(self, name) / self.horizontal_scale
             if abs(cells - round(cells)) > _CELL_TOLERANCE or round(cells) < (1 if name == "size" else 0):
                 raise ValueError(f"{name} is {getattr(self, name)} m, must be a whole number of cells of {self.horizontal_scale} m")
+        check_pair("difficulty_range", self.difficulty_range, meaning="from 0 to 1, the easier one first")
         if not 0.0 <= self.difficulty_range[0] <= self.difficulty_range[1] <= 1.0:
             raise ValueError(f"difficulty_range is {self.difficulty_range}, must be two numbers from 0 to 1, the easier one first")
 

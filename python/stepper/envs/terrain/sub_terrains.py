@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 
 from stepper.envs.task import Array
+from stepper.shared.arguments import check_number, check_pair, check_whole
 
 Range = tuple[float, float]
 """Pair of values of a parameter: at difficulty 0 and at difficulty 1. Values between are interpolated linearly."""
@@ -29,13 +32,26 @@ class SubTerrain(ABC):
         border_width: Width of the flat border, m.
     """
 
+    _at_least_0: ClassVar[tuple[str, ...]] = ("proportion", "border_width")
+    """Attributes that must be numbers, or pairs of numbers, of at least 0."""
+    _above_0: ClassVar[tuple[str, ...]] = ()
+    """Attributes that must be numbers above 0."""
+
     proportion: float = 1.0
     border_width: float = 0.25
 
     def __post_init__(self) -> None:
-        for name in ("proportion", "border_width"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} of {type(self).__name__} is {getattr(self, name)}, must be at least 0")
+        for field in fields(self):
+            value, default, name = getattr(self, field.name), field.default, f"{field.name} of {type(self).__name__}"
+            least = 0.0 if field.name in (*SubTerrain._at_least_0, *self._at_least_0) else -math.inf
+            if isinstance(default, tuple) and len(default) == 2:
+                check_pair(name, value, meaning=f"such as {default}")
+                for number in value:
+                    check_number(name, number, least=least)
+            elif isinstance(default, int) and not isinstance(default, bool):
+                check_whole(name, value, least=least)
+            elif isinstance(default, float):
+                check_number(name, value, least=least, above=0.0 if field.name in self._above_0 else -math.inf)
 
     @abstractmethod
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
@@ -88,6 +104,9 @@ class RandomRough(SubTerrain):
         spacing: Distance between points of the coarse grid, m.
     """
 
+    _at_least_0: ClassVar[tuple[str, ...]] = ("height_range",)
+    _above_0: ClassVar[tuple[str, ...]] = ("spacing",)
+
     height_range: Range = (0.0, 0.1)
     spacing: float = 0.2
 
@@ -108,6 +127,8 @@ class PyramidSlope(SubTerrain):
         platform_width: Side of the platform, m.
         inverted: Whether slopes go down to the middle.
     """
+
+    _at_least_0: ClassVar[tuple[str, ...]] = ("platform_width",)
 
     slope_range: Range = (0.0, 0.7)
     platform_width: float = 2.0
@@ -149,6 +170,9 @@ class PyramidStairs(BoxTerrain):
         inverted: Whether stairs go down to the middle.
     """
 
+    _at_least_0: ClassVar[tuple[str, ...]] = ("platform_width",)
+    _above_0: ClassVar[tuple[str, ...]] = ("step_width",)
+
     border_width: float = 1.0
     step_height_range: Range = (0.0, 0.2)
     step_width: float = 0.3
@@ -183,6 +207,8 @@ class Gap(BoxTerrain):
         depth: Depth of the gap, m.
     """
 
+    _at_least_0: ClassVar[tuple[str, ...]] = ("gap_width_range", "platform_width", "depth")
+
     gap_width_range: Range = (0.05, 0.6)
     platform_width: float = 2.0
     depth: float = 1.0
@@ -206,6 +232,8 @@ class SteppingStones(BoxTerrain):
         platform_width: Side of the platform, m.
         depth: Depth of the pit, m.
     """
+
+    _at_least_0: ClassVar[tuple[str, ...]] = ("stone_size_range", "stone_distance_range", "height_variation", "platform_width", "depth")
 
     stone_size_range: Range = (0.8, 0.3)
     stone_distance_range: Range = (0.05, 0.3)
@@ -238,10 +266,17 @@ class DiscreteObstacles(BoxTerrain):
         platform_width: Side of the free square, m.
     """
 
+    _at_least_0: ClassVar[tuple[str, ...]] = ("width_range", "num_obstacles", "platform_width")
+
     height_range: Range = (0.02, 0.2)
     width_range: tuple[float, float] = (0.3, 1.0)
     num_obstacles: int = 40
     platform_width: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.width_range[0] > self.width_range[1]:
+            raise ValueError(f"width_range of DiscreteObstacles is {self.width_range}, must be two widths, the smaller one first")
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
         """Boxes of the ground and of the obstacles on it, (n, 2, 3), m: lowest and highest corner of each."""

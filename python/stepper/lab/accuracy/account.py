@@ -27,6 +27,7 @@ from stepper.lab.study.touching import Touching, pairs_that_may_touch, touching
 from stepper.lab.study.worlds import StepperWorld, World
 from stepper.lab.timing import Timed
 from stepper.loading import describe
+from stepper.shared.arguments import check_whole
 from stepper.shared.machine import cpu_name, one_core
 from stepper.shared.progress import Tick, silent
 
@@ -108,8 +109,7 @@ def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Acco
     Raises:
         ValueError: `episodes` is below 1.
     """
-    if episodes < 1:
-        raise ValueError(f"episodes is {episodes}, must be at least 1")
+    check_whole("episodes", episodes, least=1)
     study, progress = Study.from_model(source), tick or silent
     progress("run", 0.0)
     seen = touching(study, range(episodes))
@@ -134,22 +134,22 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
     slid = [pair for pair in pressed if pair.cone >= 1 - 1e-3]
     near = {tuple(sorted(model.geom(g).bodyid for g in pair.geoms)) for pair in seen.pairs}
     yield Use("pairs of bodies within reach of a step", len(pairs_that_may_touch(model, study.loaded[1])), len(near))
-    yield Use("pairs of geoms that press, of those within reach", len(seen.pairs), len(pressed))
+    yield Use("pairs of geoms that press on each other, of those within reach", len(seen.pairs), len(pressed))
     yield Use("pairs of geoms with friction, of those that press", len(pressed), len(rubbed))
     largest = max((pair.cone for pair in rubbed), default=0.0)
     yield Use(
         "pairs of geoms with a sliding contact, of those with friction",
         len(rubbed),
         len(slid),
-        f"at most {min(1.0, largest):.0%} of a cone is used",
+        f"a contact uses at most {min(1.0, largest):.0%} of its friction cone",
     )
     yield Use("contacts of an environment at once", options.max_contacts, seen.most)
     limited = [k for k in range(model.njnt) if model.joint(k).limited]
-    yield Use("limits of joints that are reached", len(limited), int(np.count_nonzero(seen.limits)), "to a hundredth of the range")
-    yield Use("actuators at a bound of their effort", model.nu, int(np.count_nonzero(seen.saturated)))
-    yield Use("sensors that are read", len(model.sensors), len(model.sensors) if seen.senses else 0, "all or none")
+    yield Use("joint limits that are reached", len(limited), int(np.count_nonzero(seen.limits)), "closer than a hundredth of the range")
+    yield Use("actuators that reach a limit of their effort", model.nu, int(np.count_nonzero(seen.saturated)))
+    yield Use("sensors that are read", len(model.sensors), len(model.sensors) if seen.senses else 0, "counts as all or none")
     yield Use("sweeps of the solver in a step, summed over its solves", None, seen.sweeps, f"at most {options.iterations} per solve")
-    yield Use("Newton steps of the solver in a step", None, seen.newton_steps, "0: the sweeps always sufficed")
+    yield Use("Newton steps of the solver in a step", None, seen.newton_steps, "0 if sweeps always sufficed")
     flags = [flag for flag in Status if flag and flag in seen.status]
     yield Use("kinds of flags that steps set", len(Status), len(flags), ", ".join(flag.name or "" for flag in flags))
 

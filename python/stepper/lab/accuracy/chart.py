@@ -30,6 +30,7 @@ from stepper.lab.progress import Tick
 from stepper.lab.study.document import Document, check_pages
 from stepper.lab.study.report import no_peer
 from stepper.lab.study.study import Study
+from stepper.shared.arguments import check_whole, path_of
 from stepper.shared.machine import one_core
 
 Array = NDArray[np.float64]
@@ -100,7 +101,9 @@ def chart(
     clock = Budget.from_seconds(seconds)
     check_pages()
     study = replace(check_moves(Study.from_model(source)), threads=1)
-    if unit not in TARGET:
+    check_whole("episodes", episodes, least=1)
+    path_of("out", out)
+    if unit not in list(TARGET):
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
     until = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]
     if until is not None and not study.hold <= until <= study.seconds * (1 + 1e-9):

@@ -104,7 +104,7 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
     best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
     study, unit = ground.study, ground.distance.unit
     parts = [f"from {word}" for word in CAUSES.values()]
-    head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "depth, mm")
+    head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "penetration, mm")
     outcome = study.decisive or next(iter(study.all_outcomes), None)
     more = ("residual, m/s", *(() if outcome is None else (f"mean {outcome.name}", "successes")), "notes")
 

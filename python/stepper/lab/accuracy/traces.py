@@ -298,7 +298,5 @@ def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[fl
             if found and found[2] in known and 0 < float(found[1]) < np.inf:
                 base, factor = _UNITS[found[2]]
                 return float(found[1]) * factor, base
-    raise ValueError(
-        f'{name} is {given!r}, must be a number above 0 with a unit, such as "1 {known[-1]}"; units are: {", ".join(known)}'
-        + (f"; without a unit a number is in {units[0]}" if len(units) == 1 else "")
-    )
+    example = "0.5 s" if units == ("s",) else "1 mm" if "m" in units else "0.5 deg"
+    raise ValueError(f'{name} is {given!r}, must be a number above 0 with a unit, such as "{example}"; units are: {", ".join(known)}')

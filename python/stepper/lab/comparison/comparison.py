@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from stepper.lab.comparison.draw import draw
 from stepper.lab.comparison.trial import Array, ControlSource, Course, Slip, run
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
+from stepper.shared.arguments import array_of, check_kind, check_number, check_whole
 from stepper.shared.files import existing
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import require
@@ -54,9 +55,9 @@ class Comparison:
         parted = np.where(apart.any(axis=0), (apart.argmax(axis=0) + 1) * course.timestep, np.inf)
         first = np.where((course.pairs > 0).any(axis=0), ((course.pairs > 0).argmax(axis=0) + 1) * course.timestep, np.inf)
         out = {
-            "deepest overlap, mm": 1e3 * float(course.depth.max()),
-            "mean deepest overlap, mm": 1e3 * float(course.depth.mean()),
-            "farthest beyond a limit, rad or m": float(course.overshoot.max()),
+            "largest penetration, mm": 1e3 * float(course.depth.max()),
+            "mean of the largest penetration, mm": 1e3 * float(course.depth.mean()),
+            "largest limit violation, rad or m": float(course.overshoot.max()),
             "energy at the end, J": float(course.energy[-1].mean()),
             "peak force of a contact, N": float(course.force.max()),
             "impulse of contacts, N s": float(course.impulse.sum(axis=0).mean()),
@@ -64,7 +65,7 @@ class Comparison:
             "first touch, s": float(np.median(first)),
             "new touches": float(course.begins.sum(axis=0).mean()),
             "touching, fraction of time": float((course.pairs > 0).mean()),
-            f"apart from hard contact by {ONSET:g} after, s": float(np.median(parted)),
+            f"time until qpos differs from hard contact by {ONSET:g}, s": float(np.median(parted)),
         }
         return out | ({"return": float(course.reward.sum(axis=0).mean())} if self.rewarded else {})
 
@@ -128,11 +129,16 @@ def compare(
     Raises:
         ValueError: A length is not positive, or `start` has wrong shapes.
     """
-    for name, value in (("seconds", seconds), ("num_envs", num_envs), ("hold", hold)):
-        if not value > 0:
-            raise ValueError(f"{name} is {value}, must be above 0")
+    check_number("seconds", seconds, above=0.0)
+    check_number("hold", hold, above=0.0)
+    check_whole("num_envs", num_envs, least=1)
+    check_whole("seed", seed, least=0)
+    if options is not None:
+        check_kind("options", options, Options, "write stepper.Options(...)")
     if callable(controller):
         check_takes(controller, ["qpos", "qvel"], "controller")
+    if reward is not None and not callable(reward):
+        raise TypeError(f"reward is {reward!r}, must be a function of (before, ctrl, after), or None")
     if reward is not None:
         check_takes(reward, ["before", "ctrl", "after"], "reward")
     model, compiled = _load(source)
@@ -142,12 +148,20 @@ def compare(
     law = replace(options or Options(), contact="mujoco", integrator=None)
     timestep = float(Stepper(model, options=hard).timestep)
     rng = np.random.default_rng(seed)
-    qpos, qvel = _start(model, num_envs, rng) if start is None else (np.asarray(x, float) for x in start)
+    if start is not None and (not isinstance(start, Sequence) or isinstance(start, str) or len(start) != 2):
+        raise TypeError(f"start is {start!r}, must be two arrays, qpos and qvel, or None")
+    qpos, qvel = _start(model, num_envs, rng) if start is None else (array_of("start", x) for x in start)
     if qpos.shape != (num_envs, model.nq) or qvel.shape != (num_envs, model.nv):
         raise ValueError(f"start has shapes {qpos.shape} and {qvel.shape}, must be ({num_envs}, {model.nq}) and ({num_envs}, {model.nv})")
     steps = max(1, round(seconds / timestep))
     if controller is None:
         controller = _random(model, num_envs, steps, max(1, round(hold / timestep)), rng)
+    if not callable(controller):
+        controller = array_of("controller", controller)
+        shapes = ((num_envs, model.nu), (model.nu,))
+        if controller.ndim not in (2, 3) or not len(controller) or controller.shape[1:] not in shapes:
+            given = f"controller has shape {controller.shape}"
+            raise ValueError(f"{given}, must be (steps, {model.nu}) or (steps, {num_envs}, {model.nu}), or a function of qpos and qvel")
     slip = Slip(compiled) if compiled is not None else None
     plans = {"hard": Plan(model, {}, hard), "MuJoCo's law": Plan(model, {}, law)}
     if compiled is not None:

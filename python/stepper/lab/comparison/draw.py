@@ -33,7 +33,12 @@ def draw(courses: Sequence[Course], path: Path) -> Path:
             # The line of MuJoCo is dashed, because the line of MuJoCo's contact law in stepper is nearly the same.
             panel.plot(time, middle, "--" if number > 1 else "-", color=f"C{number}", label=course.name, linewidth=1.2)
             panel.fill_between(time, low, high, color=f"C{number}", alpha=0.2, linewidth=0)
-    titles = ("deepest overlap, mm", "largest normal force, N", "energy, J", "largest difference of the configuration from hard contact")
+    titles = (
+        "largest penetration, mm",
+        "largest normal force, N",
+        "energy, J",
+        "largest difference of the configuration from hard contact",
+    )
     for panel, title in zip(panels.flat, titles, strict=True):
         panel.set_title(title, fontsize=10)
         panel.set_xlabel("time, s")

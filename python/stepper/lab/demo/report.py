@@ -34,10 +34,10 @@ def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
     """
     return [
         ("environments", lambda f: f"{f['num_envs']:,}"),
-        ("steps a second, one core, control / rest", lambda f: _phases(f["steps_per_second_one_core"], ",.0f")),
+        ("steps per second, one core, control / rest", lambda f: _phases(f["steps_per_second_one_core"], ",.0f")),
         *[(f"  times {name}", lambda f, name=name: _phases(f["ratio_one_core"][name], ".2f")) for name in peers],
-        ("steps a second, all cores, control", lambda f: _phases(f["steps_per_second_all_cores"], ",.0f")),
-        ("worst penetration", lambda f: length(f["worst_penetration"])),
+        ("steps per second, all cores, control", lambda f: _phases(f["steps_per_second_all_cores"], ",.0f")),
+        ("largest penetration", lambda f: length(f["worst_penetration"])),
         ("penetration after rest", lambda f: length(f["at_the_end"]["penetration"])),
         ("contacts per humanoid, control / rest", lambda f: _phases(f["contacts_mean"], ".2f")),
         ("kinetic energy after rest, mean", lambda f: f"{f['at_the_end']['kinetic_mean']:.2e} J"),
@@ -46,7 +46,10 @@ def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
         ("environment-steps not converged", lambda f: _certified(f, lambda c: f"{100.0 * c['not_converged'] / c['env_steps']:.2g} %")),
         ("environment-steps not finite", lambda f: _certified(f, lambda c: f"{c['non_finite']:,}")),
         ("environment-steps with contacts left out", lambda f: _certified(f, lambda c: f"{c['contacts_full']:,}")),
-        ("sweeps and Newton steps a step, mean", lambda f: _certified(f, lambda c: f"{c['sweeps'] / c['env_steps']:.1f}")),
+        (
+            "solver iterations per step (sweeps and Newton steps), mean",
+            lambda f: _certified(f, lambda c: f"{c['sweeps'] / c['env_steps']:.1f}"),
+        ),
         ("same bits on one and on all cores", lambda f: {True: "yes", False: "NO"}.get(f.get("same_bits_on_one_and_all_cores"), "")),
     ]
 
@@ -75,10 +78,10 @@ def _notes(figures: Figures) -> list[str]:
         f"iterations, tolerance {tolerance} m/s, stabilization {options['stabilization']}. MuJoCo {versions.get('mujoco-core')}: "
         "mujoco.batch.Batch, Newton, sensors off, same dt; its defaults are Euler and the pyramidal cone.",
         f"Engines take turns of {plan['chunk']} steps in one process, on core {figures['core']} (processor time), then on "
-        f"all {figures['num_cores']} cores (wall time); one call per step; medians over the turns; the ratio is the median of theirs.",
+        f"all {figures['num_cores']} cores (wall time); one call per step; medians over the turns; the ratio is the median of the turns' ratios.",
         f"MuJoCo steps the first {plan['peers']} humanoids only, with the same controls, to save time.",
-        f"Contacts (nearer than 0.1 mm), penetration and energy: one yardstick for all, MuJoCo's collision detection and inertia at each "
-        f"engine's qpos and qvel, on the first {plan['peers']} humanoids, every {plan['chunk']} steps.",
+        f"Contacts (nearer than 0.1 mm), penetration and energy follow from MuJoCo's collision detection and inertia at each engine's "
+        f"qpos and qvel, on the first {plan['peers']} humanoids, every {plan['chunk']} steps.",
         f"Machine: {came_from['cpu']}, load {came_from['load_average']}, CPU level {came_from['cpu_levels'][-1]}; "
         f"stepper {versions['stepper']}.",
     ]

@@ -167,7 +167,7 @@ def box() -> Scene:
         start=_box_start,
         duration=BOX_DURATION,
         error=lambda start, end: float(np.linalg.norm(end[:2] - start[:2] - right)),
-        error_label="distance from where the box should be after 1 s [m]",
+        error_label="distance from the exact position after 1 s [m]",
         reference=f"v0^2 / (2 mu g) = {distance:.6f} m, straight ahead (closed form)",
         engines=(
             StepperEngine("euler", Options(integrator="euler")),

@@ -49,8 +49,8 @@ class Episodes:
                 raise ValueError(f"episode is {number!r}, must be 0 or more")
         if together(study) and max(numbers) >= study.episodes:
             raise ValueError(
-                f"episode is {max(numbers)}, must be below episodes, which is {study.episodes} in {study.name}, because its sensor errors "
-                "differ between episodes: give the study more episodes"
+                f"episode is {max(numbers)}, must be below episodes, which is {study.episodes} in {study.name}, because sensor errors "
+                "depend on the number of episodes: give the study more episodes"
             )
         new = {name: value for name, value in values.items() if name not in study.parameters}
         study = study.at(new)

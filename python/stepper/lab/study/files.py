@@ -31,7 +31,7 @@ Example of a TOML file:
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,6 +72,8 @@ def read_study(path: Path, kind: type[Study]) -> Study:
             raise ValueError(f"{path}: it has no stepper.lab.Study named study")
         # The default name is that of the file, as in TOML.
         return replace(study, name=path.stem) if study.name == kind.name else study
+    if path.is_file() and path.suffix not in (".toml", ".json"):
+        raise ValueError(f"{path} is no study: give a study's file, whose name ends in .toml or .py")
     data = read_file(path)
     try:
         return _made(data, path, kind)
@@ -106,8 +108,13 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
         if name in given:
             given[name] = find(given[name], folder)
     if "outcomes" in given:
+        if not isinstance(given["outcomes"], list):
+            raise TypeError(f"outcomes is {given['outcomes']!r}, must be tables: begin each with the line [[outcomes]]")
         given["outcomes"] = [_part(Outcome, _measured(table, folder), f"outcome {k + 1}") for k, table in enumerate(given["outcomes"])]
-    given["parameters"] = {name: _part(Parameter, table, f"parameter {name!r}") for name, table in given.get("parameters", {}).items()}
+    parameters = given.get("parameters", {})
+    if not isinstance(parameters, dict):
+        raise TypeError(f"parameters is {parameters!r}, must be tables: begin each with a line such as [parameters.friction]")
+    given["parameters"] = {name: _part(Parameter, table, f"parameter {name!r}") for name, table in parameters.items()}
     if "options" in given:
         given["options"] = _part(Options, given["options"], "options")
     for name, model in (("sensors", SensorModel), ("actuators", ActuatorModel)):
@@ -178,9 +185,10 @@ def _part(kind: type[Any], table: Any, place: str) -> Any:
     if renamed := next((key for key in table if key not in known and present_keyword(f"stepper.lab.{kind.__name__}", key)), None):
         raise ValueError(f"{place} has no {renamed!r}: use {present_keyword(f'stepper.lab.{kind.__name__}', renamed)}")
     check_keys(table, known, place)
+    required = [field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING]
+    if missing := [name for name in required if name not in table]:
+        raise ValueError(f"{place} has no {missing[0]}: add {missing[0]} = ...")
     try:
         return kind(**table)
-    except TypeError as error:
-        raise ValueError(f"{place}: {str(error).partition(' ')[2] if '__init__' in str(error) else error}") from None
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{place}: {error}") from None

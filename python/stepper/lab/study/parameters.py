@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -87,6 +87,8 @@ class Parameter:
         if self.operation not in ("set", "scale", "add"):
             raise ValueError(f'operation is {self.operation!r}, must be "set", "scale" or "add"')
         if self.values is not None:
+            if isinstance(self.values, str) or not isinstance(self.values, Iterable):
+                raise TypeError(f"values is {self.values!r}, must be a list of values, as (0.2, 0.5, 1.0)")
             object.__setattr__(self, "values", tuple(self.values))
         for name in ("low", "high"):
             value = getattr(self, name)
@@ -172,6 +174,8 @@ def selected(parameters: Mapping[str, Parameter], texts: Sequence[str], model: M
     Raises:
         ValueError: A text is neither a name nor a selector, or two selectors of the same numbers have different ranges.
     """
+    if isinstance(texts, str) or not isinstance(texts, Sequence) or not all(isinstance(text, str) for text in texts):
+        raise TypeError(f"parameters is {texts!r}, must be a list of names or selectors, as ['geom_friction[floor][0]=0.2..1']")
     found: dict[str, Parameter] = {}
     changed: dict[str, frozenset[tuple[str, int]]] = {}
     for text in texts:

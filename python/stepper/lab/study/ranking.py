@@ -32,6 +32,7 @@ from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
 from stepper.lab.study.table import Table
+from stepper.shared.arguments import check_whole
 from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
@@ -132,8 +133,9 @@ def rank(
         study, parameters = replace(study, parameters={**study.parameters, **chosen}), list(chosen)
     names = _names(study, parameters, setting)
     check_value_conflicts({name: study.parameters[name] for name in names}, study.loaded[0])
+    check_whole("samples", samples)
     if samples < 2 or samples & (samples - 1):
-        raise ValueError(f"samples is {samples}, must be a power of 2, of 2 and more")
+        raise ValueError(f"samples is {samples}, must be a power of 2, and at least 2")
     # SciPy is imported before the long run, so that its absence is reported at once.
     stats = require("scipy.stats", "to rank parameters")
     first, second, mixed = _design(stats, study, names, samples)

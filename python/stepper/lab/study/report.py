@@ -143,7 +143,11 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
 
 def study_of(source: Study | str | os.PathLike[str]) -> Study:
     """Study from an argument that is a study or the path of a study file."""
-    return source if isinstance(source, Study) else Study.from_file(Path(source))
+    if isinstance(source, Study):
+        return source
+    if not isinstance(source, str | os.PathLike):
+        raise TypeError(f"study is {source!r} ({type(source).__name__}), must be a stepper.lab.Study or the path of a study's file")
+    return Study.from_file(Path(source))
 
 
 def with_peers(study: Study) -> Study:
@@ -372,8 +376,8 @@ def _repeated(levels: Sequence[Level]) -> list[str]:
     if fewest.different == fewest.episodes:
         return []
     return [
-        f"Levels whose episodes repeat one another bit for bit have no interval, because they are no independent trials: as few as "
-        f"{fewest.different} different of {counted(fewest.episodes, 'episode')}. Give the study qpos_noise, qvel_noise, a random start or "
+        f"Levels with equal episodes have no interval, because equal episodes are not independent trials: at one level only "
+        f"{fewest.different} of {counted(fewest.episodes, 'episode')} are different. Give the study qpos_noise, qvel_noise, a random start or "
         "controller, or episodes=1."
     ]
 

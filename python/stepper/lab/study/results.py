@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from stepper.lab.study.document import check_pages
 from stepper.lab.study.journal import Journal
 from stepper.lab.study.study import Study
+from stepper.shared.arguments import path_of
 from stepper.shared.files import atomic_write
 
 IN_FORCE, JOURNAL = "in_force.json", "journal.sqlite"
@@ -28,7 +28,7 @@ class Results:
 
     def __init__(self, study: Study, out: str | os.PathLike[str]):
         check_pages()
-        self.folder = Path(out) / study.name
+        self.folder = path_of("out", out) / study.name
         self.journal = Journal(self.folder / JOURNAL, study.name)
         try:
             self._write_in_force(study)

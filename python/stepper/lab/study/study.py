@@ -30,6 +30,7 @@ from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
+from stepper.shared.arguments import check_mapping, check_number, path_of
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import package_version, require
 
@@ -184,6 +185,8 @@ class Study(metaclass=Hinting):
 
     def _check_numbers(self) -> None:
         """Raise TypeError if a number of the study is of another type, such as a text or an array."""
+        if self.options.timestep is not None:
+            check_number("options.timestep", self.options.timestep, above=0.0)
         for name in ("seconds", "control", "qpos_noise", "qvel_noise", "episodes", "seed", "batch", "threads"):
             value, whole = getattr(self, name), name in ("episodes", "seed", "batch", "threads")
             if (name == "control" and value is None) or isinstance(value, int | np.integer if whole else int | float | np.number):
@@ -200,6 +203,9 @@ class Study(metaclass=Hinting):
         for outcome in self.all_outcomes:
             if not isinstance(outcome, Outcome):
                 raise TypeError(f"outcomes has {outcome!r}, must be a stepper.lab.Outcome, as Outcome(name=..., measure=...)")
+        check_mapping("settings", self.settings, '{"fast": {"integrator": "euler"}}')
+        for name, setting in self.settings.items():
+            check_mapping(f"settings {name!r}", setting, '{"integrator": "euler"}')
         if not isinstance(self.parameters, Mapping):
             raise TypeError(f"parameters is {self.parameters!r}, must be a dict of stepper.lab.Parameter by name")
         for name, kind in (("options", Options), ("sensors", SensorModel), ("actuators", ActuatorModel)):
@@ -238,7 +244,7 @@ class Study(metaclass=Hinting):
         # Imported here, because files.py imports this module.
         from stepper.lab.study.files import read_study  # noqa: PLC0415
 
-        return read_study(Path(path), cls)
+        return read_study(path_of("path", path), cls)
 
     @cached_property
     def loaded(self) -> tuple[Model, Any]:
@@ -302,6 +308,8 @@ class Study(metaclass=Hinting):
         Raises:
             ValueError: There are no settings of this name, or an option is unknown.
         """
+        if not isinstance(name, str):
+            raise TypeError(f"setting is {name!r}, must be the name of settings of the study, as {USUAL!r}")
         if name == USUAL:
             return {}
         if given is None:

@@ -79,7 +79,7 @@ FLAGS = {
         "island": (18, "the flag concerns MuJoCo's solver", False),
         "multiccd": (
             19,
-            "the flag selects one of MuJoCo's collision algorithms; stepper always finds all points of a patch",
+            "the flag selects one of MuJoCo's collision algorithms; stepper always finds all contact points of a pair",
             False,
         ),
     },
@@ -181,11 +181,11 @@ def _contacts(source: Source) -> None:
     for g in np.flatnonzero(m.geom_type == 8):
         source.leave_out("signed distance field", source.label("GEOM", int(g)), "it collides as the convex hull of its mesh")
     for g in np.flatnonzero(m.geom_adhesion):
-        source.leave_out("adhesion", source.label("GEOM", int(g)), "contacts do not pull")
+        source.leave_out("adhesion", source.label("GEOM", int(g)), "adhesion is not simulated: contacts push and never pull")
     for i in range(m.npair):
         friction, name = m.pair_friction[i], source.label("PAIR", i)
         if m.pair_adhesion[i]:
-            source.leave_out("adhesion", name, "contacts do not pull")
+            source.leave_out("adhesion", name, "adhesion is not simulated: contacts push and never pull")
         if (m.pair_dim[i] > 1 and friction[0] != friction[1]) or (m.pair_dim[i] == 6 and friction[3] != friction[4]):
             reason = f"friction {friction.tolist()} depends on the direction; the first coefficient of each pair of directions is used"
             source.leave_out("anisotropic friction", name, reason)

@@ -138,7 +138,7 @@ def _kind(source: Source, i: int, word: str) -> str | Description:
     if word.startswith("joint") and not source.is_hinge_or_slide(target):
         raise _NotReadError("limits of ball joints have no sensor yet")
     if word in ("force", "torque") and (loop := _loop(source, int(source.m.site_bodyid[target]))):
-        raise _NotReadError(f"the bodies that it carries are also held by the equality {loop}, whose share of the force is not simulated")
+        raise _NotReadError(f"the equality {loop} also holds the bodies behind the sensor, and the sensor would lack its force")
     if word in SCENE:
         return SCENE[word]
     if word in (plain := JOINTS | SITES | SUBTREES):

@@ -1,0 +1,142 @@
+"""Checks of arguments. Every error names the argument, its value and the accepted values."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import fields
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def check_number(name: str, value: Any, *, least: float = -math.inf, above: float = -math.inf, most: float = math.inf) -> None:
+    """Raises an error unless a value is a finite number in a range.
+
+    Args:
+        name: Name of the argument, for the message.
+        value: The value.
+        least: Smallest accepted number.
+        above: Number that the value must exceed.
+        most: Largest accepted number.
+
+    Raises:
+        TypeError: The value is no number.
+        ValueError: The number is out of its range, or not finite.
+    """
+    if not _is_number(value):
+        raise TypeError(f"{name} is {value!r}, must be a number")
+    if not (least <= value <= most and value > above and math.isfinite(value)):
+        raise ValueError(f"{name} is {value!r}, must be {_range('a finite number', least, above, most)}")
+
+
+def check_whole(name: str, value: Any, *, least: float = -math.inf, most: float = math.inf) -> None:
+    """Raises an error unless a value is a whole number from `least` to `most`; `name` is the name of the argument.
+
+    Raises:
+        TypeError: The value is no whole number.
+        ValueError: The number is out of its range.
+    """
+    if not isinstance(value, Integral):
+        raise TypeError(f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}")
+    if not least <= int(value) <= most:
+        raise ValueError(f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}")
+
+
+def check_pair(name: str, value: Any, *, meaning: str) -> None:
+    """Raises an error unless a value is a sequence of two numbers.
+
+    Args:
+        name: Name of the argument, for the message.
+        value: The value.
+        meaning: Meaning of the two numbers, such as "(low, high)", for the message.
+
+    Raises:
+        TypeError: The value is not two numbers.
+    """
+    fits = isinstance(value, tuple | list | np.ndarray) and len(value) == 2 and all(_is_number(number) for number in value)
+    if not fits:
+        raise TypeError(f"{name} is {value!r}, must be two numbers, {meaning}")
+
+
+def check_fields(owner: Any) -> None:
+    """Raises TypeError if a field of a dataclass is neither an array nor of its annotated type: int, float, bool or two numbers."""
+    for field in fields(owner):
+        value, name = getattr(owner, field.name), f"{field.name} of {type(owner).__name__}"
+        kind = field.type if isinstance(field.type, str) else getattr(field.type, "__name__", str(field.type))
+        if isinstance(value, np.ndarray):
+            continue
+        if kind == "bool" and not isinstance(value, bool | np.bool_ | Integral):
+            raise TypeError(f"{name} is {value!r}, must be True or False")
+        if kind == "int":
+            check_whole(name, value)
+        if kind == "float" and (not _is_number(value) or math.isnan(value)):
+            raise TypeError(f"{name} is {value!r}, must be a number")
+        if kind == "tuple[float, float]":
+            check_pair(name, value, meaning="the lower one first")
+
+
+def check_mapping(name: str, value: Any, example: str) -> None:
+    """Raises TypeError unless a value is a mapping; `name` is the name of the argument, and `example` a valid value."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} is {value!r}, must be a dict such as {example}")
+
+
+def check_kind(name: str, value: Any, kind: type, remedy: str) -> None:
+    """Raises TypeError unless a value is of a class of stepper.
+
+    Args:
+        name: Name of the argument, for the message.
+        value: The value.
+        kind: The class.
+        remedy: Last part of the message: an expression that makes an object of the class.
+    """
+    if not isinstance(value, kind):
+        folders = kind.__module__.split(".")[1:-1]
+        public = ".".join(["stepper", *folders[:1], kind.__name__])
+        raise TypeError(f"{name} is {value!r} ({type(value).__name__}), must be a {public}: {remedy}")
+
+
+def array_of(name: str, value: Any) -> NDArray[np.float64]:
+    """Array (...) of float64 with the numbers of an array or of nested sequences; `name` is the name of the argument.
+
+    Raises:
+        TypeError: The value has entries other than numbers, or rows of different lengths.
+    """
+    try:
+        return np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {value!r}, must be an array of numbers, with rows of equal length") from None
+
+
+def path_of(name: str, value: Any) -> Path:
+    """Path from a text or a path object; `name` is the name of the argument.
+
+    Raises:
+        TypeError: The value is neither.
+    """
+    if not isinstance(value, str | os.PathLike):
+        raise TypeError(f"{name} is {value!r} ({type(value).__name__}), must be a path, as a str or pathlib.Path")
+    return Path(value)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is one real number: of Python, of NumPy, or in an array without axes."""
+    return isinstance(value, Real) or (isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf")
+
+
+def _range(kind: str, least: float, above: float, most: float) -> str:
+    """Description of accepted numbers for a message, such as "a finite number from 0 to 1"."""
+    if least > -math.inf and most < math.inf:
+        return f"{kind} from {least:g} to {most:g}"
+    if above > -math.inf and most < math.inf:
+        return f"{kind} above {above:g} and at most {most:g}"
+    if above > -math.inf:
+        return f"{kind} above {above:g}"
+    if least > -math.inf:
+        return f"{kind} of at least {least:g}"
+    return f"{kind} of at most {most:g}" if most < math.inf else kind

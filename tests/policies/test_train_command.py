@@ -107,8 +107,8 @@ def test_values_of_the_command_line_are_arguments_of_the_environment():
 @pytest.mark.parametrize(("values", "message"), [
     (["frame_skip"], "--values is 'frame_skip', must be NAME=VALUE"),
     (["frame_skip=2", "frame_skip=3"], "--values gives 'frame_skip' twice, as 2 and as 3"),
-    (["num_envs=8"], "--values sets num_envs, which has its own option: use --num-envs"),
-    (["contact=hard"], "--values sets contact, which has its own option: use --contact"),
+    (["num_envs=8"], "--values sets num_envs: use the option --num-envs instead"),
+    (["contact=hard"], "--values sets contact: use the option --contact instead"),
 ])  # fmt: skip
 def test_wrong_values_are_refused(values, message):
     with pytest.raises(ValueError, match=message):

@@ -48,7 +48,7 @@ def evaluate(
     if against and infos:
         raise ValueError("--info cannot be compared: leave out --against or --info")
     if own := sorted(values.keys() & {"contact", "precision"}):
-        raise ValueError(f"--values sets {own[0]}, which has its own option: use --{own[0]}")
+        raise ValueError(f"--values sets {own[0]}: use the option --{own[0]} instead")
     settings, shared = settings | dict(values), dict(values)
     loaded = load(policy)
     if video is not None:

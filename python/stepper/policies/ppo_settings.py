@@ -196,5 +196,5 @@ def settings_of(env: str, given: Mapping[str, Any]) -> Settings:
     if "values" in options:
         options["values"] = name_values(options["values"], "--values", literal)
         if own := sorted(options["values"].keys() & {"contact", "precision", "threads", "num_envs"}):
-            raise ValueError(f"--values sets {own[0]}, which has its own option: use --{own[0].replace('_', '-')}")
+            raise ValueError(f"--values sets {own[0]}: use the option --{own[0].replace('_', '-')} instead")
     return Settings.of_task(env, **options)

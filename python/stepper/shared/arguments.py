@@ -34,6 +34,24 @@ def check_number(name: str, value: Any, *, least: float = -math.inf, above: floa
         raise ValueError(f"{name} is {value!r}, must be {_range('a finite number', least, above, most)}")
 
 
+def check_fraction(name: str, value: Any, meaning: str = "") -> None:
+    """Raises an error unless a value is a number between 0 and 1, both excluded; `name` is the name of the argument.
+
+    Args:
+        name: Name of the argument, for the message.
+        value: The value.
+        meaning: Last part of the message, on what the fraction is of; it begins with a colon.
+
+    Raises:
+        TypeError: The value is no number.
+        ValueError: The number is out of its range.
+    """
+    if not _is_number(value):
+        raise TypeError(f"{name} is {value!r}, must be a number between 0 and 1{meaning}")
+    if not 0 < value < 1:
+        raise ValueError(f"{name} is {value!r}, must be between 0 and 1{meaning}")
+
+
 def check_whole(name: str, value: Any, *, least: float = -math.inf, most: float = math.inf) -> None:
     """Raises an error unless a value is a whole number from `least` to `most`; `name` is the name of the argument.
 

@@ -91,12 +91,13 @@ def warnings_of(
         at = "lower" if x[j] - residuals.low[j] < residuals.step else "upper" if residuals.high[j] - x[j] < residuals.step else ""
         if at:
             out.append(
-                f"{labels[j]} is at its {at} bound: its interval ends there, and other estimates may be wrong; widen the bound or check the data"
+                f"{labels[j]} is at its {at} bound: its interval ends there, and other estimates may be wrong; "
+                "widen the bound or check the data"
             )
         if roughness[j] > ROUGH:
             out.append(
-                f"{labels[j]}: finite differences with the step and with twice the step differ by {100 * roughness[j]:.0f} %, because contacts "
-                f"open or close nearby. The interval is rough: compare with step={residuals.step / 10:g}, or give shorter episodes"
+                f"{labels[j]}: finite differences with the step and with twice the step differ by {100 * roughness[j]:.0f} %, because "
+                f"contacts open or close nearby. The interval is rough: compare with step={residuals.step / 10:g}, or give shorter episodes"
             )
     if not converged:
         out.append("the search ran out of evaluations; raise max_evaluations")
@@ -139,7 +140,8 @@ def _fit_warnings(
         if len(apart) and apart.max() > 5 and excess < 4:
             j = int(known[int(apart.argmax())])
             out.append(
-                f"another estimate fits equally well, with {labels[j]} {apart.max():.0f} standard deviations away; more data can distinguish the two"
+                f"another estimate fits equally well, with {labels[j]} {apart.max():.0f} standard deviations away; "
+                "more data can distinguish the two"
             )
             break
     widest = float(sure.inflation[known].max()) if len(known) else 1.0

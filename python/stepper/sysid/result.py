@@ -13,7 +13,7 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel
-from stepper.shared.arguments import check_number, check_whole, path_of
+from stepper.shared.arguments import check_fraction, check_whole, path_of
 from stepper.shared.fields import RANDOMIZED
 from stepper.shared.files import existing
 from stepper.shared.machine import require
@@ -124,9 +124,7 @@ class Identification:
         Raises:
             ValueError: The confidence is not between 0 and 1.
         """
-        check_number("confidence", confidence)
-        if not 0 < confidence < 1:
-            raise ValueError(f"confidence is {confidence}, must be between 0 and 1")
+        check_fraction("confidence", confidence)
         t = float(require("scipy.stats", "for intervals").t.ppf((1 + confidence) / 2, self.freedom))
         spread = np.sqrt(np.diag(self.covariance))
         pieces = zip(self.blocks, *(split(self.blocks, x) for x in (self.theta, spread, self.values, self.std)), strict=True)

@@ -30,7 +30,7 @@ from stepper.lab.study.document import Document, Section, check_pages, counted
 from stepper.lab.study.intervals import least_share, trials_for
 from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
-from stepper.shared.arguments import check_number, check_whole, path_of
+from stepper.shared.arguments import check_fraction, check_whole, path_of
 from stepper.shared.machine import one_core, provenance
 
 Array = NDArray[np.float64]
@@ -177,9 +177,7 @@ def tune(
     budget, unit = quantity(error, name="error", units=("m", "rad"))
     seconds, _ = quantity(horizon, name="horizon", units=("s",))
     for name, share in (("coverage", coverage), ("confidence", confidence)):
-        check_number(name, share)
-        if not 0 < share < 1:
-            raise ValueError(f"{name} is {share}, must be between 0 and 1")
+        check_fraction(name, share)
     check_whole("episodes", episodes, least=1)
     path_of("out", out)
     check_pages()

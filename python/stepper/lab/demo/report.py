@@ -78,7 +78,7 @@ def _notes(figures: Figures) -> list[str]:
         f"iterations, tolerance {tolerance} m/s, stabilization {options['stabilization']}. MuJoCo {versions.get('mujoco-core')}: "
         "mujoco.batch.Batch, Newton, sensors off, same dt; its defaults are Euler and the pyramidal cone.",
         f"Engines take turns of {plan['chunk']} steps in one process, on core {figures['core']} (processor time), then on "
-        f"all {figures['num_cores']} cores (wall time); one call per step; medians over the turns; the ratio is the median of the turns' ratios.",
+        f"all {figures['num_cores']} cores (wall time); one call per step; numbers and ratios are medians over the turns.",
         f"MuJoCo steps the first {plan['peers']} humanoids only, with the same controls, to save time.",
         f"Contacts (nearer than 0.1 mm), penetration and energy follow from MuJoCo's collision detection and inertia at each engine's "
         f"qpos and qvel, on the first {plan['peers']} humanoids, every {plan['chunk']} steps.",

@@ -111,10 +111,7 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
         if not isinstance(given["outcomes"], list):
             raise TypeError(f"outcomes is {given['outcomes']!r}, must be tables: begin each with the line [[outcomes]]")
         given["outcomes"] = [_part(Outcome, _measured(table, folder), f"outcome {k + 1}") for k, table in enumerate(given["outcomes"])]
-    parameters = given.get("parameters", {})
-    if not isinstance(parameters, dict):
-        raise TypeError(f"parameters is {parameters!r}, must be tables: begin each with a line such as [parameters.friction]")
-    given["parameters"] = {name: _part(Parameter, table, f"parameter {name!r}") for name, table in parameters.items()}
+    given["parameters"] = _parameters(given.get("parameters", {}))
     if "options" in given:
         given["options"] = _part(Options, given["options"], "options")
     for name, model in (("sensors", SensorModel), ("actuators", ActuatorModel)):
@@ -169,6 +166,13 @@ def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     """
     measure = table.get("measure", "")
     return table | {"measure": find(measure, folder)} if ":" in measure else table
+
+
+def _parameters(tables: Any) -> dict[str, Parameter]:
+    """Parameters of a study from the tables of its file, by name."""
+    if not isinstance(tables, dict):
+        raise TypeError(f"parameters is {tables!r}, must be tables: begin each with a line such as [parameters.friction]")
+    return {name: _part(Parameter, table, f"parameter {name!r}") for name, table in tables.items()}
 
 
 def _part(kind: type[Any], table: Any, place: str) -> Any:

@@ -376,9 +376,9 @@ def _repeated(levels: Sequence[Level]) -> list[str]:
     if fewest.different == fewest.episodes:
         return []
     return [
-        f"Levels with equal episodes have no interval, because equal episodes are not independent trials: at one level only "
-        f"{fewest.different} of {counted(fewest.episodes, 'episode')} are different. Give the study qpos_noise, qvel_noise, a random start or "
-        "controller, or episodes=1."
+        "Levels with equal episodes have no interval, because equal episodes are not independent trials: at one level "
+        f"{counted(fewest.episodes, 'episode')} have only {counted(fewest.different, 'distinct result')}. Give the study qpos_noise, "
+        "qvel_noise, a random start or controller, or episodes=1."
     ]
 
 

@@ -19,7 +19,7 @@ from stepper.lab.study.parameters import COUNTS, Value, check_effects, selected
 from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
-from stepper.shared.arguments import check_number
+from stepper.shared.arguments import check_fraction
 
 CLIFF = 0.5
 """Fraction of successes that defines a cliff, which is a value of a parameter at which success ends.
@@ -186,9 +186,7 @@ def sweep(
         ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a later parameter overwrites the
             numbers that a varied parameter changes.
     """
-    check_number("resolution", resolution)
-    if not 0 < resolution < 1:
-        raise ValueError(f"resolution is {resolution}, must be between 0 and 1: the width of a cliff's bracket over the range")
+    check_fraction("resolution", resolution, ": the width of a cliff's bracket over the range")
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to compare; give it one")
     chosen = study.parameters if parameters is None else selected(study.parameters, parameters, study.loaded[0])

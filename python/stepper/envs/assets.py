@@ -32,7 +32,7 @@ def load_quietly(source: str | ElementTree.Element) -> Model:
 
 
 def remove_elements(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Element], bool]) -> ElementTree.Element:
-    """Remove the elements of an XML tree for which `is_unwanted` is true, in place, and return the tree."""
+    """Removes the elements of an XML tree for which `is_unwanted` is true, in place, and returns the tree."""
     for parent in list(tree.iter()):
         for child in list(parent):
             if is_unwanted(child):

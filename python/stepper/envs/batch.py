@@ -214,7 +214,7 @@ class Batch:
         self._seeded[envs] = False
 
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
-        """Set positions (m, rad) and velocities (m/s, rad/s) of some environments; see `Stepper.set_state`.
+        """Sets positions (m, rad) and velocities (m/s, rad/s) of some environments; see `Stepper.set_state`.
 
         Args:
             qpos: Positions, (num_envs, nq), (k, nq) or (nq,), m and rad; None keeps them.
@@ -231,7 +231,7 @@ class Batch:
         return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
 
     def restore(self, state: EnvState, mask: Array) -> None:
-        """Restore the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings.
+        """Restores the environments of a mask (num_envs,) from a result of `get_state`, of this batch or of one with equal settings.
 
         Raises:
             ValueError: The state is from another model, task, precision or number of environments, or from other arguments of the task or
@@ -263,7 +263,7 @@ class Batch:
         return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
-        """Advance all environments by one action, which is `task.frame_skip` time steps.
+        """Advances all environments by one action, which is `task.frame_skip` time steps.
 
         Args:
             action: Actions, (num_envs, n) float64, in the units of the task; n is nu unless the task has `action_bounds`.

@@ -30,7 +30,7 @@ None means that the registry has no such return.
 
 
 def register_tasks() -> None:
-    """Register all environments with Gymnasium, unless they are registered already.
+    """Registers all environments with Gymnasium, unless they are registered already.
 
     Names are "stepper/NAME-v5" for Gymnasium's tasks, "stepper/dm_control.NAME-v0" for dm_control's, and "stepper/NAME-v0" for the others.
     (dm_control's names have a dot, because Gymnasium allows only one slash.)

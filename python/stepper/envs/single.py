@@ -102,7 +102,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return self._batch.dt
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start a new episode.
+        """Starts a new episode.
 
         Args:
             seed: Seed of all random numbers of the environment; None continues the current stream of random numbers.
@@ -124,7 +124,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return self._batch.observation()[0], _info_of_one(self._batch.info())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Advance the environment by one action, (nu,), in the units of the task.
+        """Advances the environment by one action, (nu,), in the units of the task.
 
         Returns:
             Observation (n,), reward, terminated, truncated, and the info dict.
@@ -157,7 +157,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return self._batch.get_state()
 
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None) -> Array:
-        """Set positions and velocities, or restore a state of `get_state`.
+        """Sets positions and velocities, or restores a state of `get_state`.
 
         Positions and velocities do not change the episode: length, episode_state and random numbers stay. An `EnvState` replaces
         everything: the same actions then give the same observations, rewards, terminations and resets, bit for bit. It may come from

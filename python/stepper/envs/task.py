@@ -323,7 +323,7 @@ class Task(ABC):
         """
 
     def place(self, reset: Reset) -> None:
-        """Set initial states. Override it if they depend on `episode_state` or the simulation, for example on the level of a terrain.
+        """Sets initial states. Override it if they depend on `episode_state` or the simulation, for example on the level of a terrain.
 
         The default calls `sample_state`. An override may call it too, and then move the sampled states.
         """
@@ -389,7 +389,7 @@ class Task(ABC):
         return {}
 
     def advance(self, now: Moment) -> None:
-        """Step the simulation by one action, `now.action`. An override can store quantities between time steps with `now.keep`."""
+        """Steps the simulation by one action, `now.action`. An override can store quantities between time steps with `now.keep`."""
         now.sim.step(now.action, self.frame_skip)
 
 

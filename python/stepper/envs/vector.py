@@ -146,7 +146,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         envs: ArrayLike | None = None,
         out: Array | None = None,
     ) -> tuple[Array, dict[str, Any]]:
-        """Start new episodes in all or some environments.
+        """Starts new episodes in all or some environments.
 
         Args:
             seed: An int gives environment i the seed `seed + i`. A sequence gives one seed per environment, where None continues the random
@@ -187,7 +187,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return self._batch.observation(observations), _infos(self._batch.info(), mask)
 
     def step(self, actions: Array, *, out: Array | None = None) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Advance every environment by one action.
+        """Advances every environment by one action.
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task.
@@ -249,7 +249,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return replace(state, episodes=state.episodes | {"over": self._over.copy(), "elapsed": time.perf_counter() - self._since})
 
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Array:
-        """Set positions and velocities, or restore a state of `get_state`.
+        """Sets positions and velocities, or restores a state of `get_state`.
 
         Positions and velocities do not change the episodes: lengths, episode_state and random numbers stay. An `EnvState` replaces
         everything: the same actions then give the same observations, rewards, terminations and resets, bit for bit. It may come from

@@ -39,7 +39,7 @@ class EngineBatch(Protocol):
         """Velocities, (num_envs, nv), m/s and rad/s."""
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Reset all environments, and clear controls and warm starts.
+        """Resets all environments, and clears controls and warm starts.
 
         Args:
             qpos: Positions, (num_envs, nq) or (nq,), m and rad.
@@ -47,7 +47,7 @@ class EngineBatch(Protocol):
         """
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Step all environments. Benchmarks time only this method.
+        """Steps all environments. Benchmarks time only this method.
 
         Args:
             ctrl: Controls, (num_envs, nu), in the actuators' units; None keeps the last ones.
@@ -55,7 +55,7 @@ class EngineBatch(Protocol):
         """
 
     def record(self, phase: str) -> None:
-        """Add status and residual of the last step to the statistics of a phase of the run, such as "rest"."""
+        """Adds status and residual of the last step to the statistics of a phase of the run, such as "rest"."""
 
 
 @dataclass
@@ -79,7 +79,7 @@ class Certificate:
     sweeps: int = 0
 
     def add(self, sim: Stepper) -> None:
-        """Add the status flags, residuals and iterations of the last step of a stepper to these statistics."""
+        """Adds the status flags, residuals and iterations of the last step of a stepper to these statistics."""
         status = np.asarray(sim.status)
         self.env_steps += status.size
         self.worst_residual = max(self.worst_residual, float(np.max(sim.residual)))
@@ -127,15 +127,15 @@ class StepperBatch:
         return np.asarray(self.sim.qvel, dtype=np.float64)
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None sets zero velocities."""
+        """Resets all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None sets zero velocities."""
         self.sim.reset(qpos=qpos, qvel=qvel)
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Step all environments `nstep` times with controls (num_envs, nu), in the actuators' units; None keeps the last controls."""
+        """Steps all environments `nstep` times with controls (num_envs, nu), in the actuators' units; None keeps the last controls."""
         self.sim.step(ctrl, nstep)
 
     def record(self, phase: str) -> None:
-        """Add status flags and residuals of the last step to the statistics (`Certificate`) of a phase of the run, such as "rest"."""
+        """Adds status flags and residuals of the last step to the statistics (`Certificate`) of a phase of the run, such as "rest"."""
         self.certificates.setdefault(phase, Certificate()).add(self.sim)
 
 
@@ -158,7 +158,7 @@ class MujocoFields:
         return self._bound[name]
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Step all environments with controls (num_envs, nu); None keeps the last controls."""
+        """Steps all environments with controls (num_envs, nu); None keeps the last controls."""
         if ctrl is not None:
             self.bind("ctrl")[:] = ctrl
         self._batch.step(nstep=nstep)
@@ -205,7 +205,7 @@ class MujocoBatch(MujocoFields):
         return np.array(self._bound["qvel"])
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Reset all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None sets zero velocities."""
+        """Resets all environments to positions (num_envs, nq), m and rad, and velocities (num_envs, nv); None sets zero velocities."""
         self._batch.reset(stage=require("mujoco", "to run MuJoCo").mjtStage.mjSTAGE_NONE.value)
         self.bind("qpos")[:] = qpos
         if qvel is not None:
@@ -244,7 +244,7 @@ def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
 
 
 def configure(model: Any, settings: MujocoEngine | None) -> None:
-    """Write settings into a `mujoco.MjModel`, and disable its sensors. With None, the model keeps its settings."""
+    """Writes settings into a `mujoco.MjModel`, and disables its sensors. With None, the model keeps its settings."""
     mujoco = require("mujoco", "to compare stepper with MuJoCo")
     if settings is not None:
         settings.configure(mujoco, model)
@@ -263,7 +263,7 @@ class Engine(Protocol):
         """Name of the settings."""
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Create a batch of environments of a scene from its MJCF text, with the time step dt, s."""
+        """Creates a batch of environments of a scene from its MJCF text, with the time step dt, s."""
 
 
 @dataclass(frozen=True)
@@ -284,7 +284,7 @@ class StepperEngine:
     engine: str = "stepper"
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Create a batch of environments of a scene from its MJCF text, with the time step dt, s."""
+        """Creates a batch of environments of a scene from its MJCF text, with the time step dt, s."""
         options = dataclasses.replace(self.options, timestep=dt)
         return StepperBatch(_load(mjcf), self.batch, precision=self.precision, options=options)
 
@@ -314,14 +314,14 @@ class MujocoEngine:
     engine: str = "MuJoCo"
 
     def start(self, mjcf: str, dt: float) -> EngineBatch:
-        """Create a batch of environments of a scene from its MJCF text, with the time step dt, s."""
+        """Creates a batch of environments of a scene from its MJCF text, with the time step dt, s."""
         model = require("mujoco", "to compare stepper with MuJoCo").MjModel.from_xml_string(mjcf)
         model.opt.timestep = dt
         configure(model, self)
         return MujocoBatch(model, 1)
 
     def configure(self, mujoco: Any, model: Any) -> None:
-        """Write these settings, except for the time step, into a `mujoco.MjModel`."""
+        """Writes these settings, except for the time step, into a `mujoco.MjModel`."""
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator}")
         model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{self.cone}")
         model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{self.solver}")

@@ -41,6 +41,6 @@ def progress() -> Iterator[Tick]:
 
 
 def show_files(paths: Sequence[Path]) -> None:
-    """Print the paths of written files."""
+    """Prints the paths of written files."""
     for path in paths:
         print(f"wrote {path}", flush=True)

@@ -19,7 +19,7 @@ class Timed(ABC):
         """Execute this run once from its start, and return the processor time, s."""
 
     def measure(self, seconds: float) -> None:
-        """Measure one round: repeat the run for at least `seconds`, and append the mean processor time to `times`."""
+        """Measures one round: repeats the run for at least `seconds`, and appends the mean processor time to `times`."""
         runs, total = 0, 0.0
         while total < seconds:
             total += self.once()

@@ -45,7 +45,7 @@ def check_film(env: str, file: str | Path, **settings: Any) -> None:
 
 
 def _check_file(file: str | Path) -> None:
-    """Raise ValueError if the name of a film does not end in .mp4."""
+    """Raises ValueError if the name of a film does not end in .mp4."""
     if Path(file).suffix.lower() != ".mp4":
         raise ValueError(f"the film's file is {str(file)!r}, must end in .mp4: films have this format alone")
 

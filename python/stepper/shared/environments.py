@@ -10,7 +10,7 @@ from pathlib import PurePath
 
 
 def import_env(env: str) -> str:
-    """Import the module that registers an environment, if a module precedes the id of the environment.
+    """Imports the module that registers an environment, if a module precedes the id of the environment.
 
     The text "push_task:me/Push-v0" imports the module push_task, which may be in the working folder, and gives the id "me/Push-v0".
 

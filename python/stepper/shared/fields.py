@@ -113,7 +113,7 @@ OF_PAIRS: dict[str, str] = {"geom_friction": "pair_friction", "geom_restitution"
 
 
 def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collection[int], remedy: str) -> None:
-    """Check that no contact pair that the model defines overrides a field of some geoms.
+    """Checks that no contact pair that the model defines overrides a field of some geoms.
 
     Args:
         model: The scene.

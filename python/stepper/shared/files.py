@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 
 def existing(path: str | os.PathLike[str], what: str) -> Path:
-    """Check that a file exists, and return its path.
+    """Checks that a file exists, and returns its path.
 
     Args:
         path: The path.

@@ -10,7 +10,7 @@ from stepper._hints import WrongArgumentError
 
 
 def check_takes(function: Callable[..., Any], arguments: Sequence[str], what: str, *, is_method: bool = False) -> None:
-    """Check that a function can be called with some positional arguments. Functions without a known signature pass.
+    """Checks that a function can be called with some positional arguments. Functions without a known signature pass.
 
     Args:
         function: The function, or the bound method.

@@ -51,7 +51,7 @@ class MissingPackageError(ImportError):
 
 
 def require(module: str, purpose: str, extra: str = "") -> ModuleType:
-    """Import an optional module.
+    """Imports an optional module.
 
     Args:
         module: Dotted name of the module.

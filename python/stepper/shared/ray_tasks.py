@@ -28,7 +28,7 @@ def running_ray(purpose: str, *, log_to_driver: bool = True) -> ModuleType:
 def each_task(
     ray: ModuleType, run: Callable[..., Any], shared: Iterable[Any], cases: Iterable[Any], **options: Any
 ) -> Generator[tuple[int, Any], None, None]:
-    """Call `run(*shared, case)` for every case, each call as a task of Ray. If a call fails, the others are cancelled.
+    """Calls `run(*shared, case)` for every case, each call as a task of Ray. If a call fails, the others are cancelled.
 
     Args:
         ray: Module `ray`, initialised.

@@ -83,7 +83,7 @@ def _quoted(item: Item) -> str:
 
 
 def parse(text: str, where: str = "selector") -> Selector:
-    """Parse a selector.
+    """Parses a selector.
 
     Args:
         text: `field`, `field[names]` or `field[names][columns]`.

@@ -149,7 +149,7 @@ def episodes_of(
     columns: Mapping[str, str] | None = None,
     start: str | tuple[ArrayLike, ArrayLike] | None = None,
 ) -> list[Episode]:
-    """Read episodes from the argument `data` of `identify`.
+    """Reads episodes from the argument `data` of `identify`.
 
     Args:
         data: An episode, a path of a recording, CSV or npz file, or a list of these.

@@ -60,7 +60,7 @@ def design(
     threads: int = 0,
     seed: int = 0,
 ) -> list[Prospect]:
-    """Rank experiments by their expected information, the best first.
+    """Ranks experiments by their expected information, the best first.
 
     Args:
         found: Result of the identification so far.

@@ -72,7 +72,7 @@ def identify(
     start: str | tuple[ArrayLike, ArrayLike] | None = None,
     tick: Tick | None = None,
 ) -> Identification:
-    """Identify parameters of a model from measurements, with their uncertainty.
+    """Identifies parameters of a model from measurements, with their uncertainty.
 
     SciPy's `least_squares` (trust-region reflective) minimises the residuals divided by their noise, within bounds, from several starts at
     once. One batch simulates all episodes, starts, and the displaced parameters for central differences.

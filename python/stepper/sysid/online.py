@@ -193,7 +193,7 @@ class Tracker:
         self._watch: Watch | None = Watch()
 
     def update(self, ctrl: ArrayLike, readings: Mapping[str, ArrayLike]) -> Tracked:
-        """Add a sample, and update the estimates.
+        """Adds a sample, and updates the estimates.
 
         Args:
             ctrl: Controls since the previous sample, (nu,), in the actuators' units.

@@ -512,7 +512,7 @@ def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
 
 
 def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
-    """Check that the gain of every actuator is proportional to its parameters `gainprm`, so that one factor can scale them.
+    """Checks that the gain of every actuator is proportional to its parameters `gainprm`, so that one factor can scale them.
 
     Raises:
         ValueError: The gaintype of an actuator is neither "fixed" nor "affine".
@@ -526,7 +526,7 @@ def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int
 
 
 def _check_servo(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
-    """Check that every actuator is a position servo: biasprm[1] is -gainprm[0].
+    """Checks that every actuator is a position servo: biasprm[1] is -gainprm[0].
 
     Raises:
         ValueError: An actuator is not a position servo.

@@ -238,7 +238,7 @@ class Identification:
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the result to a JSON file, which `load` reads."""
+        """Writes the result to a JSON file, which `load` reads."""
         kept = {
             "format": FORMAT,
             "model": self.model.digest,
@@ -255,7 +255,7 @@ class Identification:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], model: Model) -> Identification:
-        """Read a result from a file that `save` wrote.
+        """Reads a result from a file that `save` wrote.
 
         Args:
             path: Path of the file.

@@ -39,7 +39,7 @@ OPTIONS = Options(integrator="euler", restitution_threshold=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class FallingBlock(Task):
-    """Keep the block above 0.05 m with a thruster that pushes up or down with at most half its weight. Each episode draws a restitution.
+    """Task: keep the block above 0.05 m with a thruster of at most half the weight, up or down. Each episode draws a restitution.
 
     Attributes:
         frame_skip: Time steps (20 ms each) per action.

@@ -48,7 +48,7 @@ OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, 
 
 @dataclass(frozen=True, kw_only=True)
 class Grasp(Task):
-    """Lift the box with small forces of the fingers.
+    """Task: lift the box with small forces of the fingers.
 
     Friction holds the box if each finger presses with at least m g / (2 mu): 6.5 N with the default numbers.
 

@@ -36,7 +36,7 @@ def linear_velocity(now: Moment) -> Array:
 
 
 def check_sizes(task: object, *names: str) -> None:
-    """Raise ValueError if one of the fields `names` of a task is not a finite number of at least 0."""
+    """Raises ValueError if one of the fields `names` of a task is not a finite number of at least 0."""
     for name in names:
         value = getattr(task, name)
         if not isinstance(value, Real) or not 0.0 <= float(value) < math.inf:
@@ -44,7 +44,7 @@ def check_sizes(task: object, *names: str) -> None:
 
 
 def check_weights(weights: Mapping[str, float] | None, terms: Collection[str]) -> None:
-    """Check the weights of a reward.
+    """Checks the weights of a reward.
 
     Args:
         weights: Weights by name of the term, or None.

@@ -73,7 +73,7 @@ class Go1Velocity(VelocityTask):
         episode_state["stride"][mask] = 0.0
 
     def advance(self, now: Moment) -> None:
-        """Step the simulation by one action, and detect landings of feet. During the latency the previous action still acts."""
+        """Steps the simulation by one action, and detects landings of feet. During the latency the previous action still acts."""
         super().advance(now)
         air, feet = now.episode_state["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
         stands = feet[..., 2] - self.ground(feet[..., :2]) < _FOOT + _CLEARANCE

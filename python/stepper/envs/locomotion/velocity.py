@@ -166,7 +166,7 @@ class VelocityTask(Task):
         }
 
     def _check(self, model: Model) -> None:
-        """Raise ValueError if the model lacks the keyframe "stance", a foot geom, or (with `roughness`) the geom "terrain"."""
+        """Raises ValueError if the model lacks the keyframe "stance", a foot geom, or (with `roughness`) the geom "terrain"."""
         if "stance" not in model.keyframe_names:
             raise ValueError('the model has no keyframe "stance", from which episodes start: give it <key name="stance" qpos=.../>')
         if not any("foot" in name for name in model.geom_names):
@@ -242,7 +242,7 @@ class VelocityTask(Task):
             qpos[:, 2] += self.ground(qpos[:, None, :2] + _FOOTPRINT).max(axis=1)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw commands, pushes, latency and model parameters of the new episodes."""
+        """Draws commands, pushes, latency and model parameters of the new episodes."""
         count, model = len(rng.envs), sim.model
         commands = rng.uniform(-1.0, 1.0, 3 * _COMMANDS).reshape(count, _COMMANDS, 3) * self.max_command
         commands[rng.uniform(0.0, 1.0, _COMMANDS) < _STANDING_SHARE] = 0.0
@@ -272,7 +272,7 @@ class VelocityTask(Task):
         sim.randomize(mask, **fields)
 
     def advance(self, now: Moment) -> None:
-        """Step the simulation by one action. During the latency the previous action still acts."""
+        """Steps the simulation by one action. During the latency the previous action still acts."""
         episode_state, sim = now.episode_state, now.sim
         episode_state["step"] += 1
         pushed = episode_state["push_steps"] == episode_state["step"][:, None]

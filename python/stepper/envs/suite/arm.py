@@ -42,7 +42,7 @@ def arm_observations() -> tuple[Observation, ...]:
 
 
 def draw_arm(model: Model, qpos: Array, rng: Rng) -> None:
-    """Draw random angles of the arm within their limits into qpos, (n, nq), rad. Finger and thumb get equal angles."""
+    """Draws random angles of the arm within their limits into qpos, (n, nq), rad. Finger and thumb get equal angles."""
     for joint in map(model.joint, _JOINTS):
         low, high = joint.range if joint.limited else (-np.pi, np.pi)
         qpos[:, joint.qposadr] = rng.uniform(low, high, 1)[:, 0]

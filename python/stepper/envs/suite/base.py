@@ -72,7 +72,7 @@ def source_tree(file: str) -> ElementTree.Element:
 
 
 def open_floor(tree: ElementTree.Element, half_side: float, ball: Set[tuple[str, str]]) -> ElementTree.Element:
-    """Remove the walls and the ball from a scene, and set the size of the floor.
+    """Removes the walls and the ball from a scene, and sets the size of the floor.
 
     Args:
         tree: MJCF tree of the scene, which is changed.
@@ -158,7 +158,7 @@ def small_control(now: Moment) -> Array:
 
 
 def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
-    """Draw random joint positions into qpos, (n, nq), m and rad: limited joints within their limits, other hinges from -pi to pi.
+    """Draws random joint positions into qpos, (n, nq), m and rad: limited joints within their limits, other hinges from -pi to pi.
 
     Quaternions of free joints get positive components only, as in dm_control. Slides without limits keep their position.
     """
@@ -180,7 +180,7 @@ def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
 def randomize_without_overlap(
     model: Model, qpos: Array, rng: Rng, randomize: Callable[[Model, Array, Rng], None] = randomize_joints
 ) -> None:
-    """Draw random joint positions into qpos, (n, nq), m and rad, with the function `randomize`, until no geoms overlap.
+    """Draws random joint positions into qpos, (n, nq), m and rad, with the function `randomize`, until no geoms overlap.
 
     The function is called again for those of the n configurations in which geoms overlap.
     """
@@ -193,7 +193,7 @@ def randomize_without_overlap(
 
 
 def lift_until_free(model: Model, qpos: Array, height: int) -> None:
-    """Set the column `height` of qpos, (n, nq), m, to the smallest whole number of centimetres, up to 127, at which no geoms overlap.
+    """Sets the column `height` of qpos, (n, nq), m, to the smallest whole number of centimetres, up to 127, at which no geoms overlap.
 
     It assumes that geoms which overlap at a height also overlap at all lower heights.
     """
@@ -220,7 +220,7 @@ def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap
 
 
 def settle(sim: Stepper, mask: Array, steps: int) -> None:
-    """Simulate some steps from the current positions, at rest and without controls, in the environments of a mask (num_envs,)."""
+    """Simulates some steps from the current positions, at rest and without controls, in the environments of a mask (num_envs,)."""
     probe = Stepper(sim.model, int(mask.sum()), options=sim.options, precision=sim.precision)
     probe.reset(qpos=sim.qpos[mask])
     probe.step(nstep=steps)
@@ -228,14 +228,14 @@ def settle(sim: Stepper, mask: Array, steps: int) -> None:
 
 
 def place(sim: Stepper, mask: Array, qpos: Array, qvel: Array) -> None:
-    """Set positions (n, nq), m and rad, and velocities (n, nv), m/s and rad/s, of the n environments of a mask (num_envs,)."""
+    """Sets positions (n, nq), m and rad, and velocities (n, nv), m/s and rad/s, of the n environments of a mask (num_envs,)."""
     all_qpos, all_qvel = np.array(sim.qpos, dtype=np.float64), np.array(sim.qvel, dtype=np.float64)
     all_qpos[mask], all_qvel[mask] = qpos, qvel
     sim.set_state(all_qpos, all_qvel, mask)
 
 
 def move_geom(sim: Stepper, mask: Array, geom: str, pos: Array, columns: Any = slice(None)) -> None:
-    """Set the position of a geom in the frame of its body, in the n environments of a mask (num_envs,).
+    """Sets the position of a geom in the frame of its body, in the n environments of a mask (num_envs,).
 
     Args:
         sim: The stepper.

@@ -38,5 +38,5 @@ class Cheetah(SuiteTask):
         qpos[:, :3] = root
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Simulate 200 steps without controls, so that the robot lies on the ground."""
+        """Simulates 200 steps without controls, so that the robot lies on the ground."""
         settle(sim, mask, 200)

@@ -81,7 +81,7 @@ class FingerTurn(Finger):
         return inside
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw a random target on the circle on which the tip of the body moves."""
+        """Draws a random target on the circle on which the tip of the body moves."""
         model, angle = sim.model, rng.uniform(-np.pi, np.pi, 1)[:, 0]
         offsets = model.geom("cap1").size.sum() * np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
         sim.mocap_pos[mask, model.body("target").mocapid] = model.body("spinner").pos + offsets

@@ -58,7 +58,7 @@ class Fish(SuiteTask):
             qpos[:, at : at + 1] = rng.uniform(-0.2, 0.2, 1)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw a random target in a box, if the task is to swim."""
+        """Draws a random target in a box, if the task is to swim."""
         if self.swim:
             move_geom(sim, mask, "target", np.hstack([rng.uniform(-0.4, 0.4, 2), rng.uniform(0.1, 0.3, 1)]))
 

@@ -67,7 +67,7 @@ class Manipulator(SuiteTask):
         return reward
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw poses of arm, target and object until no geoms overlap. The object starts in the hand, at the target, or in flight."""
+        """Draws poses of arm, target and object until no geoms overlap. The object starts in the hand, at the target, or in flight."""
         model, count = sim.model, len(rng.envs)
         qpos, qvel = np.tile(model.qpos0, (count, 1)), np.zeros((count, model.nv))
         target = np.zeros((count, 3))

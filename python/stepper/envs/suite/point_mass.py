@@ -64,7 +64,7 @@ class PointMass(SuiteTask):
         return {"directions": np.tile(np.eye(2), (num_envs, 1, 1))}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw random directions of the two controls, which are not nearly parallel. Without `turned`, the directions do not change."""
+        """Draws random directions of the two controls, which are not nearly parallel. Without `turned`, the directions do not change."""
         if not self.turned:
             return
         count = len(rng.envs)
@@ -76,7 +76,7 @@ class PointMass(SuiteTask):
         episode_state["directions"][mask] = directions
 
     def advance(self, now: Moment) -> None:
-        """Step the simulation by one action. With `turned`, each control pushes along a random direction."""
+        """Steps the simulation by one action. With `turned`, each control pushes along a random direction."""
         control = now.action
         if self.turned:
             control = np.einsum("nk,nki->ni", np.clip(now.action, -1.0, 1.0), now.episode_state["directions"])

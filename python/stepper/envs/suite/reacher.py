@@ -44,7 +44,7 @@ class Reacher(SuiteTask):
         randomize_joints(self.model(), qpos, rng)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Move the target to a random place, 0.05 to 0.2 m from the base of the arm."""
+        """Moves the target to a random place, 0.05 to 0.2 m from the base of the arm."""
         angle, radius = rng.uniform(0.0, 2.0 * np.pi, 1), rng.uniform(0.05, 0.2, 1)
         move_geom(sim, mask, "target", np.hstack([radius * np.sin(angle), radius * np.cos(angle)]), slice(0, 2))
 

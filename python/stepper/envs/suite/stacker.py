@@ -59,7 +59,7 @@ class Stacker(SuiteTask):
         randomize_without_overlap(self.model(), qpos, rng, self._draw)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw a random target: the place of a box on the floor, or on a stack of up to `boxes` - 1 other boxes."""
+        """Draws a random target: the place of a box on the floor, or on a stack of up to `boxes` - 1 other boxes."""
         size, boxes_below = sim.model.geom("target").size[0], np.floor(rng.uniform(0.0, self.boxes, 1))
         at = sim.model.body("target").mocapid
         sim.mocap_pos[mask, at, 2:] = size * (2.0 * boxes_below + 1.0)
@@ -76,7 +76,7 @@ class Stacker(SuiteTask):
         return rates
 
     def _draw(self, model: Model, qpos: Array, rng: Rng) -> None:
-        """Draw random positions of arm and boxes into qpos, (n, nq)."""
+        """Draws random positions of arm and boxes into qpos, (n, nq)."""
         draw_arm(model, qpos, rng)
         for box in self._names:
             for axis, low, high in (("x", 0.1, 0.3), ("z", 0.0, 0.7), ("y", 0.0, 2.0 * np.pi)):

@@ -49,7 +49,7 @@ class Swimmer(SuiteTask):
         randomize_joints(self.model(), qpos, rng)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw a random target, within 0.3 m of the origin in x and y in a fifth of the episodes, within 2 m in the others."""
+        """Draws a random target, within 0.3 m of the origin in x and y in a fifth of the episodes, within 2 m in the others."""
         box = np.where(rng.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
         move_geom(sim, mask, "target", box * rng.uniform(-1.0, 1.0, 2), slice(0, 2))
 

@@ -42,7 +42,7 @@ class Pusher(MujocoTask):
         )
 
     def advance(self, now: Moment) -> None:
-        """Step the simulation by one action. As in Gymnasium, `now.xpos` has the body positions before the last time step."""
+        """Steps the simulation by one action. As in Gymnasium, `now.xpos` has the body positions before the last time step."""
         now.sim.step(now.action, self.frame_skip - 1)
         now.keep("xpos", now.sim.xpos)
         before = now.sim.status

@@ -70,7 +70,7 @@ class TerrainCurriculum:
         return {"terrain_level": undrawn, "terrain_type": undrawn.copy(), "terrain_origin": np.zeros((num_envs, 3))}
 
     def place(self, reset: Reset) -> None:
-        """Move the initial positions of new episodes to the environments' tiles. Call it in `Task.place`.
+        """Moves the initial positions of new episodes to the environments' tiles. Call it in `Task.place`.
 
         An environment without a tile draws a random row (level of difficulty) from 0 to `max_init_level`. It also draws a column (kind of
         terrain) with the probabilities `Terrain.proportions`. An environment that moved up from the hardest row draws one of all rows.
@@ -98,7 +98,7 @@ class TerrainCurriculum:
         return highest
 
     def move(self, episode_state: Terms, envs: Array, *, up: Array, down: Array) -> None:
-        """Move environments to the next harder or easier row. Call it in `Task.on_end`.
+        """Moves environments to the next harder or easier row. Call it in `Task.on_end`.
 
         Args:
             episode_state: Arrays of `Task.episode_state`, in which "terrain_level" is changed.

@@ -168,7 +168,7 @@ class Terrain:
         return np.concatenate([*found, self._border()])
 
     def add_to(self, spec: mujoco.MjSpec, name: str = "terrain", *, boxes: bool = False, **attributes: Any) -> None:
-        """Add the terrain to a MuJoCo scene, which `stepper.load(spec.compile())` reads.
+        """Adds the terrain to a MuJoCo scene, which `stepper.load(spec.compile())` reads.
 
         Args:
             spec: The scene, which is changed in place.

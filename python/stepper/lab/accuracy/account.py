@@ -99,7 +99,7 @@ class Account:
 
 
 def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Account:
-    """Run episodes of a study or model, list the parts of the scene that they used, and measure the cost of each part.
+    """Runs episodes of a study or model, lists the parts of the scene that they used, and measures the cost of each part.
 
     Args:
         source: A study or its file; or a model, as for `stepper.load`, which gets random controls for one second.

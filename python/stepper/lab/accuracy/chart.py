@@ -73,7 +73,7 @@ def chart(
     budget: str | float | None = None,
     tick: Tick | None = None,
 ) -> Chart:
-    """Chart error against cost for time steps, integrators, solvers, precisions, contact laws, MuJoCo and rapier.
+    """Charts error against cost for time steps, integrators, solvers, precisions, contact laws, MuJoCo and rapier.
 
     The reference is the study's closed form (`Study.exact`), or a run that is converged by halving the time step
     (`stepper.lab.accuracy.reference`). Sensors are ideal. With `Study.ray`, settings run as tasks of Ray; costs are still measured in

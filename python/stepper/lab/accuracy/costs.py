@@ -57,7 +57,7 @@ class _Case(Timed):
         self.times: list[float] = []
 
     def once(self) -> float:
-        """Run once, and return the processor time of its steps, s; infinite if the time budget ended it."""
+        """Runs once, and returns the processor time of its steps, s; infinite if the time budget ended it."""
         world = self.world
         held = [bool(np.isnan(row).any()) for row in self._ctrl]
         world.start(self._qpos, self._qvel, self._study.keyframe, self._study.seed)
@@ -90,7 +90,7 @@ def costs(
     tick: Callable[[float], None] | None = None,
     stage: Stage | None = None,
 ) -> list[tuple[float, float]]:
-    """Measure the costs of settings, as medians over interleaved rounds. Call it inside `stepper.shared.machine.one_core()`.
+    """Measures the costs of settings, as medians over interleaved rounds. Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
         study: The study; its threads are not used.
@@ -133,7 +133,7 @@ def costs(
 
 
 def saving(own: tuple[Study, Mapping[str, Any]], less: tuple[Study, Mapping[str, Any]], trace: Trace) -> tuple[float, float]:
-    """Measure the fraction of a batch's time that one study or setting saves compared with another, in rounds that run both.
+    """Measures the fraction of a batch's time that one study or setting saves compared with another, in rounds that run both.
 
     Call it inside `stepper.shared.machine.one_core()`.
 

@@ -37,7 +37,7 @@ _ACROSS = 3
 
 
 def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
-    """Draw the chart into a PNG file: error against cost, and sources of errors. Returns the path.
+    """Draws the chart into a PNG file: error against cost, and sources of errors. Returns the path.
 
     Args:
         study: The study.
@@ -78,7 +78,7 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
 
 
 def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
-    """Draw the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from those of the reference.
+    """Draws the errors that remain meaningful in chaotic motion: invariants, and differences of outcomes from those of the reference.
 
     Args:
         study: The study.

@@ -123,7 +123,7 @@ def chart_reference(
 def measure(
     ground: ChartBasis, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[str, float], None]
 ) -> tuple[list[Point], list[str], dict[str, Reference]]:
-    """Run all lines of a chart with all lengths of the time step.
+    """Runs all lines of a chart with all lengths of the time step.
 
     Args:
         ground: Study, episodes, reference and time budget of the chart.

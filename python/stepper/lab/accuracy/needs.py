@@ -140,7 +140,7 @@ class Bench:
 
 
 def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[list[Spare], Model | None]:
-    """Remove unused parts of a scene, one by one and then together.
+    """Removes unused parts of a scene, one by one and then together.
 
     Args:
         bench: Episodes and settings with which the effect of each removal is measured.

@@ -151,7 +151,7 @@ def patience(study: Study, of: Trace, timestep: float, *, slower: float = _MAX_S
 
 
 def check_moves(study: Study) -> Study:
-    """Return the study if its model has joints; otherwise raise ValueError, because all errors would be zero."""
+    """Returns the study if its model has joints; otherwise raises ValueError, because all errors would be zero."""
     model = study.loaded[0]
     if model.nv == 0:
         raise ValueError(f"{model.name or study.name} has no joints, so that nothing moves: give it some, as <freejoint/> for a free body")
@@ -171,7 +171,7 @@ def converge(
     until: float = math.inf,
     stage: Stage | None = None,
 ) -> Reference:
-    """Compute a converged run: halve the time step until the uncertainty of every episode is below a target.
+    """Computes a converged run: halves the time step until the uncertainty of every episode is below a target.
 
     Args:
         study: The study.

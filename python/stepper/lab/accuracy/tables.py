@@ -44,7 +44,7 @@ class ChartData:
 
 
 def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
-    """Write the files of a chart: chart.png, .csv, .npz, .html, .md, and chart_later.png with invariants and outcomes.
+    """Writes the files of a chart: chart.png, .csv, .npz, .html, .md, and chart_later.png with invariants and outcomes.
 
     Returns:
         The document, and the paths of all files.

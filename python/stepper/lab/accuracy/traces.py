@@ -91,7 +91,7 @@ def run(
     tick: Callable[[float], None] | None = None,
     **changed: Any,
 ) -> Trace:
-    """Run episodes with nominal parameters. Sensors are ideal, because sensor errors would depend on the time step.
+    """Runs episodes with nominal parameters. Sensors are ideal, because sensor errors would depend on the time step.
 
     Args:
         study: The study.
@@ -131,7 +131,7 @@ class TraceRecorder:
         self._watch: Watch | None = None
 
     def record(self, now: World) -> None:
-        """Record the initial state in the first call, and the state after a control period in later calls."""
+        """Records the initial state in the first call, and the state after a control period in later calls."""
         if self._watch is None or self._start is None:
             self._start, self._watch = (now.qpos.copy(), now.qvel.copy()), Watch(tuple(self._study.all_outcomes), now)
             return
@@ -209,7 +209,7 @@ def runs(
 
 
 def _run_limited(episodes: Sequence[int], study: Study, task: tuple[Mapping[str, Any], float]) -> Trace:
-    """Run episodes of a study with changed settings, and stop after a limit of wall-clock time.
+    """Runs episodes of a study with changed settings, and stops after a limit of wall-clock time.
 
     Args:
         episodes: Numbers of the episodes.
@@ -278,7 +278,7 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[float, str]:
-    """Parse a quantity: "1 mm" gives its value in the base unit, and the base unit: (1e-3, "m").
+    """Parses a quantity: "1 mm" gives its value in the base unit, and the base unit: (1e-3, "m").
 
     Args:
         given: Text, or a number if there is only one base unit.

@@ -148,7 +148,7 @@ def tune(
     reduce: bool = True,
     tick: Tick | None = None,
 ) -> Tuning:
-    """Find the cheapest settings of hard contact within an error budget, and parts of the scene that can be removed.
+    """Finds the cheapest settings of hard contact within an error budget, and parts of the scene that can be removed.
 
     Settings are chosen on some episodes and tested on others (held out). With the given confidence, at least the fraction `coverage` of
     episodes is within the budget. Errors are those of time step, solver and precision. They are measured relative to the study's closed
@@ -367,7 +367,7 @@ def _candidates(
 def _removable(
     study: Study, episodes: Sequence[int], candidate: Candidate, distance: Distance, *, budget: float, report_progress: Tick
 ) -> tuple[list[Spare], Model | None]:
-    """Find parts of the scene, such as pairs of bodies that never touch, whose removal saves time and hardly changes the motion.
+    """Finds parts of the scene, such as pairs of bodies that never touch, whose removal saves time and hardly changes the motion.
 
     Args:
         study: The study.

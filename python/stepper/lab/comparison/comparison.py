@@ -80,7 +80,7 @@ class Comparison:
         return "\n".join(lines)
 
     def draw(self, path: str | Path) -> Path:
-        """Write a picture of overlap, force, energy and difference from hard contact against time.
+        """Writes a picture of overlap, force, energy and difference from hard contact against time.
 
         Raises:
             MissingPackageError: matplotlib is not installed.
@@ -104,7 +104,7 @@ def compare(
     seed: int = 0,
     tick: Tick | None = None,
 ) -> Comparison:
-    """Run the same episodes with hard contact, with MuJoCo's contact law, and in MuJoCo if it is installed.
+    """Runs the same episodes with hard contact, with MuJoCo's contact law, and in MuJoCo if it is installed.
 
     Args:
         source: Source of the model, as for `stepper.load`. With a `Model`, or if MuJoCo is not installed, the run in MuJoCo and

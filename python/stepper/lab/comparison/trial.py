@@ -101,7 +101,7 @@ def run(
     reward: Callable[..., Any] | None = None,
     tick: Tick = silent,
 ) -> Course:
-    """Step the environments of an engine, and record every step.
+    """Steps the environments of an engine, and records every step.
 
     Args:
         name: Name of the engine.

@@ -246,7 +246,7 @@ def _engine_figures(batch: EngineBatch, one: Track, many: Track, peers: dict[str
 
 
 def measure(plan: Plan, tick: Tick) -> dict[str, object]:
-    """Run the whole plan on one core, and only its first phase, the fall with random controls, on all cores.
+    """Runs the whole plan on one core, and only its first phase, the fall with random controls, on all cores.
 
     Args:
         plan: Settings of the race.
@@ -276,7 +276,7 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
 
 
 def demo(plan: Plan, out: Path) -> dict[str, object]:
-    """Run the demo: print the table, and write `demo.json` and the charts.
+    """Runs the demo: prints the table, and writes `demo.json` and the charts.
 
     Args:
         plan: Settings of the race.

@@ -46,7 +46,7 @@ class Referee:
         self._data = self._mujoco.MjData(self._model)
 
     def measure(self, qpos: Array, qvel: Array) -> Measured:
-        """Measure contacts, penetration and energy of some states.
+        """Measures contacts, penetration and energy of some states.
 
         Args:
             qpos: Positions, (n, nq), m and rad.

@@ -88,7 +88,7 @@ def _notes(figures: Figures) -> list[str]:
 
 
 def show(figures: Figures) -> None:
-    """Print the table of speeds and errors, with notes on the measurement.
+    """Prints the table of speeds and errors, with notes on the measurement.
 
     Args:
         figures: Results of `stepper.lab.demo.race.measure`.

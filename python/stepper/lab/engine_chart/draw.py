@@ -32,7 +32,7 @@ LEAST_ERROR = 1e-16
 
 
 def write_csv(path: Path, scene: Scene, rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """Write the points of a chart as rows of a CSV file, after comment lines with the scene and the provenance.
+    """Writes the points of a chart as rows of a CSV file, after comment lines with the scene and the provenance.
 
     Args:
         path: CSV file.
@@ -114,7 +114,7 @@ def _columns(lines: Sequence[Line2D]) -> list[Line2D]:
 
 
 def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
-    """Draw error against cost on logarithmic axes; down and left is better.
+    """Draws error against cost on logarithmic axes; down and left is better.
 
     Args:
         path: PNG file.

@@ -14,7 +14,7 @@ from stepper.shared.machine import one_core, package_version, provenance, requir
 
 
 def charts(names: Sequence[str], out: Path, effort: Effort, tick: Tick) -> list[Path]:
-    """Measure scenes, and write `chart-NAME.png` and `chart-NAME.csv` for each.
+    """Measures scenes, and writes `chart-NAME.png` and `chart-NAME.csv` for each.
 
     Args:
         names: Names of the scenes in `SCENES`.

@@ -86,7 +86,7 @@ class _Case(Timed):
     times: list[float] = field(default_factory=list)
 
     def once(self) -> float:
-        """Run once from the start, and return the processor time without the reset, s."""
+        """Runs once from the start, and returns the processor time without the reset, s."""
         self.run.reset(self.qpos, self.qvel)
         begin = time.process_time()
         self.run.step(nstep=self.nstep)
@@ -143,7 +143,7 @@ def _with_slopes(rows: list[Row]) -> list[Row]:
 
 
 def sweep(scene: Scene, effort: Effort | None = None, progress: Callable[[float], None] | None = None) -> list[Row]:
-    """Run every engine of a scene at every time step, and measure errors and times.
+    """Runs every engine of a scene at every time step, and measures errors and times.
 
     A run makes all its steps in one call, so that the overhead of Python is negligible. Every round times all engines, settings and time
     steps, so that other load of the machine affects all of them equally. Call it inside `stepper.shared.machine.one_core()`.

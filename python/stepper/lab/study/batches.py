@@ -188,7 +188,7 @@ def world_of(study: Study, setting: str, values_by_env: Sequence[Values], **chan
 
 
 def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
-    """Start the episodes with the given numbers in the environments of a world."""
+    """Starts the episodes with the given numbers in the environments of a world."""
     world.seed_episodes(study.seed, episodes, study.hold)
     qpos, qvel = starts(study, world, episodes)
     world.start(qpos, qvel, study.keyframe, study.seed)
@@ -242,7 +242,7 @@ def steps_of(study: Study, timestep: float) -> int:
 
 
 def running(study: Study, world: World, episodes: Sequence[int], *, by_step: bool = False) -> Iterator[bool]:
-    """Run episodes to their end, as a generator that pauses after every step or control period.
+    """Runs episodes to their end, as a generator that pauses after every step or control period.
 
     Args:
         study: The study.
@@ -315,7 +315,7 @@ def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
 def run_batch(
     study: Study, world: World, episodes: Sequence[int], on_control: Callable[[World], None], on_step: Callable[[World], None] | None = None
 ) -> None:
-    """Run episodes to their end.
+    """Runs episodes to their end.
 
     Args:
         study: The study.

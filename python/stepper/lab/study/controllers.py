@@ -176,7 +176,7 @@ class Policy:
         self.act = Network(act) if is_module(act) else act
 
     def begin(self, now: World) -> None:
-        """Call the policy's method `begin` at the start of a batch, if it has one."""
+        """Calls the policy's method `begin` at the start of a batch, if it has one."""
         if hasattr(self.act, "begin"):
             self.act.begin(now)
 
@@ -267,7 +267,7 @@ class StateCheck:
         self._before = {} if self._restarts else self._held()
 
     def check(self) -> None:
-        """Raise ValueError if an attribute or closure variable of the controller changed during the batch.
+        """Raises ValueError if an attribute or closure variable of the controller changed during the batch.
 
         Controllers with a method `begin` and networks are not checked. Variables without a digest are not checked either, and variables
         that were missing, None or empty before the batch, because they may be caches.

@@ -64,7 +64,7 @@ class Document:
         return page
 
     def save(self, folder: Path, name: str) -> list[Path]:
-        """Write NAME.html and NAME.md to a folder, and return their paths."""
+        """Writes NAME.html and NAME.md to a folder, and returns their paths."""
         files = [folder / f"{name}.html", folder / f"{name}.md"]
         for file, text in zip(files, (self.html(), self.markdown()), strict=True):
             file.write_text(text, encoding="utf-8")
@@ -72,7 +72,7 @@ class Document:
 
 
 def check_pages() -> None:
-    """Check that HTML pages can be written. Call it before a long run.
+    """Checks that HTML pages can be written. Call it before a long run.
 
     Raises:
         MissingPackageError: jinja2 is not installed.

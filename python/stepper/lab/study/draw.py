@@ -46,7 +46,7 @@ A cliff is a value of a parameter at which success ends. `draw_cliffs` draws the
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
-    """Draw a sweep into a PNG file: success rates and mean outcomes against each parameter. Returns the path.
+    """Draws a sweep into a PNG file: success rates and mean outcomes against each parameter. Returns the path.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -97,7 +97,7 @@ def figure_of(sweep: Sweep) -> Any:
 
 
 def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
-    """Draw the values at which success ends, by settings, into a PNG file, and return its path; None if there is nothing to draw.
+    """Draws the values at which success ends, by settings, into a PNG file, and returns its path; None if there is nothing to draw.
 
     Raises:
         MissingPackageError: matplotlib is not installed.

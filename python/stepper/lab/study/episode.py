@@ -74,7 +74,7 @@ class Episodes:
         raise ValueError(f"settings {self._point.setting!r} run in MuJoCo, which cannot be viewed or recorded: choose other settings")
 
     def rows(self, record: str | os.PathLike[str] | None = None) -> list[Row]:
-        """Run the episodes, and record them if a folder is given.
+        """Runs the episodes, and records them if a folder is given.
 
         Returns:
             A row for each selected episode, as in the table of a sweep.
@@ -85,7 +85,7 @@ class Episodes:
         return [made[env] for env in self.shown]
 
     def repeated_steps(self) -> Iterator[dict[str, Any] | None]:
-        """Run the episodes step by step, and repeat them without end.
+        """Runs the episodes step by step, and repeats them without end.
 
         Yields:
             None after the start and after every step except the last. After the last step, the outcomes of the selected episodes by

@@ -23,7 +23,7 @@ class WorkerVersionError(ValueError):
 
 
 def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
-    """Run jobs one after the other, or as tasks of Ray if `study.ray` is set.
+    """Runs jobs one after the other, or as tasks of Ray if `study.ray` is set.
 
     Args:
         study: The study.
@@ -41,7 +41,7 @@ def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -
 
 
 def _on_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
-    """Run each job as a task of Ray with one CPU per thread of the study, or one CPU with threads=0.
+    """Runs each job as a task of Ray with one CPU per thread of the study, or one CPU with threads=0.
 
     Ray is started if it is not running, and repeats a task whose worker is lost. Functions of the study's files are sent to the workers.
     Modules that these files import must be installed on the workers.

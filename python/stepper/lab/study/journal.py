@@ -66,7 +66,7 @@ class Journal:
             self._opened = opened.pop_all()
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Write results of episodes (rows), each with its "key", as one transaction, and wait until they are on the disk."""
+        """Writes results of episodes (rows), each with its "key", as one transaction, and waits until they are on the disk."""
         lines = [(row["key"], text := json.dumps(row, separators=(",", ":")), zlib.crc32(text.encode())) for row in rows]
         with _explained(self.path), self._file:
             self._file.executemany("INSERT INTO rows VALUES (?, ?, ?)", lines)
@@ -74,7 +74,7 @@ class Journal:
         self.rows |= {key: json.loads(text) for key, text, _ in lines}
 
     def close(self) -> None:
-        """Close the journal, so that other processes can open it."""
+        """Closes the journal, so that other processes can open it."""
         self._opened.close()
 
     def __enter__(self) -> Journal:
@@ -106,7 +106,7 @@ def _has_tables(file: sqlite3.Connection) -> bool:
 
 
 def _create(file: sqlite3.Connection, study: str) -> None:
-    """Create the tables of a new journal in one transaction."""
+    """Creates the tables of a new journal in one transaction."""
     if _has_tables(file):
         return
     with file:

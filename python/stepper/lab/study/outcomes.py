@@ -84,7 +84,7 @@ class Outcome:
             raise TypeError(f'outcome {self.name!r}: measure is {self.measure!r}, must be a function of now, or a text as "body box z"')
 
     def check(self, model: Model) -> None:
-        """Check that the model has the element that the measure names, such as the body "cube" of "body cube z".
+        """Checks that the model has the element that the measure names, such as the body "cube" of "body cube z".
 
         Raises:
             ValueError: The model has no such element.
@@ -172,7 +172,7 @@ class Watch:
         self._low, self._high, self._sum = ([x.copy() for x in self._first] for _ in range(3))
 
     def record(self, now: Any) -> None:
-        """Add the state at the end of a control period to the maxima, minima and means of the measured quantities.
+        """Adds the state at the end of a control period to the maxima, minima and means of the measured quantities.
 
         Outcomes with the reduction "end" or "change" are not measured here.
         """

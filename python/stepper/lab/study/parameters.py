@@ -144,7 +144,7 @@ class Parameter:
         return [round(x) for x in made] if self.leaf in COUNTS else [float(x) for x in made]
 
     def check_value(self, value: Any, where: str) -> None:
-        """Raise ValueError if a value is invalid for this parameter; `where` names the value in the message."""
+        """Raises ValueError if a value is invalid for this parameter; `where` names the value in the message."""
         if self.kind == "options" and self.leaf in CHOICES:
             if not isinstance(value, str):
                 raise ValueError(f"{where} is {value!r}, must be a text, because {self.leaf} is a choice among names")
@@ -258,7 +258,7 @@ def with_nominal(parameters: Mapping[str, Parameter], values: Mapping[str, Value
 
 
 def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values: Values | None = None) -> None:
-    """Check that no two parameters set the same number.
+    """Checks that no two parameters set the same number.
 
     Args:
         chosen: Parameters by name, which all apply at once.
@@ -277,7 +277,7 @@ def check_value_conflicts(chosen: Mapping[str, Parameter], model: Model, values:
 
 
 def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Check that each varied parameter has an effect: that later parameters leave at least one of its numbers unchanged.
+    """Checks that each varied parameter has an effect: that later parameters leave at least one of its numbers unchanged.
 
     Args:
         names: Names of the varied parameters.
@@ -303,7 +303,7 @@ def check_effects(names: Sequence[str], parameters: Mapping[str, Parameter], mod
 
 
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Raise ValueError if a parameter selects an element or number that the model does not have; the message has the parameter's name."""
+    """Raises ValueError if a parameter selects an element or number that the model does not have; the message has the parameter's name."""
     for name, parameter in parameters.items():
         try:
             if parameter.kind == "field":
@@ -330,7 +330,7 @@ def _where(parameter: Parameter) -> str:
 
 
 def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
-    """Raise ValueError if a parameter changes contact properties of geoms that an explicit contact pair overrides.
+    """Raises ValueError if a parameter changes contact properties of geoms that an explicit contact pair overrides.
 
     The change is allowed if another parameter changes the same property of the pair.
     """
@@ -360,7 +360,7 @@ _NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
 
 
 def _number_of(kind: type, leaf: str) -> None:
-    """Raise ValueError if the class `kind` (Transfer, Drive, DCMotor or PID) has no numeric attribute `leaf`."""
+    """Raises ValueError if the class `kind` (Transfer, Drive, DCMotor or PID) has no numeric attribute `leaf`."""
     known = [field.name for field in fields(kind) if field.name not in _NO_NUMBERS]
     if leaf not in known:
         raise ValueError(

@@ -167,7 +167,7 @@ PROGRAM = ".pt2"
 
 
 def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
-    """Read a policy from a file.
+    """Reads a policy from a file.
 
     Args:
         path: File with the suffix .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`).

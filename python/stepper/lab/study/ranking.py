@@ -104,7 +104,7 @@ def rank(
     setting: str = USUAL,
     tick: Tick | None = None,
 ) -> Ranking:
-    """Rank the parameters of a study by their influence on the outcome, with Sobol indices.
+    """Ranks the parameters of a study by their influence on the outcome, with Sobol indices.
 
     All parameters are drawn from their ranges at once. The outcome is success (1 or 0) if the study has a condition of success, otherwise
     the measured number. It is averaged over the episodes of a point. Finished episodes are kept on disk and not repeated.
@@ -347,7 +347,7 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
 
 
 def _draw(found: Ranking, path: Path) -> Path:
-    """Draw Sobol indices as bars with intervals, and mean outcomes in the thirds of each parameter's range. Returns the path."""
+    """Draws Sobol indices as bars with intervals, and mean outcomes in the thirds of each parameter's range. Returns the path."""
     figure = require("matplotlib.figure", "to draw a ranking").Figure(
         figsize=(9.0, 1.2 + 0.42 * len(found.ranks)), dpi=130, layout="constrained"
     )

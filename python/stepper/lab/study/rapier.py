@@ -129,7 +129,7 @@ class RapierWorld(MujocoWorld):
         self._lost = np.zeros(num_envs, np.bool_)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Start an episode in new rapier scenes, so that no contacts of earlier episodes remain.
+        """Starts an episode in new rapier scenes, so that no contacts of earlier episodes remain.
 
         Args:
             qpos: Initial positions, (num_envs, nq), m and rad.
@@ -144,7 +144,7 @@ class RapierWorld(MujocoWorld):
         self._behind, self._depth[:], self._lost[:] = False, 0.0, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, and update the deepest penetration of the episode, which `certificate` returns.
+        """Steps all environments `nstep` times, and updates the deepest penetration of the episode, which `certificate` returns.
 
         Args:
             ctrl: Ignored, because models with actuators are rejected.
@@ -155,7 +155,7 @@ class RapierWorld(MujocoWorld):
             self._depth[env] = max(self._depth[env], max((float(-c.dist) for c in data.contact), default=0.0))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Advance all environments by `nstep` time steps. `ctrl` is ignored, because models with actuators are rejected."""
+        """Advances all environments by `nstep` time steps. `ctrl` is ignored, because models with actuators are rejected."""
         for env, scene in enumerate(self._scenes):
             scene.push(self._applied[env])
             for _ in range(nstep):
@@ -176,7 +176,7 @@ class RapierWorld(MujocoWorld):
         return super().qvel
 
     def contacts(self) -> NDArray[np.void]:
-        """Raise ModelError, because rapier's contact forces cannot be read."""
+        """Raises ModelError, because rapier's contact forces cannot be read."""
         raise ModelError("rapier cannot run this study: its controller or an outcome reads contact forces, which rapier does not give")
 
     def _now(self) -> list[Any]:
@@ -184,7 +184,7 @@ class RapierWorld(MujocoWorld):
         return super()._now()
 
     def _read(self) -> None:
-        """Copy states of the scenes to MuJoCo's data. A scene whose state is not finite keeps its last finite state."""
+        """Copies states of the scenes to MuJoCo's data. A scene whose state is not finite keeps its last finite state."""
         if not self._behind:
             return
         self._behind = False
@@ -266,7 +266,7 @@ class RapierScene:
         self.joints: list[RapierJoint] = []
 
     def put(self, qpos: Array, qvel: Array) -> None:
-        """Set the state of the rapier scene: qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s."""
+        """Sets the state of the rapier scene: qpos (nq,), m and rad, and qvel (nv,), m/s and rad/s."""
         m, d, mujoco = self._model, self._data, self._mujoco
         d.qpos[:], d.qvel[:] = qpos, qvel
         mujoco.mj_kinematics(m, d)
@@ -365,7 +365,7 @@ class _Scene(RapierScene):
         self.joints = [self._joint(j) for j in range(model.njnt)]
 
     def push(self, applied: Array) -> None:
-        """Apply forces (N) and torques (N m) to bodies, (nbody, 6). The forces act until the next call."""
+        """Applies forces (N) and torques (N m) to bodies, (nbody, 6). The forces act until the next call."""
         done: set[int] = set()
         for b in range(1, self._model.nbody):
             root = int(self._model.body_weldid[b])

@@ -63,7 +63,7 @@ def sweep(
     resolution: float = RESOLUTION,
     tick: Tick | None = None,
 ) -> Report:
-    """Sweep each parameter of a study over its range, one at a time, and locate the values at which success ends (cliffs).
+    """Sweeps each parameter of a study over its range, one at a time, and locates the values at which success ends (cliffs).
 
     Finished episodes are stored in OUT/NAME/journal.sqlite and not repeated.
 
@@ -97,7 +97,7 @@ def sweep(
 
 
 def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, tick: Tick | None = None) -> Report:
-    """Write the simulator report of a study.
+    """Writes the simulator report of a study.
 
     The report describes state and sensors, decisive contacts, settings, effects of parameters, differences between engines, and causes of
     failures.

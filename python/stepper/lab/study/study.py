@@ -184,7 +184,7 @@ class Study(metaclass=Hinting):
             _ = self.loaded
 
     def _check_numbers(self) -> None:
-        """Raise TypeError if a number of the study is of another type, such as a text or an array."""
+        """Raises TypeError if a number of the study is of another type, such as a text or an array."""
         if self.options.timestep is not None:
             check_number("options.timestep", self.options.timestep, above=0.0)
         for name in ("seconds", "control", "qpos_noise", "qvel_noise", "episodes", "seed", "batch", "threads"):
@@ -194,7 +194,7 @@ class Study(metaclass=Hinting):
             raise TypeError(f"{name} is {value!r}, must be a {'whole ' if whole else ''}number")
 
     def _check_kinds(self) -> None:
-        """Raise TypeError or ValueError if outcomes or parameters have wrong types."""
+        """Raises TypeError or ValueError if outcomes or parameters have wrong types."""
         if self.outcomes is not None and not isinstance(self.outcomes, Outcome):
             if isinstance(self.outcomes, str) or not isinstance(self.outcomes, Sequence):
                 raise TypeError(f"outcomes is {self.outcomes!r}, must be a stepper.lab.Outcome or a list of them")
@@ -236,7 +236,7 @@ class Study(metaclass=Hinting):
 
     @classmethod
     def from_file(cls, path: str | Path) -> Study:
-        """Read a study from a TOML file, or from a Python file that defines a `Study` named `study`.
+        """Reads a study from a TOML file, or from a Python file that defines a `Study` named `study`.
 
         Raises:
             ValueError: The file does not contain a valid study; the message has its path.
@@ -419,7 +419,7 @@ class Study(metaclass=Hinting):
         setting: str = USUAL,
         record: str | os.PathLike[str] | None = None,
     ) -> dict[str, Any]:
-        """Run one episode. Its results equal those in the tables of `sweep`, `report` and `rank`, bit for bit.
+        """Runs one episode. Its results equal those in the tables of `sweep`, `report` and `rank`, bit for bit.
 
         Args:
             values: Values of parameters, by name or selector; the others are nominal.

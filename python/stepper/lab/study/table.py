@@ -48,7 +48,7 @@ class Table:
         return self.columns[name]
 
     def save(self, folder: Path, name: str = "table") -> list[Path]:
-        """Write NAME.csv and NAME.npz, and NAME.parquet if pyarrow is installed, and return their paths."""
+        """Writes NAME.csv and NAME.npz, and NAME.parquet if pyarrow is installed, and returns their paths."""
         folder.mkdir(parents=True, exist_ok=True)
         files = [folder / f"{name}.csv", folder / f"{name}.npz"]
         with files[0].open("w", newline="", encoding="utf-8") as file:

@@ -197,7 +197,7 @@ class _Ledger:
         self._limited = [(k, j.qposadr, *j.range) for k, j in enumerate(joints) if j.limited and j.nq == 1]
 
     def record(self, now: World) -> None:
-        """Add the contacts, limits and solver iterations of the last step to the statistics."""
+        """Adds the contacts, limits and solver iterations of the last step to the statistics."""
         assert isinstance(now, StepperWorld)
         self.steps += self.num_envs
         qpos = now.qpos
@@ -216,7 +216,7 @@ class _Ledger:
             self._add(contacts, now.timestep)
 
     def _add(self, contacts: NDArray[np.void], timestep: float) -> None:
-        """Add the forces of contacts, in the format of `Stepper.contacts`, to the statistics of their pairs of geoms; timestep in s."""
+        """Adds the forces of contacts, in the format of `Stepper.contacts`, to the statistics of their pairs of geoms; timestep in s."""
         pairs = np.sort(np.asarray(contacts["geom"], np.int64), axis=1)
         kinds, which = np.unique(pairs, axis=0, return_inverse=True)
         normal = np.asarray(contacts["force"][:, 0], float)
@@ -283,7 +283,7 @@ class _Ledger:
 
 
 def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
-    """Run episodes with nominal parameters, and return statistics of the contacts in every step.
+    """Runs episodes with nominal parameters, and returns statistics of the contacts in every step.
 
     Args:
         study: The study.

@@ -133,7 +133,7 @@ class World:
         return Rng(self._streams.fork(name), np.arange(self.num_envs))
 
     def seed_episodes(self, seed: int, episodes: Sequence[int], period: float) -> None:
-        """Set the numbers of the episodes, reset the time to 0, and seed `rng`.
+        """Sets the numbers of the episodes, resets the time to 0, and seeds `rng`.
 
         Args:
             seed: Seed of the study.
@@ -145,7 +145,7 @@ class World:
         self._streams.seed(np.arange(self.num_envs), words)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Start an episode in all environments.
+        """Starts an episode in all environments.
 
         Args:
             qpos: Initial positions, (num_envs, nq), m and rad.
@@ -156,7 +156,7 @@ class World:
         raise NotImplementedError
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments, and update the values that `certificate` returns (status flags, residuals, violations).
+        """Steps all environments, and updates the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -165,7 +165,7 @@ class World:
         raise NotImplementedError
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, without an update of the values that `certificate` returns. Benchmarks time this method.
+        """Steps all environments `nstep` times, without an update of the values that `certificate` returns. Benchmarks time this method.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -230,7 +230,7 @@ class StepperWorld(World):
         return np.asarray(value, np.float64) if isinstance(value, np.ndarray) and value.dtype == np.float32 else value
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Start an episode in all environments.
+        """Starts an episode in all environments.
 
         Args:
             qpos: Initial positions, (num_envs, nq), m and rad.
@@ -252,7 +252,7 @@ class StepperWorld(World):
         self.time = np.zeros(self.num_envs)
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, and update the values that `certificate` returns (status flags, residuals, violations).
+        """Steps all environments `nstep` times, and updates the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -266,7 +266,7 @@ class StepperWorld(World):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, without an update of the values that `certificate` returns.
+        """Steps all environments `nstep` times, without an update of the values that `certificate` returns.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -392,7 +392,7 @@ class MujocoWorld(World):
         return models
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
-        """Start an episode in all environments.
+        """Starts an episode in all environments.
 
         Args:
             qpos: Initial positions, (num_envs, nq), m and rad.
@@ -411,7 +411,7 @@ class MujocoWorld(World):
         self.time, self._is_current, self._pushed = np.zeros(self.num_envs), False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, and update the values that `certificate` returns (status flags, residuals, violations).
+        """Steps all environments `nstep` times, and updates the values that `certificate` returns (status flags, residuals, violations).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -428,7 +428,7 @@ class MujocoWorld(World):
         self._status[self._beyond()] |= int(Status.NON_FINITE)
 
     def step(self, ctrl: Any, nstep: int) -> None:
-        """Step all environments `nstep` times, without an update of the values that `certificate` returns.
+        """Steps all environments `nstep` times, without an update of the values that `certificate` returns.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,), in the actuators' units; None keeps the last ones.
@@ -620,7 +620,7 @@ def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
 
 
 def check_mujoco(settings: Mapping[str, Any], mujoco: Any = None) -> None:
-    """Check settings of MuJoCo's step.
+    """Checks settings of MuJoCo's step.
 
     Args:
         settings: Values by name, without "engine".
@@ -655,7 +655,7 @@ def _mujoco_choice(mujoco: Any, name: str, value: Any) -> Any:
 
 
 def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:
-    """Write settings of the step into a `mujoco.MjModel`; other settings keep their values.
+    """Writes settings of the step into a `mujoco.MjModel`; other settings keep their values.
 
     Raises:
         ValueError: MuJoCo does not have a setting or a value of it.

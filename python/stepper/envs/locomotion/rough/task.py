@@ -59,7 +59,7 @@ _LEAST_PROGRESS = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class RoughTask(Task):
-    """Follow velocity commands over rough terrain: observations, rewards, events and curricula of mjlab's rough velocity tasks.
+    """Task: follow velocity commands over rough terrain: observations, rewards, events and curricula of mjlab's rough velocity tasks.
 
     Actions are offsets of the servos' set points from the stance; 1 gives a quarter of the largest torque. A command lasts 3 to 8 s.
     Each episode draws friction of the feet, centre of mass of the base and encoder errors. Pushes come every 1 to 3 s.
@@ -198,12 +198,12 @@ class RoughTask(Task):
         qpos[:, 3:7] = about_vertical(rng.uniform(-np.pi, np.pi, 1)[:, 0])
 
     def place(self, reset: Reset) -> None:
-        """Sample initial states, and move each one near the middle of the environment's tile."""
+        """Samples initial states, and moves each one near the middle of the environment's tile."""
         super().place(reset)
         self.levels.place(reset)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draw commands, the time of the first push, encoder errors, friction of the feet and the centre of mass of the base."""
+        """Draws commands, the time of the first push, encoder errors, friction of the feet and the centre of mass of the base."""
         model, envs, dt = sim.model, rng.envs, sim.timestep * self.frame_skip
         draw_commands(episode_state, envs, rng, dt, self.stages)
         draw_push_times(episode_state, envs, rng, dt)

@@ -225,12 +225,12 @@ def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
         scale: Largest derivative of the same scene by coordinates of the same kind, at least 1.
 
     Returns:
-        "agrees", "differs" or "wrong sign". Without a reliable difference: "corner" if both sides differ, or "differences differ" if the
-        widths do.
+        "agrees", "differs" or "wrong sign". Without a reliable difference: "corner" if both sides differ, or "unreliable differences" if
+        the widths do.
     """
     size, noise, floor = max(np.abs(central).max(), np.abs(sides).max()), NOISE * scale, FLOOR * scale
     if np.ptp(central) > SAME * size + noise:
-        return "differences differ"
+        return "unreliable differences"
     if np.abs(sides[0] - sides[1]).max() > SAME * size + noise:
         return "corner"
     near = float(central[-1])
@@ -292,7 +292,7 @@ def main() -> None:
     given = parser.parse_args()
     warnings.filterwarnings("ignore")
     models = task_models() if "tasks" in given.parts else {}
-    print("| rollouts | law | kinks | derivatives | judged by differences | agree | wrong sign | corner | differences differ |")
+    print("| rollouts | law | kinks | derivatives | judged by differences | agree | wrong sign | corner | unreliable differences |")
     print("|---|---|---|---|---|---|---|---|---|")
     disagreements = []
     for part in given.parts:
@@ -305,7 +305,7 @@ def main() -> None:
                 judge(robots(k, model, name, options), k, judged)
             for kind in ("no kink", "near a kink"):
                 total, known, good, wrong = judged.row(kind)
-                rest = [judged.counts[kind, verdict] for verdict in ("corner", "differences differ")]
+                rest = [judged.counts[kind, verdict] for verdict in ("corner", "unreliable differences")]
                 share = f"{good / known:.2%}" if known else ""
                 print(f"| {part} | {law} | {kind} | {total} | {known} | {share} | {wrong} | {rest[0]} | {rest[1]} |", flush=True)
             print(f"| {part} | {law} | refused | {judged.counts['refused', 'refused']} | | | | | |", flush=True)

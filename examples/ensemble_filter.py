@@ -205,7 +205,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated time, s [10]")
     parser.add_argument("--members", type=int, default=128, help="number of environments in the ensemble [128]")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--threads", type=int, default=1, help="0 is all [1]")
+    parser.add_argument("--threads", type=int, default=1, help="number of threads; 0 uses all cores [1]")
     given = parser.parse_args()
     found = run(given.seconds, given.members, given.seed, threads=given.threads)
     print(f"rms velocity of the trunk: {found.moved:.3f} m/s; rms error {found.velocity:.3f} m/s, without readings {found.alone:.3f} m/s")

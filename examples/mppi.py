@@ -201,7 +201,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--precision", choices=("f64", "f32"), default="f64")
     parser.add_argument("--contact", choices=("hard", "mujoco"), default="hard")
-    parser.add_argument("--threads", type=int, default=1, help="threads of the planner; 0 is all [1]")
+    parser.add_argument("--threads", type=int, default=1, help="number of threads of the planner; 0 uses all cores [1]")
     given = parser.parse_args()
     options = stepper.Options() if given.contact == "hard" else stepper.Options.from_model(model_of(ROBOTS[given.robot]))
     settings = {"precision": given.precision, "threads": given.threads, "options": options}

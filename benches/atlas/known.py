@@ -86,7 +86,7 @@ FIRST_ORDER = r"stepper (euler.*|implicit)"
 BAUMGARTE = r"stepper (euler, )?baumgarte"
 RULE = "rules of the first order"
 EXPLICIT = "springs and servos are explicit with this integrator, as in MuJoCo's: stable up to h sqrt(k/m) = 2"
-HEAP = "a heap of 216 spheres at this time step falls by more than their radius in a few steps; what the contact law leaves open decides"
+HEAP = "a heap of 216 spheres falls by more than a radius in a few steps, and the contact law does not determine its motion"
 MEASURED = "about twice the largest error measured"
 
 BAUMGARTE_SPEED = 1.0
@@ -156,14 +156,14 @@ KNOWN: tuple[Known, ...] = (
         r"13 .*tension",
         r"stepper.*",
         (5e-3, 1.0),
-        "the chain goes on swinging along its length at this time step; the mean tension is right",
+        "the chain continues to swing along its length at this time step; the mean tension is right",
         below(1.0 + 1e-3, "the tension swings between nothing and twice its mean; scene 13's tolerance for the mean"),
     ),
     Known(
         r"16 arch of 17 blocks",
         "stepper newton",
         (0.0, 1e-3),
-        "Newton's method alone leaves one step unsolved (its status says so), and blocks slip by what it leaves",
+        "Newton's method alone leaves one step unsolved (status has NOT_CONVERGED), and its residual lets blocks slip",
     ),
     Known(
         r"17 .*",
@@ -201,8 +201,8 @@ KNOWN: tuple[Known, ...] = (
         "five steps of Newton's method do not solve the first step, and no sweeps follow",
     ),
     Known(r"29 rolling coin", "stepper implicit", (4e-3, 1e-2), RULE),
-    Known(r"30 wheel.*", "stepper newton", (2e-2, 1.0), "creeps at the speed that Newton's method leaves, some 1e-9 m/s"),
-    Known(r"S3 .*", r"stepper.*", (2e-3, 1e-2), "spheres overlap by some 3e-5 m while the heap falls together"),
+    Known(r"30 wheel.*", "stepper newton", (2e-2, 1.0), "creeps at the residual of Newton's method, about 1e-9 m/s"),
+    Known(r"S3 .*", r"stepper.*", (2e-3, 1e-2), "spheres overlap by about 3e-5 m while the heap falls together"),
     Known(
         r"S2 .*",
         FIRST_ORDER,
@@ -222,7 +222,7 @@ KNOWN: tuple[Known, ...] = (
         FIRST_ORDER,
         ANY,
         RULE,
-        Slope(1.0, (1e-3, 5e-4, 2.5e-4), 0.1, "a step's way is 0.08 of the distance of the centres in the largest of these steps"),
+        Slope(1.0, (1e-3, 5e-4, 2.5e-4), 0.1, "the motion in a step is 0.08 of the distance of the centres in the largest of these steps"),
     ),
     Known(
         r"35 .*",
@@ -239,7 +239,7 @@ KNOWN: tuple[Known, ...] = (
         r"S5 .*",
         r"stepper( rk4| newton)?",
         (0.0, 3e-3),
-        "positions are corrected at unchanged velocities: a link that is moved by 1e-5 m changes the momentum by some 3e-4 kg m/s",
+        "position correction keeps velocities: a displacement of a link by 1e-5 m changes the momentum by about 3e-4 kg m/s",
         below(1e-3**2, "three such links"),
     ),
     Known(r"S5 .*", r"stepper.*", (2e-2, 1.0), "the legs turn by 0.1 rad in a step", below(8e-3, MEASURED)),

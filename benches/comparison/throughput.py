@@ -92,7 +92,7 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
     Returns:
         Times by name of the engine and its setting: a list with a time for each chunk of `plan.chunk` steps.
     """
-    mujoco = require("mujoco", "to run MuJoCo beside stepper")
+    mujoco = require("mujoco", "to compare stepper with MuJoCo")
 
     def ours(options: Options | None = None) -> Callable[[Array], None]:
         return Stepper(case.model, options=options).step
@@ -231,7 +231,7 @@ def main() -> None:
     num_envs, peers, steps = (128, 32, 100) if args.quick else (args.num_envs, args.peers, args.steps)
     plan = Plan(num_envs=num_envs, peers=peers, steps=steps, rest=0, seed=args.seed)
     # MuJoCo would print the same warnings of its compiler for each load.
-    require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
+    require("mujoco", "to compare stepper with MuJoCo").set_mju_user_warning(lambda message: None)
     rows, left_out = [], []
     for case in cases(plan, args.models):
         if isinstance(case, str):

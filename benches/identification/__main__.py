@@ -101,7 +101,7 @@ def main() -> None:
     parser.add_argument("--count-peer", type=int, default=10, help="number of repetitions in the comparison with mujoco.sysid [10]")
     parser.add_argument("--count-online", type=int, default=25, help="number of online runs of each kind [25]")
     parser.add_argument("--count-impacts", type=int, default=200, help="number of online runs of each scene with impacts [200]")
-    parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all [0]")
+    parser.add_argument("--threads", type=int, default=0, help="number of threads of stepper; 0 uses all cores [0]")
     parser.add_argument("--only", choices=["own", "coloured", "peer", "online", "impacts", "matched"], help="compute one table only [all]")
     parser.add_argument("--resume", action="store_true", help=f"reuse the repetitions of an earlier run in {OUT}")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")

@@ -60,7 +60,7 @@ def main() -> None:
         return
     if args.quick:
         args.rounds, args.patience, args.settings = min(args.rounds, 2), min(args.patience, 15.0), ["default"]
-    require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
+    require("mujoco", "to compare stepper with MuJoCo").set_mju_user_warning(lambda message: None)
     if args.save_episodes:
         _save(scenes, args)
         return

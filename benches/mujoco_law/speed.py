@@ -45,7 +45,7 @@ def main() -> None:
         print(many_contacts(args.many_contacts))
         return
     plan = Plan(num_envs=args.num_envs, peers=args.peers, steps=args.steps, rest=0)
-    require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
+    require("mujoco", "to compare stepper with MuJoCo").set_mju_user_warning(lambda message: None)
     found = []
     print("| model | integrator | us f64 | us f32 | us MuJoCo own / Newton | f64 x | f32 x | residual m/s f64 / f32 | Newton steps |")
     print("|---|---|---|---|---|---|---|---|---|")

@@ -31,7 +31,7 @@ def main() -> None:
     grounds = [g for g in GROUNDS if not args.ground or any(part in g.name for part in args.ground)]
     if not grounds:
         parser.error(f"no ground matches {args.ground}: give parts of " + ", ".join(g.name for g in GROUNDS))
-    require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
+    require("mujoco", "to compare stepper with MuJoCo").set_mju_user_warning(lambda message: None)
     plan = Plan(args.num_envs, args.peers, args.steps, args.rounds, args.noise, args.precision, not args.no_law)
     rows = []
     for ground in grounds:

@@ -219,6 +219,8 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: StepperEnv("Hopper", xml_file=3), TypeError, r"xml_file is 3 \(int\), must be a path"),
     (lambda: StepperVectorEnv("Hopper", 2).step([["a"]]), TypeError, r"actions is \[\['a'\]\], must be an array of numbers"),
     (lambda: StepperVectorEnv("Hopper", 2).reset(options=3), TypeError, "options is 3, must be a dict such as"),
+    (lambda: Go1Velocity(max_latency="8"), TypeError, "max_latency of Go1Velocity is '8', must be a whole number"),
+    (lambda: Go1Velocity(roughness="8"), TypeError, "roughness of Go1Velocity is '8', must be a number"),
     (lambda: Go1Velocity(max_latency=8), ValueError, "max_latency is 8, must be from 0 to frame_skip, which is 4"),
     (lambda: Go1Velocity(weights={"bounce": 0.0, "pose ": 0.1}), ValueError, "weights has 'pose ', terms of the reward are linear"),
 ])  # fmt: skip

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import stepper
-from stepper.lab import Outcome, Parameter, Study, chart, rank, sweep, tune
+from stepper.lab import Outcome, Parameter, Recorded, Study, chart, rank, sweep, tune
 
 ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0"/><geom name="rod" size=".02" pos=".3 0 0"/>
   <site name="tip" pos=".3 0 0"/></body></worldbody><actuator><position name="servo" joint="hinge" kp="5"/></actuator>
@@ -82,6 +82,15 @@ def arm():
 
 @pytest.mark.parametrize(("call", "message"), [
     (lambda out: Parameter("gravity[2]", values=3.0), "values is 3.0, must be a list of values"),
+    (lambda out: Study(model=ARM, name=3), "name is 3, must be a text"),
+    (lambda out: Outcome(name=3, measure="joint hinge"), "the name of an Outcome is 3, must be a text"),
+    (lambda out: Outcome(name="x", measure="joint hinge", unit=3), "outcome 'x': unit is 3, must be a text"),
+    (lambda out: Outcome(name="x", measure="joint hinge", margin="small"), "outcome 'x': margin is 'small', must be a number"),
+    (lambda out: arm().at("mass"), "values is 'mass', must be a dict"),
+    (lambda out: arm().episode("mass"), "values is 'mass', must be a dict"),
+    (lambda out: arm().episode(record=3), r"record is 3 \(int\), must be a path"),
+    (lambda out: Recorded(3), r"path is 3 \(int\), must be a path"),
+    (lambda out: replace(arm(), outcomes=Outcome(name="x", measure=lambda now: {})).episode(), "outcome 'x': the measure is {}"),
     (lambda out: Study.from_file(3), r"path is 3 \(int\), must be a path"),
     (lambda out: sweep(3, out), r"study is 3 \(int\), must be a stepper.lab.Study or the path"),
     (lambda out: sweep(arm(), 3), r"out is 3 \(int\), must be a path"),
@@ -94,6 +103,21 @@ def arm():
 def test_arguments_of_another_type_are_named(tmp_path, call, message):
     with pytest.raises(TypeError, match=message):
         call(tmp_path)
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"nominal": []}, r"nominal of 'gravity\[2\]' has \[\], must be finite numbers"),
+    ({"nominal": float("nan")}, r"nominal of 'gravity\[2\]' has nan, must be finite numbers"),
+    ({"values": [(1, 2)]}, r"values of 'gravity\[2\]' has \(1, 2\), must be finite numbers"),
+])  # fmt: skip
+def test_values_of_parameters_are_numbers(given, message):
+    with pytest.raises(ValueError, match=message):
+        Parameter("gravity[2]", **({"low": -10.0, "high": -9.0} | given))
+
+
+def test_a_seed_is_not_negative():
+    with pytest.raises(ValueError, match="seed is -1, must be a whole number of at least 0"):
+        Study(model=ARM, seed=-1)
 
 
 def test_settings_of_mujoco_run():

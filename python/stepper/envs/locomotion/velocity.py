@@ -17,6 +17,7 @@ from stepper.envs.locomotion import terrain
 from stepper.envs.locomotion.base import check_sizes, check_weights, frame, linear_velocity, stance
 from stepper.envs.task import Array, Moment, Observation, Task, Terms, per_moment, square_sum
 from stepper.sensors import SensorModel, SensorSpec, Transfer
+from stepper.shared.arguments import check_fields
 from stepper.shared.rotations import about_vertical
 from stepper.shared.streams import Rng
 
@@ -114,6 +115,7 @@ class VelocityTask(Task):
             raise TypeError(
                 f"{type(self).__name__} has no `lowest`: define it in the class, the height of the base (m) at which an episode ends"
             )
+        check_fields(self)
         if not 0 <= self.max_latency <= self.frame_skip:
             raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
         if not 0.0 <= self.roughness <= 1.0:

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 
 from stepper.lab.study.policy_files import Network, PolicyFile, is_module, read_policy
 from stepper.lab.study.worlds import World
+from stepper.shared.arguments import path_of
+from stepper.shared.files import existing
 from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
@@ -46,7 +48,7 @@ class Recorded:
     """
 
     def __init__(self, path: str | os.PathLike[str]):
-        path = Path(path)
+        path = existing(path_of("path", path), "recorded controls")
         self.names: list[str] | None = None
         if path.suffix == ".csv":
             self.names, self.ctrl = _read_csv(path)

@@ -16,6 +16,7 @@ from stepper.lab.study.outcomes import Watch
 from stepper.lab.study.parameters import Value, check_value_conflicts
 from stepper.lab.study.points import USUAL, point_at
 from stepper.lab.study.worlds import StepperWorld
+from stepper.shared.arguments import check_mapping, path_of
 
 if TYPE_CHECKING:
     from stepper.lab.study.study import Study
@@ -44,6 +45,7 @@ class Episodes:
     """
 
     def __init__(self, study: Study, values: Mapping[str, Value], numbers: Sequence[int], setting: str = USUAL):
+        check_mapping("values", values, '{"friction": 0.5}')
         for number in numbers:
             if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 0:
                 raise ValueError(f"episode is {number!r}, must be 0 or more")
@@ -80,6 +82,8 @@ class Episodes:
             A row for each selected episode, as in the table of a sweep.
         """
         study, point = self.study, self._point
+        if record is not None:
+            path_of("record", record)
         with nullcontext() if record is None else self.sim.record(record, note=self.note):
             made = rows_in(self.world, study, point.setting, [point.values] * len(self.episodes), self.episodes)
         return [made[env] for env in self.shown]

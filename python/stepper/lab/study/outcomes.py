@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stepper._hints import unknown
 from stepper._stepper import Model
+from stepper.shared.arguments import array_of, check_number
 from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
@@ -70,7 +71,12 @@ class Outcome:
     cause: str | None = None
 
     def __post_init__(self) -> None:
-        if self.reduce not in REDUCTIONS:
+        if not isinstance(self.name, str):
+            raise TypeError(f"the name of an Outcome is {self.name!r}, must be a text")
+        if not isinstance(self.unit, str):
+            raise TypeError(f"outcome {self.name!r}: unit is {self.unit!r}, must be a text, as 'm'")
+        check_number(f"outcome {self.name!r}: margin", self.margin, least=0.0)
+        if self.reduce not in list(REDUCTIONS):
             raise ValueError(f"outcome {self.name!r}: reduce is {self.reduce!r}, must be one of: {', '.join(REDUCTIONS)}")
         if self.cause is not None and self.cause not in CAUSES:
             raise ValueError(f"outcome {self.name!r}: cause is {self.cause!r}, must be one of: {', '.join(CAUSES)}")
@@ -113,7 +119,8 @@ class Outcome:
         Raises:
             ValueError: The measure has another shape.
         """
-        value = np.asarray(measure_of(self.measure)(now) if isinstance(self.measure, str) else self.measure(now), dtype=np.float64)
+        made = measure_of(self.measure)(now) if isinstance(self.measure, str) else self.measure(now)
+        value = array_of(f"outcome {self.name!r}: the measure", made)
         if value.shape != (now.num_envs,):
             raise ValueError(
                 f"outcome {self.name!r}: the measure has the shape {value.shape}, must be ({now.num_envs},), one number per environment"

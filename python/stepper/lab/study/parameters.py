@@ -86,10 +86,7 @@ class Parameter:
     def __post_init__(self) -> None:
         if self.operation not in ("set", "scale", "add"):
             raise ValueError(f'operation is {self.operation!r}, must be "set", "scale" or "add"')
-        if self.values is not None:
-            if isinstance(self.values, str) or not isinstance(self.values, Iterable):
-                raise TypeError(f"values is {self.values!r}, must be a list of values, as (0.2, 0.5, 1.0)")
-            object.__setattr__(self, "values", tuple(self.values))
+        self._check_values()
         for name in ("low", "high"):
             value = getattr(self, name)
             if value is not None and not _is_number(value):
@@ -112,6 +109,17 @@ class Parameter:
             raise ValueError(f"selector is {self.selector!r}, which has no columns: leave them out")
         if self.kind in ("options", "controller") and self.parsed.elements is not None:
             raise ValueError(f"selector is {self.selector!r}: {self.parsed.field} has no elements; leave the brackets out")
+
+    def _check_values(self) -> None:
+        """Stores `values` as a tuple. Raises TypeError or ValueError unless `values` and `nominal` are numbers or texts."""
+        if self.values is not None:
+            if isinstance(self.values, str) or not isinstance(self.values, Iterable):
+                raise TypeError(f"values is {self.values!r}, must be a list of values, as (0.2, 0.5, 1.0)")
+            object.__setattr__(self, "values", tuple(self.values))
+        for value in (*(self.values or ()), *(() if self.nominal is None else (self.nominal,))):
+            if not isinstance(value, str) and not _is_number(value):
+                where = "nominal" if value is self.nominal else "values"
+                raise ValueError(f"{where} of {self.selector!r} has {value!r}, must be finite numbers, or texts for a choice among words")
 
     @property
     def parsed(self) -> Selector:

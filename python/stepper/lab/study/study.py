@@ -30,7 +30,7 @@ from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
-from stepper.shared.arguments import check_mapping, check_number, path_of
+from stepper.shared.arguments import check_mapping, check_number, check_whole, path_of
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import package_version, require
 
@@ -163,6 +163,7 @@ class Study(metaclass=Hinting):
         for name in ("seconds", "episodes", "batch"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}, must be above 0")
+        check_whole("seed", self.seed, least=0)
         for name in ("qpos_noise", "qvel_noise"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0 and finite")
@@ -187,6 +188,8 @@ class Study(metaclass=Hinting):
         """Raises TypeError if a number of the study is of another type, such as a text or an array."""
         if self.options.timestep is not None:
             check_number("options.timestep", self.options.timestep, above=0.0)
+        if not isinstance(self.name, str) or not self.name:
+            raise TypeError(f"name is {self.name!r}, must be a text, which names the folder of the results")
         for name in ("seconds", "control", "qpos_noise", "qvel_noise", "episodes", "seed", "batch", "threads"):
             value, whole = getattr(self, name), name in ("episodes", "seed", "batch", "threads")
             if (name == "control" and value is None) or isinstance(value, int | np.integer if whole else int | float | np.number):
@@ -450,6 +453,7 @@ class Study(metaclass=Hinting):
         Raises:
             ValueError: A parameter is unknown, a value is invalid, or two parameters set the same number to different values.
         """
+        check_mapping("values", values, '{"friction": 0.5}')
         made = replace(self, parameters=with_nominal(self.parameters, values))
         if len(values) > 1:
             check_value_conflicts({name: made.parameters[name] for name in values}, made.loaded[0], values)

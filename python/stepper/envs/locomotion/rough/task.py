@@ -24,6 +24,7 @@ from stepper.envs.locomotion.rough.rewards import TERMS, terms_of, touches_terra
 from stepper.envs.locomotion.rough.state import action_scale, foot_forces, foot_heights, ground_scan
 from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms, square_sum
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain, TerrainCurriculum, Wave
+from stepper.shared.arguments import check_fields
 from stepper.shared.rotations import about_vertical
 from stepper.shared.streams import Rng
 
@@ -132,6 +133,7 @@ class RoughTask(Task):
     def __post_init__(self) -> None:
         if not isinstance(self.terrain, Terrain):
             raise TypeError(f"terrain is {self.terrain!r}, must be a Terrain of stepper.envs.terrain, such as Terrain(sub_terrains=...)")
+        check_fields(self)
         check_sizes(self, "noise", "push", "max_init_level")
         check_weights(self.weights, TERMS)
 

@@ -148,7 +148,7 @@ def test_with_one_batch_it_resets_and_steps_as_gymnasium_does():
 
 @pytest.mark.parametrize(("action", "env_id", "message"), [
     (np.zeros((2, 3)), [0, 5], "environments \\[5\\] already have an action"),
-    (np.zeros((2, 3)), [0, 0], "an environment twice"),
+    (np.zeros((2, 3)), [0, 0], "env_id has environment .* more than once"),
     (np.zeros((2, 3)), [0, 12], "integers from 0 to 11"),
     (np.zeros((2, 3)), [0.0, 1.0], "integers from 0 to 11"),
     (np.zeros((2, 4)), [0, 1], "actions have shape \\(2, 4\\)"),

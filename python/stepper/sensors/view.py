@@ -27,6 +27,7 @@ class FieldOfView:
         far: Largest distance ahead, m.
 
     Raises:
+        TypeError: An attribute is no number.
         ValueError: An angle is not between 0 and pi, a distance is negative, or `near` is beyond `far`.
     """
 

@@ -79,6 +79,7 @@ def design(
         One `Prospect` per experiment, sorted by gain.
 
     Raises:
+        TypeError: An argument has another type.
         KeyError: The model does not have a channel.
         ValueError: An experiment does not match the model, or a noise is not a standard deviation.
     """

@@ -104,6 +104,7 @@ def identify(
         `Stepper.randomize`.
 
     Raises:
+        TypeError: An argument has another type.
         KeyError: A channel is neither a sensor nor a coordinate of the model.
         ValueError: A parameter is invalid, or the data do not match the model; the message has the file or episode.
         MissingPackageError: SciPy is not installed.

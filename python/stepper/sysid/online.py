@@ -96,6 +96,7 @@ class Tracker:
         start_std: Standard deviations of the initial positions (m or rad) and velocities (m/s or rad/s).
 
     Raises:
+        TypeError: An argument has another type.
         KeyError: A channel is neither a sensor nor a coordinate of the model.
         ValueError: An element is unknown, a parameter cannot differ between the environments of a stepper, the window is too short, a
             shape is wrong, or a number is not finite.

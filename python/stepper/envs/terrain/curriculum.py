@@ -134,6 +134,7 @@ def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> A
         Values of the stage of each environment, (n, k), in their unit in `stages`.
 
     Raises:
+        TypeError: The stages are not pairs.
         ValueError: The stages do not begin with 0, or do not ascend.
     """
     try:

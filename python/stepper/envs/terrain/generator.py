@@ -48,8 +48,8 @@ class Terrain:
         seed: Seed of all random numbers of the terrain.
 
     Raises:
-        ValueError: There are no kinds, or num_rows is no whole number of at least 1. Or a tile or border is not a whole number of cells,
-            or a difficulty is out of range.
+        TypeError: An argument has another type.
+        ValueError: There are no kinds, or a number is out of its range. Or a tile or border is not a whole number of cells.
     """
 
     sub_terrains: Mapping[str, SubTerrain]

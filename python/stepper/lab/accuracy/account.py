@@ -182,7 +182,7 @@ def _costs_section(study: Study, parts: tuple[Part, ...]) -> Section:
         "of the timing on a busy machine."
     ]
     rows = [[part.name, part.share, part.time, part.memory] for part in parts]
-    return Section("Costs", words, ("part", "share of the step", "us of a step of an environment", "bytes of an environment"), rows)
+    return Section("Costs", words, ("part", "share of the step", "us per step of an environment", "bytes per environment"), rows)
 
 
 # Functions that remove one part of a scene from its description (`stepper.loading.describe`), in place.

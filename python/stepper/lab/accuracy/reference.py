@@ -130,7 +130,7 @@ class Reference:
                 f"{' and '.join(self.without)} cannot check it, diverging or taking more than {_MAX_SLOWDOWN:g} times as long{alone}"
             )
         if np.isfinite(self.methods).all():
-            sentences.append(f"{self.rule} is {np.median(self.methods):.1e} away")
+            sentences.append(f"{self.rule} differs from it by {np.median(self.methods):.1e}")
         sentences.append(f"uncertainty {np.median(self.uncertainty):.1e} (median), {self.uncertainty.max():.1e} (largest)")
         return "; ".join(part for part in sentences if part)
 

@@ -142,7 +142,7 @@ def _words(found: ChartData) -> list[str]:
             ""
             if reference.exact
             else f" Its last two runs agree to {TARGET[unit]:g} {unit} up to {np.median(reference.known):.3g} s (median; at least "
-            f"{reference.known.min():.3g} s). Later, compare invariants and outcomes instead of single motions."
+            f"{reference.known.min():.3g} s). After this time, compare invariants and outcomes instead of single motions."
         ),
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
         "batch, with recorded controls. MuJoCo and rapier step one environment after the other in both.",

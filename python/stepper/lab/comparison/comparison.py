@@ -127,7 +127,8 @@ def compare(
         The comparison: `print` shows its table, `Comparison.draw` writes a picture.
 
     Raises:
-        ValueError: A length is not positive, or `start` has wrong shapes.
+        TypeError: An argument has another type.
+        ValueError: A length is not positive, or `start` or `controller` has a wrong shape.
     """
     check_number("seconds", seconds, above=0.0)
     check_number("hold", hold, above=0.0)

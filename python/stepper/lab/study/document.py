@@ -91,7 +91,7 @@ def cell(value: Any) -> str:
         return "-"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    return str(value) if isinstance(value, int) or math.isinf(value) else f"{value:.4g}"
+    return str(value) if isinstance(value, int) or math.isinf(value) else f"{value + 0.0:.4g}"  # The sum turns -0 into 0.
 
 
 @functools.cache

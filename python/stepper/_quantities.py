@@ -54,7 +54,7 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
 def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
     """Joint forces, (num_envs, nv), N and N m, for accelerations, (num_envs, nv), m/s^2 and rad/s^2; see `Stepper.inverse_dynamics`."""
     shape = () if sim.num_envs is None else (sim.num_envs,)
-    wanted = np.asarray(qacc, dtype=np.float64)
+    wanted = _numbers("qacc", qacc)
     if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
         raise ValueError(f"qacc has shape {wanted.shape}, must be {(*shape, sim.model.nv)} or ({sim.model.nv},)")
     # qacc_smooth contains bias, passive, actuator and applied forces. Inverse dynamics must not subtract the last two, so they are added
@@ -105,9 +105,17 @@ def _of_applied(sim: Stepper) -> Array:
     return total
 
 
+def _numbers(name: str, given: ArrayLike) -> Array:
+    """Array (...) of float64, in the unit of the argument `name`, after a check that all entries are numbers."""
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {given!r}, must be an array of numbers, with rows of equal length") from None
+
+
 def _of_rays(sim: Stepper, given: ArrayLike, name: str) -> Array:
     """Array of points or directions of rays, (n, 3) or (num_envs, n, 3), after a check of its shape."""
-    rows = np.asarray(given, dtype=np.float64)
+    rows = _numbers(name, given)
     shape = () if sim.num_envs is None else (sim.num_envs,)
     if rows.ndim < 2 or rows.shape[-1] != 3 or rows.shape[:-2] not in ((), shape):
         raise ValueError(f"{name} has shape {rows.shape}, must be {(*shape, 'n', 3)} or ('n', 3)")

@@ -26,6 +26,21 @@ def sim():
     (lambda sim: setattr(sim, "xfrc_aplied", 0), AttributeError, "no attribute 'xfrc_aplied'; did you mean xfrc_applied"),
     (lambda sim: sim.flux, AttributeError, "no attribute 'flux'$"),
     (lambda sim: sim.get_state(env=3), IndexError, "env is 3, must be below 3"),
+    (lambda _: stepper.load(BALL, package_dirs="meshes"), TypeError, "package_dirs is 'meshes', must be a list of folders"),
+    (lambda _: stepper.load(BALL, package_dirs=[3]), TypeError, r"an entry of package_dirs is 3 \(int\), must be a path"),
+    (lambda _: stepper.load(BALL, strict="no"), TypeError, "strict is 'no', must be True or False"),
+    (lambda sim: sim.inverse_dynamics([["a"]]), TypeError, r"qacc is \[\['a'\]\], must be an array of numbers"),
+    (lambda sim: sim.linearize(3), TypeError, r"wrt is 3, must be a sequence of names"),
+    (lambda sim: sim.linearize(ctrl=[["a"]]), TypeError, r"ctrl is \[\['a'\]\], must be an array of numbers"),
+    (lambda _: stepper.derivatives.rollout("sim", np.zeros(3)), TypeError, r"sim is 'sim' \(str\), must be a stepper.Stepper"),
+    (lambda sim: sim.record(3), TypeError, r"path is 3 \(int\), must be a path"),
+    (lambda sim: sim.record("run", chunk="8"), TypeError, r"chunk \(bytes\) is '8', must be a whole number of at least 1"),
+    (lambda _: stepper.replay(3), TypeError, r"path is 3 \(int\), must be a path"),
+    (lambda _: stepper.policies.load(3), TypeError, r"path is 3 \(int\), must be a path"),
+    (lambda _: stepper.policies.load("none.npz"), FileNotFoundError, "there is no policy file 'none.npz'"),
+    (lambda _: stepper.policies.evaluate(3, "stepper/Hopper-v5"), TypeError, "policy is 3, must be a stepper.policies.Policy"),
+    (lambda _: stepper.policies.evaluate(np.zeros_like, 3), TypeError, "env is 3, must be the id of an environment"),
+    (lambda _: stepper.policies.evaluate(np.zeros_like, "x", episodes="8"), TypeError, "episodes is '8', must be a whole number"),
 ])  # fmt: skip
 def test_a_mistake_is_told_what_to_do(sim, mistake, kind, message):
     with pytest.raises(kind, match=message):

@@ -19,6 +19,7 @@ from stepper._options import Options
 from stepper._stepper import Model, ModelError, Stepper
 from stepper.derivatives.nominal_mode import Pairs
 from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
+from stepper.shared.arguments import array_of
 from stepper.shared.fields import APPLIED, RANDOMIZED
 
 COPIES_PER_THREAD = 1024
@@ -89,7 +90,7 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
 def _controls(sim: Stepper, ctrl: ArrayLike | None) -> Array:
     """Controls of every environment, (num_envs, nu); None selects the controls of the last step."""
     nu, n = sim.model.nu, sim.num_envs
-    given = np.asarray(sim.ctrl if ctrl is None else ctrl, np.float64)
+    given = array_of("ctrl", sim.ctrl if ctrl is None else ctrl)
     if given.shape not in ((nu,), (n, nu)):
         must = f"({nu},)" if n is None else f"({n}, {nu}) or ({nu},)"
         raise ValueError(f"ctrl has shape {given.shape}, must be {must}")

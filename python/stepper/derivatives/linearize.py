@@ -15,6 +15,7 @@ from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
 from stepper.derivatives.kinks import LEAST_SLOPE, Bools, Kink, KinkDetector, RowGroup
 from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
+from stepper.shared.arguments import check_kind
 
 TOLERANCE = 1e-13
 """Default residual to which perturbed copies are solved, m/s. If the tolerance of the stepper is smaller, it is used instead.
@@ -148,6 +149,7 @@ def linearize(
 
     `Stepper.linearize` has the same arguments, such as controls (num_envs, nu) or (nu,), and documents them.
     """
+    check_kind("sim", sim, Stepper, "stepper.Stepper(model, num_envs)")
     if method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
     if not isinstance(nstep, int | np.integer) or nstep < 1:

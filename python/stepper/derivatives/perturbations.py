@@ -7,7 +7,7 @@ displaced to two values, or to one with `centered=False`. With Richardson's extr
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -171,7 +171,7 @@ def _check_names(argument: str, names: Sequence[str], example: str) -> None:
         names: Value of the argument, which is checked.
         example: Valid value, for the error message.
     """
-    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+    if isinstance(names, str) or not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
         remedy = f"({names!r},)" if isinstance(names, str) else example
         raise TypeError(f"{argument} is {names!r}, must be a sequence of names, for example {remedy}")
     if twice := sorted({name for name in names if list(names).count(name) > 1}):

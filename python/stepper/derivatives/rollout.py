@@ -19,6 +19,7 @@ from stepper.derivatives.perturbations import STATE, Array, check_parameters
 from stepper.derivatives.smoothing import Smoothing, smoothed
 from stepper.derivatives.tangent import from_tangent, to_tangent
 from stepper.derivatives.undetermined import first_undetermined
+from stepper.shared.arguments import array_of, check_kind
 from stepper.shared.selectors import parse
 
 OUTPUTS = (*STATE, "sensors")
@@ -281,9 +282,10 @@ def rollout(
         ValueError: A wrong shape, a number of steps below 1, or a parameter that is unknown, given twice, or a part of
             the state or the controls.
     """
+    check_kind("sim", sim, Stepper, "stepper.Stepper(model, num_envs)")
     model, n = sim.model, sim.num_envs
     check_parameters(model, parameters)
-    given = np.asarray(ctrl, np.float64)
+    given = array_of("ctrl", ctrl)
     if given.ndim == 2 and n is not None and given.shape[1] == model.nu:
         given = np.broadcast_to(given[:, None], (len(given), n, model.nu))
     shape = (model.nu,) if n is None else (n, model.nu)

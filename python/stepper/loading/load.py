@@ -15,6 +15,7 @@ from stepper.loading.origins import remember
 from stepper.loading.urdf import resolve_meshes
 from stepper.loading.urdf_actuators import KINDS, Actuators, add_actuators
 from stepper.loading.urdf_elements import Urdf, omissions, refuse_xacro
+from stepper.shared.arguments import path_of
 from stepper.shared.files import existing
 
 Source: TypeAlias = "str | os.PathLike[str] | Any"
@@ -67,7 +68,7 @@ def load(
         ImportError: MJCF or URDF without MuJoCo's compiler installed, or with one of another version; the message has the remedy.
         OSError: The file cannot be read.
     """
-    _check_choices(overlaps, actuators)
+    _check_choices(overlaps, actuators, package_dirs, strict=strict)
     saved = is_saved(source)
     urdf = None if saved else read_urdf(source)
     if actuators is not None and urdf is None:
@@ -81,8 +82,14 @@ def load(
     return model
 
 
-def _check_choices(overlaps: str, actuators: str | None) -> None:
-    """Raises ValueError if the argument `overlaps` or `actuators` of `load` has an unknown value."""
+def _check_choices(overlaps: str, actuators: str | None, package_dirs: Any, *, strict: Any) -> None:
+    """Raises TypeError or ValueError if an argument of `load` other than the source has another type or an unknown value."""
+    if isinstance(package_dirs, str) or not isinstance(package_dirs, Sequence | None):
+        raise TypeError(f"package_dirs is {package_dirs!r}, must be a list of folders, or None")
+    for folder in package_dirs or ():
+        path_of("an entry of package_dirs", folder)
+    if not isinstance(strict, bool):
+        raise TypeError(f"strict is {strict!r}, must be True or False")
     if overlaps not in ("keep", "exclude"):
         raise ValueError(f'overlaps is {overlaps!r}, must be "keep" or "exclude"')
     if actuators not in (None, *KINDS):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._hints import WrongArgumentError
+from stepper.shared.arguments import check_whole
 from stepper.shared.environments import import_env, unknown_id
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import require, require_all
@@ -141,7 +142,7 @@ def _made(env: str, num_envs: int | None, *, training: bool, **settings: Any) ->
     """Creates an environment like `make`, without conversion of Gymnasium's errors."""
     gymnasium = require("gymnasium", "to run policies")
     importlib.import_module("stepper.envs")  # The import registers the environments.
-    has_module, env = ":" in env, import_env(env)
+    has_module, env = ":" in str(env), import_env(env)
     try:
         spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
@@ -193,6 +194,14 @@ def evaluate(
         ValueError: The environment, a setting or a key of the info dict is unknown, or there are fewer than two episodes.
         MissingPackageError: Gymnasium is not installed.
     """
+    check_whole("episodes", episodes)
+    check_whole("seed", seed, least=0)
+    if not callable(policy):
+        raise TypeError(f"policy is {policy!r}, must be a stepper.policies.Policy or a function of observations")
+    if tick is not None and not callable(tick):
+        raise TypeError(f"tick is {tick!r}, must be a function of a text and a fraction, or None")
+    if isinstance(infos, str) or not isinstance(infos, Sequence) or not all(isinstance(key, str) for key in infos):
+        raise TypeError(f"infos is {infos!r}, must be a list of keys of the info dict, as ['tracking_error']")
     if episodes < 2:
         raise ValueError(f"episodes is {episodes}, must be at least 2: one episode gives no confidence interval")
     check_takes(policy, ["observations"], "policy")

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper.policies.environment import Description, describe, differences
-from stepper.shared.files import atomic_write
+from stepper.shared.arguments import path_of
+from stepper.shared.files import atomic_write, existing
 
 Array = NDArray[Any]
 FORMAT = 1
@@ -175,7 +176,7 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
         PolicyError: The file contains no policy that this version can read, or `env` has observations or actions of another size.
         OSError: The file cannot be read.
     """
-    file = Path(path)
+    file = existing(path_of("path", path), "policy")
     data = file.read_bytes()
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:

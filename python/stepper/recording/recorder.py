@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ from stepper._stepper import selected
 from stepper.loading import origin_of
 from stepper.recording.failures import Failures
 from stepper.recording.format import COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
+from stepper.shared.arguments import check_whole, path_of
 from stepper.shared.fields import APPLIED
 from stepper.shared.files import atomic_write
 from stepper.shared.machine import provenance
@@ -45,9 +45,8 @@ class Recorder:
     def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
         if sim.recorder is not None:
             raise ValueError(f"this stepper is already being recorded to {sim.recorder.path}; close that recording first")
-        if chunk < 1:
-            raise ValueError(f"chunk is {chunk}, must be 1 or more bytes")
-        self.path = Path(path)
+        check_whole("chunk (bytes)", chunk, least=1)
+        self.path = path_of("path", path)
         if self.path.exists() and any(self.path.iterdir()):
             raise FileExistsError(f"{self.path} is not empty; give a new folder, or remove it")
         self.path.mkdir(parents=True, exist_ok=True)

@@ -16,6 +16,7 @@ from stepper._stepper import Model, State, Stepper, __version__
 from stepper.actuators import ActuatorModel
 from stepper.recording.format import COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
 from stepper.sensors import SensorModel
+from stepper.shared.arguments import path_of
 from stepper.shared.fields import APPLIED
 from stepper.shared.progress import Tick, silent
 
@@ -96,7 +97,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
         raise TypeError(f"model is {model!r} ({type(model).__name__}), must be a stepper.Model")
     if threads is not None and operator.index(threads) < 0:
         raise ValueError(f"threads is {threads}, must be a whole number, 0 or more")
-    folder = Path(path)
+    folder = path_of("path", path)
     head = read_header(folder)
     with reading(folder / HEADER):
         sim = recorded_stepper(folder, head, model, threads)

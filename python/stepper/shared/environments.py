@@ -23,6 +23,8 @@ def import_env(env: str) -> str:
     Raises:
         ValueError: There is no such module, or the text is the name of a file.
     """
+    if not isinstance(env, str):
+        raise TypeError(f"env is {env!r}, must be the id of an environment, as 'stepper/HalfCheetah-v5'")
     module, _, name = env.rpartition(":")
     file = module or name
     if file.endswith(".py"):

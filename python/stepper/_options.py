@@ -91,7 +91,7 @@ class Options(metaclass=Hinting):
 
     @classmethod
     def from_model(cls, model: Model) -> Options:
-        """Options that reproduce the model's source in MuJoCo: `contact="mujoco"` and the source's integrator.
+        """Returns options that reproduce the model's source in MuJoCo: `contact="mujoco"` and the source's integrator.
 
         Softness, cone, impratio and noslip iterations come from the model itself, as does the time step. `iterations` is at least that of
         the source. Newton's method solves every step to `tolerance`, in m/s, whatever solver and tolerance the source has.

@@ -43,18 +43,18 @@ class ActuatorModel:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "actuators") -> ActuatorModel:
-        """Actuator model from a dictionary in the format of `to_dict` and of files; error messages begin with `place`."""
+        """Returns an actuator model from a dictionary in the format of `to_dict` and of files; error messages begin with `place`."""
         tables = named_tables(data, "actuators", place)
         named = {name: _read(table, Drive, f"{place}: actuator {name!r}") for name, table in tables.items()}
         return cls(named, default=_read(data["default"], Drive, f"{place}: default") if "default" in data else None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Dictionary in the format of the files of `from_file`; arrays become lists."""
+        """Returns a dictionary in the format of the files of `from_file`; arrays become lists."""
         out: dict[str, Any] = {"actuators": {name: _plain(drive) for name, drive in self.named.items()}}
         return out | ({"default": _plain(self.default)} if self.default else {})
 
     def drives(self, model: Model, num_envs: int, envs: Envs = None) -> list[dict[str, Any] | None]:
-        """Drives of all actuators of a model, as fields of the Rust crate's `ActuatorSpec`; None for ideal actuators.
+        """Returns the drives of all actuators of a model, as fields of the Rust crate's `ActuatorSpec`; None for ideal actuators.
 
         Args:
             model: The model.
@@ -69,14 +69,14 @@ class ActuatorModel:
         return [self._row(name, num_envs, envs) for name in names]
 
     def drive_of(self, name: str) -> Drive | None:
-        """Drive of an actuator, given by name, or by index in the form "#3" if it has no name.
+        """Returns the drive of an actuator, given by name, or by index in the form "#3" if it has no name.
 
         The result is None if no name or pattern in this actuator model fits, and there is no default drive.
         """
         return fitting(self.named, self.default, name)
 
     def chosen(self, index: np.ndarray[Any, Any]) -> ActuatorModel:
-        """Copy of this actuator model for some environments only: arrays of numbers per environment keep the entries of `index`.
+        """Returns a copy of this actuator model for some environments only: arrays of numbers per environment keep the entries of `index`.
 
         Args:
             index: Boolean mask (num_envs,), or indices, which may repeat.
@@ -84,7 +84,7 @@ class ActuatorModel:
         return self._changed(lambda x: x[index])
 
     def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
-        """Copy for all environments of this actuator model, which has numbers only for those in a mask. All others get the number 0.
+        """Returns a copy for all environments of this actuator model, which has numbers only for those in a mask. Others get the number 0.
 
         Args:
             mask: Boolean mask (num_envs,). Arrays in this model have one number per True entry; those of the copy have num_envs.

@@ -145,7 +145,7 @@ def linearize(
     extrapolate: bool = False,
     sensors: bool = False,
 ) -> Linearization:
-    """Derivatives of the state after `nstep` steps, in all environments of a stepper.
+    """Returns the derivatives of the state after `nstep` steps, in all environments of a stepper.
 
     `Stepper.linearize` has the same arguments, such as controls (num_envs, nu) or (nu,), and documents them.
     """

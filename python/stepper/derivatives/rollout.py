@@ -103,7 +103,7 @@ class Rollout:
         undetermined: Literal["raise", "zero"] = "raise",
         **settings: Any,
     ) -> Gradients:
-        """Vector-Jacobian product: gradients of a scalar function with respect to the controls, the initial state and parameters.
+        """Returns the vector-Jacobian product: gradients of a scalar function by the controls, the initial state and parameters.
 
         The checkpoints are processed in reverse order. The states between two checkpoints are recomputed. Then, for each control in reverse
         order, its steps are linearized and the gradient is propagated to the state before them.

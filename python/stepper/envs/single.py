@@ -143,7 +143,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _info_of_one(batch.info() | terms)
 
     def get_state(self) -> EnvState:
-        """State of the environment, for `set_state`. After `set_state`, later steps give the same results bit for bit.
+        """Returns the state of the environment, for `set_state`. After `set_state`, later steps give the same results bit for bit.
 
         The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces and mocap poses. It also contains the
         episode: the task's episode_state, random number generators of initial states and sensors, return and length. It does not contain
@@ -186,7 +186,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return observation
 
     def render(self) -> Array | None:
-        """Picture of the environment, (height, width, 3) uint8; None without a render mode.
+        """Returns a picture of the environment, (height, width, 3) uint8; None without a render mode.
 
         Raises:
             stepper.viewer.LooksError: The task's model did not come from MJCF, so that its visual elements are unknown.

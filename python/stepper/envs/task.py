@@ -90,11 +90,11 @@ class Moment:
         return found
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
-        """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
+        """Returns values of a quantity for all or some elements, by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
         return read(self, name, of)
 
     def rng(self, name: str) -> Rng:
-        """Random number generator for all environments at this moment, for noise of an observation.
+        """Returns a random number generator for all environments at this moment, for noise of an observation.
 
         The numbers depend on the seed of each environment, on the number of its steps and resets since it was seeded, and on the name.
         Every call with the same name gives the same numbers, so that reading an observation twice gives the same noise.
@@ -119,7 +119,7 @@ class Moment:
             self._end = self.qpos, self.qvel
 
     def without_kept(self) -> Moment:
-        """View of the batch after the same step, without the values that `keep` has fixed."""
+        """Returns a view of the batch after the same step, without the values that `keep` has fixed."""
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
@@ -131,7 +131,7 @@ class Moment:
         return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
 
     def reread(self, changed: Array) -> Moment:
-        """New view of all environments after a reset or change of the stepper. It reads all quantities from the stepper again.
+        """Returns a new view of all environments after a reset or change of the stepper. It reads all quantities from the stepper again.
 
         This view expires: quantities that it has not read yet raise RuntimeError.
 
@@ -155,11 +155,11 @@ class Moment:
         return self._kept
 
     def step_values(self) -> Terms:
-        """Arrays of the last step that a saved state contains, by name: "action", and "velocity" for tasks with a position."""
+        """Returns the arrays of the last step that a saved state contains, by name: "action", and "velocity" for tasks with a position."""
         return {name: value for name in ("action", "velocity") if (value := getattr(self, name)) is not None}
 
     def restored(self, step_values: Terms, kept: Terms, mask: Array) -> Moment:
-        """New view of the batch after some environments were restored from a saved state.
+        """Returns a new view of the batch after some environments were restored from a saved state.
 
         Args:
             step_values: Action and velocity in the saved state, by name, as returned by `step_values()`.
@@ -225,7 +225,7 @@ class Observation:
             check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
 
     def read(self, now: Moment) -> Array:
-        """Values of this row of the observation table, (num_envs, n), in its unit, with noise and before `clip`."""
+        """Returns the values of this row of the observation table, (num_envs, n), in its unit, with noise and before `clip`."""
         value: Array = getattr(now, self.name) if self.func is None else self.func(now)
         flat = value.reshape(len(value), -1)
         flat = flat if self.columns is None else flat[:, self.columns]
@@ -280,21 +280,21 @@ class Task(ABC):
 
     @abstractmethod
     def model(self) -> Model:
-        """Model of the scene."""
+        """Returns the model of the scene."""
 
     def sensors(self) -> SensorModel | None:
-        """Sensor model (noise, delay, bias), for tasks that observe `now.sensordata`; None means ideal sensors.
+        """Returns the sensor model (noise, delay, bias), for tasks that observe `now.sensordata`; None means ideal sensors.
 
         The random numbers depend on the seed of an environment, and on the environment's index in the batch.
         """
         return None
 
     def actuators(self) -> ActuatorModel | None:
-        """Actuator model between controls and forces: motors with curves, lags, delays; None means ideal actuators."""
+        """Returns the actuator model between controls and forces: motors with curves, lags, delays; None means ideal actuators."""
         return None
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
-        """Lower and upper bounds of the actions, (n,) each, in the units of the task. The default is the control ranges of the model.
+        """Returns lower and upper bounds of the actions, (n,) each, in the units of the task. The default is the control ranges.
 
         A task with other actions, such as motions of a hand, converts them to controls in `advance`.
         """
@@ -303,11 +303,11 @@ class Task(ABC):
 
     @abstractmethod
     def observations(self) -> tuple[Observation, ...]:
-        """Table of the observed quantities of the task. The observation of an environment concatenates the rows of this table."""
+        """Returns the table of the observed quantities. The observation of an environment concatenates the rows of this table."""
 
     @abstractmethod
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Rewards of the last step, (num_envs,), and entries for the info dict, such as the terms of the reward.
+        """Returns the rewards of the last step, (num_envs,), and entries for the info dict, such as the terms of the reward.
 
         Args:
             now: View of the batch after the step.
@@ -330,7 +330,7 @@ class Task(ABC):
         call_hook(self, "sample_state", reset.qpos, reset.qvel, reset.rng)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Initial values of data of the episodes that the stepper does not store, such as commands and previous actions.
+        """Returns the initial values of data of the episodes that the stepper does not store, such as commands and previous actions.
 
         Returns:
             Arrays (num_envs, ...) by name, the initial `now.episode_state`. `place`, `on_reset`, `advance` and `on_end` write to them. Each
@@ -378,14 +378,14 @@ class Task(ABC):
         return None
 
     def position(self, now: Moment) -> Array | None:
-        """Quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`. None if the task needs no velocity.
+        """Returns the quantity, (num_envs, ...), whose rate of change over the last action is `now.velocity`; None for no velocity.
 
         The quantity is evaluated in the states before and after the action. Values that `now.keep` has fixed are not used.
         """
         return None
 
     def info(self, now: Moment) -> Terms:
-        """Extra fields of the info dict after a reset and after a step."""
+        """Returns extra fields of the info dict after a reset and after a step."""
         return {}
 
     def advance(self, now: Moment) -> None:
@@ -404,7 +404,7 @@ class MujocoTask(Task):
     xml_file: str
 
     def model(self) -> Model:
-        """Model of the scene, loaded from the file `xml_file`."""
+        """Returns the model of the scene, loaded from the file `xml_file`."""
         return load_quietly(model_file(self.xml_file))
 
 
@@ -439,7 +439,7 @@ def all_within(value: Array, bounds: tuple[float, float]) -> Array:
 
 
 def square_sum(value: Array) -> Array:
-    """Sums of the squares of each environment's numbers: (num_envs,)."""
+    """Returns the sums of the squares of each environment's numbers: (num_envs,)."""
     flat = value.reshape(len(value), -1)
     sums: Array = np.einsum("ij,ij->i", flat, flat)
     return sums

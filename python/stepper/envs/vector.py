@@ -234,7 +234,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return batch.observation(observations), reward, terminated, truncated, infos
 
     def get_state(self) -> EnvState:
-        """State of all environments, for `set_state`. After `set_state`, later steps give the same results bit for bit.
+        """Returns the state of all environments, for `set_state`. After `set_state`, later steps give the same results bit for bit.
 
         The state contains the stepper's state, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
         also contains the episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths,
@@ -287,7 +287,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return self._batch.observation()
 
     def render(self) -> tuple[Array, ...] | None:
-        """Pictures of all environments, (height, width, 3) uint8 each; None without a render mode.
+        """Returns pictures of all environments, (height, width, 3) uint8 each; None without a render mode.
 
         `stepper.viewer.Renderer` makes pictures of some environments.
 

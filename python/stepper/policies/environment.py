@@ -23,7 +23,7 @@ _LONGEST = 60
 
 
 def describe(env: Any) -> Description:
-    """Settings of a single or vector environment.
+    """Returns the settings of a single or vector environment.
 
     Args:
         env: Environment of `stepper.envs`, or MuJoCo environment of Gymnasium. For other environments, the result has only spaces and
@@ -104,7 +104,7 @@ def _of_other(base: Any) -> Description:
 
 
 def differences(one: Description, other: Description) -> list[str]:
-    """Differences between the settings of two environments, such as "options.contact: 'mujoco' there, 'hard' here".
+    """Returns the differences between the settings of two environments, such as "options.contact: 'mujoco' there, 'hard' here".
 
     A setting that only one environment has also counts, except if the engines differ. Randomised parameters count only if the second
     environment has any, because tasks draw them at the first reset.

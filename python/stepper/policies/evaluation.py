@@ -47,7 +47,7 @@ class Evaluation:
         return float(self.returns.mean())
 
     def interval(self, confidence: float = 0.95, info: str = "") -> tuple[float, float]:
-        """Confidence interval of the mean return, or of the mean of the info with the key `info`, by Student's t distribution."""
+        """Returns the confidence interval of the mean return, or of the mean of the info `info`, by Student's t distribution."""
         return _interval(self.infos[info] if info else self.returns, confidence)
 
     def __str__(self) -> str:

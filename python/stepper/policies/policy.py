@@ -126,7 +126,7 @@ class Policy:
         return action.astype(np.float32)
 
     def differences(self, env: Any) -> list[str]:
-        """Differences between the environment of the training ("there") and another one ("here"), one line each."""
+        """Returns the differences between the environment of the training ("there") and another one ("here"), one line each."""
         return differences(self.environment, describe(env))
 
     def check(self, env: Any) -> None:

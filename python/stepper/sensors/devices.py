@@ -23,7 +23,7 @@ _TAU = 100.0  # correlation time of a drift, s
 
 
 def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:
-    """Transfer function of an absolute encoder: quantisation in 2^bits steps per turn.
+    """Returns the transfer function of an absolute encoder: quantisation in 2^bits steps per turn.
 
     Args:
         bits: Number of bits per turn.
@@ -35,7 +35,7 @@ def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:
 
 
 def encoder_velocity(bits: int, period: float, *, turn: float = 2 * math.pi) -> Transfer:
-    """Transfer function of a speed that is computed as counts of an absolute encoder per sampling period.
+    """Returns the transfer function of a speed that is computed as counts of an absolute encoder per sampling period.
 
     Args:
         bits: Number of bits per turn.
@@ -135,7 +135,7 @@ DEVICES: dict[str, Callable[[], Transfer]] = {
 
 
 def find(name: str) -> Transfer:
-    """Transfer function of a device of `DEVICES` by name.
+    """Returns the transfer function of a device of `DEVICES` by name.
 
     Raises:
         ValueError: An unknown device; the message lists the known ones.

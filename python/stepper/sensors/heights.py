@@ -77,7 +77,7 @@ class HeightField:
 
     @classmethod
     def from_elevation(cls, elevation: ArrayLike, half: ArrayLike, *, pos: ArrayLike = (0.0, 0.0, 0.0), angle: float = 0.0) -> HeightField:
-        """Height field from an array, without a model. Its position is the same in all environments.
+        """Returns a height field from an array, without a model. Its position is the same in all environments.
 
         Args:
             elevation: Heights of the points above `pos`, (rows, columns) m: rows along y, columns along x, from the corner with the
@@ -111,7 +111,7 @@ class HeightField:
         return half
 
     def heights(self, sim: Stepper | None, places: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
-        """Heights of the ground at points, in world coordinates.
+        """Returns the heights of the ground at points, in world coordinates.
 
         Args:
             sim: The stepper. The position of the height field may differ between its environments (`sim.randomize(geom_pos=)`). None uses
@@ -141,7 +141,7 @@ class HeightField:
         return _filled(found, beyond)
 
     def scan(self, sim: Stepper, body: str | int, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
-        """Heights of the ground at points around a body, a common observation for locomotion. The points rotate with the body's heading.
+        """Returns heights of the ground at points around a body, as in observations for locomotion. Points rotate with the body's heading.
 
         Args:
             sim: The stepper.
@@ -165,7 +165,7 @@ class HeightField:
     def around(
         self, places: ArrayLike, angles: ArrayLike, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None
     ) -> Array:
-        """Heights of the ground around given points, without a simulation. The height field has the position that it has in the model.
+        """Returns heights of the ground around given points, without a simulation. The height field is where it is in the model.
 
         Args:
             places: World x and y of the centres, (n, 2), m.

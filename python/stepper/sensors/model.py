@@ -32,7 +32,7 @@ class SensorModel:
 
     @classmethod
     def from_mjcf(cls, model: Model) -> SensorModel:
-        """Sensor model with the noise, cutoff, delay and interval that the MJCF file of a model declares for each sensor."""
+        """Returns a sensor model with the noise, cutoff, delay and interval that the MJCF file of a model declares for each sensor."""
         transfers = {}
         for index, sensor in enumerate(model.sensors):
             cutoff = sensor["cutoff"] if sensor["datatype"] in ("real", "positive") else 0.0
@@ -60,12 +60,12 @@ class SensorModel:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "sensors") -> SensorModel:
-        """Sensor model from a dictionary in the format of `to_dict` and of files; error messages begin with `place`."""
+        """Returns a sensor model from a dictionary in the format of `to_dict` and of files; error messages begin with `place`."""
         named = {name: _read(table, f"{place}: sensor {name!r}") for name, table in named_tables(data, "sensors", place).items()}
         return cls(named, default=_read(data["default"], f"{place}: default") if "default" in data else None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Dictionary in the format of the files of `from_file`; arrays become lists."""
+        """Returns a dictionary in the format of the files of `from_file`; arrays become lists."""
 
         def plain(transfer: Transfer) -> dict[str, Any]:
             given = {name: value for name, value in asdict(transfer).items() if value is not None}
@@ -75,7 +75,7 @@ class SensorModel:
         return out | ({"default": plain(self.default)} if self.default else {})
 
     def transfers(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """Error models of all sensors of a model, as dictionaries for the Rust library; None for ideal sensors.
+        """Returns the error models of all sensors of a model, as dictionaries for the Rust library; None for ideal sensors.
 
         Arrays in an error model have one number for each of `num_envs` environments.
 
@@ -87,7 +87,7 @@ class SensorModel:
         return [self._row(name, num_envs) for name in names]
 
     def chosen(self, index: np.ndarray[Any, Any]) -> SensorModel:
-        """Copy of this sensor model for some environments only: arrays of numbers per environment keep the entries of `index`.
+        """Returns a copy of this sensor model for some environments only: arrays of numbers per environment keep the entries of `index`.
 
         Args:
             index: Boolean mask (num_envs,), or indices (n,), which may repeat.

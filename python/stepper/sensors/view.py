@@ -66,7 +66,7 @@ class FieldOfView:
         return found
 
     def detect(self, reading: ArrayLike, last: ArrayLike) -> Array:
-        """Readings of a detector, (num_envs, 3 + k): the current reading if the position is in view, and otherwise the last one.
+        """Returns readings of a detector, (num_envs, 3 + k): the current reading if the position is in view, otherwise the last one.
 
         Args:
             reading: Position in the camera's frame, m, and further outputs of the detector, (num_envs, 3 + k).

@@ -113,7 +113,7 @@ class Rng:
         self._streams, self.envs = streams, envs
 
     def uniform(self, low: float, high: float, size: int) -> Array:
-        """Uniform random numbers from `low` to `high`, (n, size): `size` for each environment."""
+        """Returns uniform random numbers from `low` to `high`, (n, size): `size` for each environment."""
         words = self._streams.words(self.envs, size)
         words >>= _MANTISSA
         numbers = words.astype(np.float64)
@@ -122,12 +122,12 @@ class Rng:
         return numbers
 
     def normal(self, size: int) -> Array:
-        """Standard normal random numbers, (n, size): `size` for each environment, by the Box-Muller method."""
+        """Returns standard normal random numbers, (n, size): `size` for each environment, by the Box-Muller method."""
         pairs = (size + 1) // 2
         words = (self._streams.words(self.envs, 2 * pairs) >> _MANTISSA).astype(np.float64) * _STEP
         radius, angle = np.sqrt(-2.0 * np.log1p(-words[:, :pairs])), 2.0 * np.pi * words[:, pairs:]
         return np.hstack([radius * np.cos(angle), radius * np.sin(angle)])[:, :size]
 
     def of(self, rows: Array) -> Rng:
-        """Generator for a subset of the n environments, given by the boolean mask `rows` (n,), for rejection sampling."""
+        """Returns a generator for a subset of the n environments, given by the boolean mask `rows` (n,), for rejection sampling."""
         return Rng(self._streams, self.envs[rows])

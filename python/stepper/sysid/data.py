@@ -62,7 +62,7 @@ class Episode:
     notes: tuple[str, ...] = ()
 
     def checked(self, model: Model) -> Episode:
-        """Copy of this episode with float64 arrays, after a check of their shapes against a model.
+        """Returns a copy of this episode with float64 arrays, after a check of their shapes against a model.
 
         Raises:
             ValueError: A shape is wrong, a control is not finite, or there are no readings. The message has the episode's name.

@@ -242,7 +242,7 @@ class Tracker:
         )
 
     def sample(self, count: int, *, seed: int = 0) -> dict[str, Any]:
-        """Random parameters from the current distribution, for `Stepper.randomize`.
+        """Returns random parameters from the current distribution, for `Stepper.randomize`.
 
         Args:
             count: Number of environments.

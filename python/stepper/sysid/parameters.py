@@ -146,7 +146,7 @@ class FitParameter:
 
     @classmethod
     def parse(cls, text: str) -> FitParameter:
-        """Parameter from a text such as "body_mass[box]", or with bounds "geom_friction[floor,box][0]=0.1..2"."""
+        """Returns a parameter from a text such as "body_mass[box]", or with bounds "geom_friction[floor,box][0]=0.1..2"."""
         selector, bounds = parse_range(text, "parameters")
         return cls(str(selector), bounds=bounds)
 

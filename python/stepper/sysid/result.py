@@ -80,7 +80,7 @@ class Identification:
     warnings: tuple[str, ...]
 
     def warned(self, warnings: tuple[str, ...]) -> Identification:
-        """Copy of this result in which the given warnings replace the previous ones."""
+        """Returns a copy of this result in which the given warnings replace the previous ones."""
         return replace(self, warnings=warnings)
 
     @cached_property
@@ -117,7 +117,7 @@ class Identification:
         return ~undetermined(self.blocks, np.sqrt(np.diag(self.covariance)) / self.scale, reach)
 
     def interval(self, confidence: float = 0.95) -> Array:
-        """Confidence intervals of the values, (n, 2).
+        """Returns the confidence intervals of the values, (n, 2).
 
         For a positive quantity, the interval is symmetric in its logarithm. Intervals are clipped to the bounds.
 
@@ -150,7 +150,7 @@ class Identification:
         return self.model.replace(**{name: array[0] for name, array in fields.items()}) if fields else self.model
 
     def drives(self, known: ActuatorModel | None = None) -> ActuatorModel | None:
-        """Actuator model with the identified delays; None if no delay was identified.
+        """Returns an actuator model with the identified delays; None if no delay was identified.
 
         Args:
             known: Actuator model with the other attributes of the drives.
@@ -161,7 +161,7 @@ class Identification:
         return ActuatorModel({**known.named, **made.named}, default=known.default)
 
     def draw(self, count: int, seed: int = 0) -> Array:
-        """Random parameter vectors theta from the distribution, clipped to the bounds, (count, n)."""
+        """Returns random parameter vectors theta from the distribution, clipped to the bounds, (count, n)."""
         check_whole("count", count, least=1)
         check_whole("seed", seed, least=0)
         low, high = (np.concatenate([getattr(block, end) for block in self.blocks]) for end in ("low", "high"))
@@ -170,7 +170,7 @@ class Identification:
         return np.clip(drawn, low, high)
 
     def sample(self, count: int, *, seed: int = 0, actuators: ActuatorModel | None = None) -> dict[str, Any]:
-        """Random parameters from the distribution, for `sim.randomize(**result.sample(sim.num_envs))`.
+        """Returns random parameters from the distribution, for `sim.randomize(**result.sample(sim.num_envs))`.
 
         The stepper's model must be `result.estimate`, or another model with the same elements.
 
@@ -192,7 +192,7 @@ class Identification:
         return {**variants.fields, **({} if delays is None else {"actuators": delays})}
 
     def models(self, count: int, *, seed: int = 0) -> list[Model]:
-        """Models with random parameters from the distribution, one model per draw.
+        """Returns models with random parameters from the distribution, one model per draw.
 
         Unlike `sample`, it also works for parameters that all environments of a stepper share.
         """
@@ -200,7 +200,7 @@ class Identification:
         return [self.model.replace(**{name: array[k] for name, array in fields.items()}) for k in range(count)]
 
     def weakest(self) -> tuple[float, dict[str, float]]:
-        """Least determined combination of parameters.
+        """Returns the least determined combination of parameters.
 
         Returns:
             Its standard deviation in units of the scales, and its coefficients by label, the largest first. For example {"body_mass[box]":
@@ -213,7 +213,7 @@ class Identification:
         return float(np.sqrt(values[-1])), {label: float(part) for label, part in parts if abs(part) > 0.1}
 
     def advice(self) -> str:
-        """Suggestion for the next measurement, as a sentence."""
+        """Returns a suggestion for the next measurement, as a sentence."""
         std, parts = self.weakest()
         first = next(iter(parts))
         block = next(b for b in self.blocks for k in range(b.size) if first in (b.labels[0], f"{b.parameter}[{k}]"))
@@ -223,7 +223,7 @@ class Identification:
         return f"the least certain {what} (standard deviation {std:.2g} of its scale): {block.hint}"
 
     def table(self, confidence: float = 0.95) -> str:
-        """Markdown table of values, confidence intervals, units and start values."""
+        """Returns a Markdown table of values, confidence intervals, units and start values."""
         lines = [f"| | value | {100 * confidence:g} % interval | unit | in the model |", "|---|---|---|---|---|"]
         start = natural(self.blocks, np.concatenate([block.start for block in self.blocks]))
         rows = zip(self.labels, self.values, self.interval(confidence), self.units, start, self.determined, strict=True)

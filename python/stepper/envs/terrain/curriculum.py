@@ -59,7 +59,7 @@ class TerrainCurriculum:
         check_number("footprint", self.footprint, least=0.0)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Arrays for `Task.episode_state`, by name.
+        """Returns the arrays for `Task.episode_state`, by name.
 
         Returns:
             terrain_level: Row of the terrain (level of difficulty) for each environment, (num_envs,) int; -1 before it is drawn.
@@ -111,7 +111,7 @@ class TerrainCurriculum:
         level[envs] = np.where(level[envs] < 0, level[envs], np.clip(level[envs] + change, 0, self.terrain.num_rows))
 
     def distance(self, episode_state: Terms, envs: Array, places: Array) -> Array:
-        """Horizontal distances of robots from the middles of their tiles, (n,) m.
+        """Returns the horizontal distances of robots from the middles of their tiles, (n,) m.
 
         Args:
             episode_state: Arrays of `Task.episode_state`.
@@ -124,7 +124,7 @@ class TerrainCurriculum:
 
 
 def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> Array:
-    """Values of a curriculum with stages, such as ranges of commands, for environments with given numbers of actions.
+    """Returns the values of a curriculum with stages, such as ranges of commands, for environments with given numbers of actions.
 
     Args:
         steps: Number of actions of each environment so far, (n,). Count them in `Task.episode_state`, under a name in `Task.carried`.

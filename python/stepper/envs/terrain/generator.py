@@ -141,7 +141,7 @@ class Terrain:
         return np.concatenate([places, self.height(places)[..., None]], axis=-1)
 
     def height(self, xy: Array) -> Array:
-        """Heights of the terrain's surface, m, at points (..., 2), m; 0 outside the terrain."""
+        """Returns the heights of the terrain's surface, m, at points (..., 2), m; 0 outside the terrain."""
         return self.ground.heights(None, xy, beyond=0.0)
 
     def leaves(self, xy: Array, margin: float = 0.3) -> Array:
@@ -149,7 +149,7 @@ class Terrain:
         return np.asarray(np.any(np.abs(xy) > self.half - margin, axis=-1))
 
     def boxes(self) -> Array:
-        """Boxes that make up the terrain, (n, 2, 3) m: centre and half sides of each.
+        """Returns the boxes that make up the terrain, (n, 2, 3) m: centre and half sides of each.
 
         Steps of the boxes are vertical, steps of a height field are ramps. A height field is simulated faster.
 
@@ -191,12 +191,12 @@ class Terrain:
         spec.worldbody.add_geom(name=name, type=kind, hfieldname=name, pos=[0.0, 0.0, lowest], **attributes)
 
     def mjcf(self, name: str = "terrain", **attributes: str) -> tuple[str, str]:
-        """MJCF texts of the height field: an element to put into `<asset>`, and a geom with the given attributes for `<worldbody>`."""
+        """Returns the MJCF texts of the height field: an element for `<asset>`, and a geom with the given attributes for `<worldbody>`."""
         asset, geom = self.elements(name, **attributes)
         return tostring(asset, encoding="unicode"), tostring(geom, encoding="unicode")
 
     def elements(self, name: str = "terrain", **attributes: str) -> tuple[Element, Element]:
-        """MJCF elements of the height field: the asset, and the geom with the given attributes."""
+        """Returns the MJCF elements of the height field: the asset, and the geom with the given attributes."""
         data, lowest, size = self._field()
         # MJCF has rows from the greatest y to the least. Nine digits determine a number of single precision.
         values = " ".join(f"{value:.9g}" for value in data[::-1].ravel().tolist())

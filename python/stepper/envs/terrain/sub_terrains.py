@@ -55,7 +55,7 @@ class SubTerrain(ABC):
 
     @abstractmethod
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Heights at points of a tile.
+        """Returns the heights at points of a tile.
 
         Args:
             x: x coordinates relative to the middle of the tile, (n,) m, ascending.
@@ -74,10 +74,10 @@ class BoxTerrain(SubTerrain):
 
     @abstractmethod
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of a tile, (n, 2, 3) m: lowest and highest corner of each, relative to the middle. They cover the whole tile."""
+        """Returns boxes of a tile, (n, 2, 3) m: lowest and highest corner of each, relative to the middle. They cover the tile."""
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Heights of the tops of the highest boxes at points of a tile, (m, n) m; see `SubTerrain.heights`."""
+        """Returns the heights of the tops of the highest boxes at points of a tile, (m, n) m; see `SubTerrain.heights`."""
         heights = np.full((len(y), len(x)), -np.inf)
         for (x_low, y_low, _), (x_high, y_high, top) in self.boxes(size, difficulty, rng):
             columns = slice(np.searchsorted(x, x_low - _EDGE_MARGIN), np.searchsorted(x, x_high + _EDGE_MARGIN))
@@ -91,7 +91,7 @@ class Flat(BoxTerrain):
     """Flat ground at any difficulty."""
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Box of the flat ground of a tile, (1, 2, 3), m: lowest and highest corner."""
+        """Returns the box of the flat ground of a tile, (1, 2, 3), m: lowest and highest corner."""
         return np.array([_box(-size / 2, size / 2, -size / 2, size / 2, -_THICKNESS, 0.0)])
 
 
@@ -111,7 +111,7 @@ class RandomRough(SubTerrain):
     spacing: float = 0.2
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Heights, (m, n) m: uniformly distributed from 0 to the largest at the points of the coarse grid."""
+        """Returns the heights, (m, n) m: uniformly distributed from 0 to the largest at the points of the coarse grid."""
         points = np.linspace(-size / 2, size / 2, max(2, round(size / self.spacing) + 1))
         drawn = rng.uniform(0.0, _at(self.height_range, difficulty), (len(points), len(points)))
         along = np.stack([np.interp(x, points, row) for row in drawn])
@@ -135,7 +135,7 @@ class PyramidSlope(SubTerrain):
     inverted: bool = False
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Heights, (m, n) m, which rise (or fall) with the distance from the border up to the platform."""
+        """Returns the heights, (m, n) m, which rise (or fall) with the distance from the border up to the platform."""
         distance = size / 2 - self.border_width - _from_middle(x, y)
         rise = np.clip(distance, 0.0, max(0.0, (size - self.platform_width) / 2 - self.border_width))
         return (-1.0 if self.inverted else 1.0) * _at(self.slope_range, difficulty) * rise
@@ -154,7 +154,7 @@ class Wave(SubTerrain):
     num_waves: int = 4
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Heights, (m, n) m: a product of sines along x and y, which is zero on the edge of the tile."""
+        """Returns the heights, (m, n) m: a product of sines along x and y, which is zero on the edge of the tile."""
         along, across = (np.sin(2.0 * np.pi * self.num_waves * (places / size + 0.5)) for places in (x, y))
         return _at(self.amplitude_range, difficulty) * across[:, None] * along
 
@@ -180,7 +180,7 @@ class PyramidStairs(BoxTerrain):
     inverted: bool = False
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of border and stairs, (n, 2, 3), m: lowest and highest corner of each.
+        """Returns the boxes of border and stairs, (n, 2, 3), m: lowest and highest corner of each.
 
         Steps are concentric boxes; smaller boxes are higher. Each step of inverted stairs is four boxes around the platform.
         """
@@ -214,7 +214,7 @@ class Gap(BoxTerrain):
     depth: float = 1.0
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of the platform, the ground around the gap and its bottom, (n, 2, 3), m: lowest and highest corner of each."""
+        """Returns the boxes of the platform, the ground around the gap and its bottom, (n, 2, 3), m: lowest and highest corner of each."""
         inner, bottom = self.platform_width / 2, -self.depth - _THICKNESS
         outer = inner + _at(self.gap_width_range, difficulty)
         middle = [_box(-inner, inner, -inner, inner, bottom, 0.0), _box(-outer, outer, -outer, outer, bottom, -self.depth)]
@@ -242,7 +242,7 @@ class SteppingStones(BoxTerrain):
     depth: float = 1.0
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of the stones, the platform, the border and the bottom of the pit, (n, 2, 3), m: lowest and highest corner of each."""
+        """Returns the boxes of stones, platform, border and bottom of the pit, (n, 2, 3), m: lowest and highest corner of each."""
         side, distance = _at(self.stone_size_range, difficulty), _at(self.stone_distance_range, difficulty)
         outer, inner, bottom = size / 2 - self.border_width, self.platform_width / 2, -self.depth - _THICKNESS
         count = max(1, int((2.0 * outer - distance) / (side + distance) + _EDGE_MARGIN))
@@ -279,7 +279,7 @@ class DiscreteObstacles(BoxTerrain):
             raise ValueError(f"width_range of DiscreteObstacles is {self.width_range}, must be two widths, the smaller one first")
 
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Boxes of the ground and of the obstacles on it, (n, 2, 3), m: lowest and highest corner of each."""
+        """Returns the boxes of the ground and of the obstacles on it, (n, 2, 3), m: lowest and highest corner of each."""
         outer = size / 2 - self.border_width
         sides = np.minimum(rng.uniform(*self.width_range, (self.num_obstacles, 2)), 2.0 * outer)
         low = -outer + rng.uniform(0.0, 1.0, (self.num_obstacles, 2)) * (2.0 * outer - sides)

@@ -39,7 +39,7 @@ class Comparison:
     rewarded: bool
 
     def figures(self) -> dict[str, dict[str, float]]:
-        """Values of the comparison table, as one dictionary for each engine, by name of the engine.
+        """Returns the values of the comparison table, as one dictionary for each engine, by name of the engine.
 
         Keys of an engine's dictionary are the headings of the table's rows, which include the units. Means are over environments.
         """
@@ -70,7 +70,7 @@ class Comparison:
         return out | ({"return": float(course.reward.sum(axis=0).mean())} if self.rewarded else {})
 
     def table(self) -> str:
-        """Comparison as a Markdown table, with a column for each engine and a row for each measured quantity."""
+        """Returns the comparison as a Markdown table, with a column for each engine and a row for each measured quantity."""
         figures = self.figures()
         names = list(figures)
         lines = ["| | " + " | ".join(names) + " |", "|" + "---|" * (len(names) + 1)]

@@ -66,7 +66,7 @@ class Recorded:
         self._places: list[int] | None = None
 
     def begin(self, now: World) -> None:
-        """Restart the recorded controls at their first row, at the start of a batch of episodes.
+        """Restarts the recorded controls at their first row, at the start of a batch of episodes.
 
         Raises:
             ValueError: The actuators of the file differ from those of the model.

@@ -114,7 +114,7 @@ class Outcome:
         return np.asarray(np.isfinite(value) & compare(value, threshold))
 
     def read(self, now: Any) -> Array:
-        """Value of the measure in every environment, (num_envs,) float64, in its unit.
+        """Returns the value of the measure in every environment, (num_envs,) float64, in its unit.
 
         Raises:
             ValueError: The measure has another shape.

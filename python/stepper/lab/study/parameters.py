@@ -143,7 +143,7 @@ class Parameter:
         return self.nominal if self.nominal is not None else {"scale": 1.0, "add": 0.0}.get(self.operation)
 
     def levels(self) -> list[Value]:
-        """Values of the parameter in a sweep, in order."""
+        """Returns the values of the parameter in a sweep, in order."""
         if self.values is not None:
             return list(self.values)
         assert self.low is not None
@@ -166,7 +166,7 @@ class Parameter:
             raise ValueError(f"{where} is {value!r}, must be a whole number")
 
     def change(self, before: Any, value: Any) -> Any:
-        """Number after the operation: `before` replaced by `value`, multiplied by it, or increased by it."""
+        """Returns the number after the operation: `before` replaced by `value`, multiplied by it, or increased by it."""
         return value if self.operation == "set" else before * value if self.operation == "scale" else before + value
 
 

@@ -224,7 +224,7 @@ class Study(metaclass=Hinting):
 
     @classmethod
     def from_model(cls, source: Any, **changed: Any) -> Study:
-        """Study of a model, with random controls and small random initial velocities.
+        """Returns a study of a model, with random controls and small random initial velocities.
 
         Args:
             source: Source of a model, as for `stepper.load`. A study, or the file of one, is also accepted and returned with the changes.
@@ -293,14 +293,14 @@ class Study(metaclass=Hinting):
         return {name: p.nominal for name, p in self.parameters.items() if p.nominal is not None}
 
     def batch_controller(self) -> Any:
-        """Controller for the next batch of episodes: a function of a `World`, or None, which keeps the initial controls.
+        """Returns the controller for the next batch of episodes: a function of a `World`, or None, which keeps the initial controls.
 
         For the controller "random" it is a new object whose random numbers start from the beginning.
         """
         return controllers.Random(self.seed) if isinstance(self.controller, str) else self.controller
 
     def setting(self, name: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Alternative settings of a given name: values of the changed options of the step, by name of the option.
+        """Returns the alternative settings of a given name: values of the changed options of the step, by name of the option.
 
         The result is empty for the name "stepper", which stands for the options of the study itself.
 
@@ -396,7 +396,7 @@ class Study(metaclass=Hinting):
         return hashlib.sha256(buffer.tobytes()).hexdigest()
 
     def key(self, values: Values, setting: str, episode: int) -> str:
-        """Key of the row (result) of an episode in the journal: a digest of everything on which the result depends.
+        """Returns the key of the row (result) of an episode in the journal: a digest of everything on which the result depends.
 
         Args:
             values: Values of the parameters by name.
@@ -445,7 +445,7 @@ class Study(metaclass=Hinting):
         return row
 
     def at(self, values: Mapping[str, Value]) -> Study:
-        """Copy of the study with other nominal values.
+        """Returns a copy of the study with other nominal values.
 
         Args:
             values: Values (numbers or texts) by name of a parameter, or by selector, such as "geom_friction[floor][0]".
@@ -460,7 +460,7 @@ class Study(metaclass=Hinting):
         return made
 
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
-        """Random number generator of the initial state of each episode."""
+        """Returns the random number generator of the initial state of each episode."""
         return [np.random.default_rng([self.seed, int(e), 0]) for e in episodes]
 
 

@@ -115,11 +115,11 @@ class World:
         raise no_attribute(World, name, more=set(dir(type(self))) | set(dir(Stepper)) - CHANGING)
 
     def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> NDArray[Any]:
-        """Values of a quantity for all its elements, or for some by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
+        """Returns values of a quantity for all or some elements, by name or index, (num_envs, n, ...), in its unit; see `Stepper.read`."""
         return read(self, name, of)
 
     def rng(self, name: str) -> Rng:
-        """Random number generator for all environments at this time: `uniform(low, high, k)` and `normal(k)` return (num_envs, k).
+        """Returns a random number generator for all environments at this time: `uniform(low, high, k)` and `normal(k)`, (num_envs, k).
 
         Its numbers depend on the seed of the study, the number of each episode, the number of control periods since the start, and the
         name. They are the same at every value of the parameters, with all settings, and in batches of every size. Calls in the same
@@ -174,7 +174,7 @@ class World:
         raise NotImplementedError
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """Quality of the steps of the episode so far (the certificate), by name, (num_envs,) each.
+        """Returns the quality of the steps of the episode so far (the certificate), by name, (num_envs,) each.
 
         "status" has flags of `Status`. "residual" (m/s), "max_penetration" (m), "max_limit_violation" (m, rad) and
         "max_equality_violation" (m, rad) are largest values; NaN if the engine does not report them.
@@ -182,7 +182,7 @@ class World:
         raise NotImplementedError
 
     def settings(self) -> dict[str, Any]:
-        """All settings of the engine, with defaults filled in."""
+        """Returns all settings of the engine, with defaults filled in."""
         raise NotImplementedError
 
     @property

@@ -124,11 +124,14 @@ fn precision_name(precision: Precision) -> &'static str {
     }
 }
 
+/// Borrow of a stepper by a method, which is an error while another thread uses the stepper.
+pub(crate) struct Borrowed<B>(B);
+
 /// Shared borrow of a stepper for reading. The borrow fails while another thread steps the stepper.
-pub(crate) struct Reading<'py>(PyRef<'py, Stepper>);
+pub(crate) type Reading<'py> = Borrowed<PyRef<'py, Stepper>>;
 
 /// Exclusive borrow of a stepper for writing. The borrow fails while another thread uses the stepper.
-pub(crate) struct Writing<'py>(PyRefMut<'py, Stepper>);
+pub(crate) type Writing<'py> = Borrowed<PyRefMut<'py, Stepper>>;
 
 impl<'py> TryFrom<&Bound<'py, Stepper>> for Reading<'py> {
     type Error = PyErr;
@@ -146,7 +149,7 @@ impl<'py> TryFrom<&Bound<'py, Stepper>> for Writing<'py> {
     }
 }
 
-impl Deref for Reading<'_> {
+impl<B: Deref<Target = Stepper>> Deref for Borrowed<B> {
     type Target = Stepper;
 
     fn deref(&self) -> &Stepper {
@@ -154,15 +157,7 @@ impl Deref for Reading<'_> {
     }
 }
 
-impl Deref for Writing<'_> {
-    type Target = Stepper;
-
-    fn deref(&self) -> &Stepper {
-        &self.0
-    }
-}
-
-impl DerefMut for Writing<'_> {
+impl<B: DerefMut<Target = Stepper>> DerefMut for Borrowed<B> {
     fn deref_mut(&mut self) -> &mut Stepper {
         &mut self.0
     }

@@ -1,5 +1,20 @@
 //! Builder of models in code.
 
+/// Declares methods of a builder that set one field each and return the builder, such as `gear(gear: f64) { actuator.gear = gear }`.
+macro_rules! setters {
+    ($builder:ident $($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty),+) { $($field:ident).+ = $value:expr })*) => {
+        impl $builder {
+            $(
+                $(#[$doc])*
+                pub fn $name(mut self, $($argument: $type),+) -> Self {
+                    self.$($field).+ = $value;
+                    self
+                }
+            )*
+        }
+    };
+}
+
 mod actuator;
 mod body;
 mod equality;
@@ -7,9 +22,9 @@ mod geom;
 mod joint;
 mod tendon;
 
+use crate::Softness;
 use crate::softness::{ContactSpring, mixing_share};
 use crate::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
-use crate::{SoftSettings, Softness};
 
 pub use crate::builder::actuator::ActuatorBuilder;
 pub use crate::builder::body::BodyBuilder;
@@ -64,14 +79,13 @@ pub const WORLD: usize = 0;
 /// Actuators, sensors, pairs and excludes refer to other elements by name. A name that does not exist is an error of
 /// [`ModelBuilder::finish`]. Most methods that add an element return its index in the finished model. The other methods return the builder,
 /// so that calls can be chained.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ModelBuilder {
     model: Description,
     bodies: Vec<BodyBuilder>,
     /// Geoms, each with the index of its body.
     geoms: Vec<(usize, GeomBuilder)>,
     actuators: Vec<ActuatorBuilder>,
-    sites: Vec<Site>,
     sensors: Vec<(String, Reading)>,
     tendons: Vec<TendonBuilder>,
     equalities: Vec<EqualityBuilder>,
@@ -82,44 +96,14 @@ pub struct ModelBuilder {
 impl Model {
     /// Creates a builder of a model that has only the world body, with gravity 9.81 m/s^2 along -z and a time step of 2 ms.
     pub fn builder(name: &str) -> ModelBuilder {
-        ModelBuilder {
-            model: Description {
-                name: name.into(),
-                timestep: 0.002,
-                gravity: [0.0, 0.0, -9.81],
-                magnetic: [0.0, -0.5, 0.0],
-                medium: Medium::default(),
-                bodies: vec![],
-                joints: vec![],
-                explicit_damping: false,
-                geoms: vec![],
-                meshes: vec![],
-                height_fields: vec![],
-                pairs: vec![],
-                excludes: vec![],
-                excluded_overlaps: vec![],
-                tendons: vec![],
-                equalities: vec![],
-                actuators: vec![],
-                sites: vec![],
-                sensors: vec![],
-                keyframes: vec![],
-                qpos0: vec![],
-                qpos_spring: vec![],
-                soft: SoftSettings::default(),
-                omitted: vec![],
-                requested: None,
-            },
-            bodies: vec![BodyBuilder::new("world")],
-            geoms: vec![],
-            actuators: vec![],
-            sites: vec![],
-            sensors: vec![],
-            tendons: vec![],
-            equalities: vec![],
-            pairs: vec![],
-            excludes: vec![],
-        }
+        let model = Description {
+            name: name.into(),
+            timestep: 0.002,
+            gravity: [0.0, 0.0, -9.81],
+            magnetic: [0.0, -0.5, 0.0],
+            ..Description::default()
+        };
+        ModelBuilder { model, bodies: vec![BodyBuilder::new("world")], ..ModelBuilder::default() }
     }
 }
 
@@ -191,7 +175,7 @@ impl ModelBuilder {
     /// [`ModelBuilder::finish`].
     pub fn site(&mut self, body: usize, mut site: Site) -> usize {
         site.body = body;
-        push(&mut self.sites, site)
+        push(&mut self.model.sites, site)
     }
 
     /// Adds a sensor of any kind. The indices in `kind` must be indices of elements in the finished model. Returns the sensor's index.
@@ -260,7 +244,6 @@ impl ModelBuilder {
             let equality = builder.resolve(&model)?;
             model.equalities.push(equality);
         }
-        model.sites.clone_from(&self.sites);
         for builder in &self.actuators {
             let actuator = builder.resolve(&model)?;
             model.actuators.push(actuator);

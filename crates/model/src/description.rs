@@ -16,7 +16,7 @@ use crate::tendon::Tendon;
 ///
 /// [`ModelBuilder`](crate::ModelBuilder) is more convenient for new models in code. Descriptions are for readers of files, and for edits
 /// that the builder does not support.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Name of the scene; may be empty.
     pub name: String,

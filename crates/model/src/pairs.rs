@@ -24,32 +24,6 @@ use std::collections::{BTreeMap, HashSet};
 use crate::softness::{ContactSpring, mixing_share};
 use crate::{Description, Geom, Pair, Shape, Softness};
 
-/// Pair of geoms that can collide, with the parameters of its contacts.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GeomPair {
-    /// Indices of the geoms. The simpler shape comes first (plane, height field, sphere, capsule, ellipsoid, cylinder, box, mesh). For
-    /// equal shapes, the lower index comes first.
-    pub geoms: [usize; 2],
-    /// Dimension of a contact: 1, 3, 4 or 6.
-    pub condim: u8,
-    /// Sliding, torsional (m) and rolling (m) friction coefficients.
-    pub friction: [f64; 3],
-    /// Newton's coefficient of restitution, 0 to 1.
-    pub restitution: f64,
-    /// Distance below which a contact pushes, m.
-    pub margin: f64,
-    /// Distance beyond the margin up to which a contact is reported but does not push, m.
-    pub gap: f64,
-    /// Softness in MuJoCo's contact law.
-    pub softness: Softness,
-    /// Time constant and damping ratio of friction, see [`Pair::solref_friction`](crate::Pair::solref_friction).
-    pub solref_friction: [f64; 2],
-    /// Anisotropy of friction, see [`Pair::anisotropy`](crate::Pair::anisotropy).
-    pub anisotropy: [f64; 2],
-    /// Spring and damper of the contacts, which make them compliant.
-    pub spring: ContactSpring,
-}
-
 /// Result of the collision filters for two geoms: either they collide, or one of the filters removes the pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Verdict {
@@ -199,14 +173,21 @@ impl Filter {
         self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&geoms.map(|g| self.tags[g].body))
     }
 
-    /// Sorts two geoms into the order of [`GeomPair::geoms`].
+    /// All pairs of geoms, each in the order of [`Filter::ordered`].
+    fn all(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        let count = self.tags.len();
+        (0..count).flat_map(move |a| (a + 1..count).map(move |b| self.ordered([a, b])))
+    }
+
+    /// Two geoms in the order of a [`Pair`] that can collide. The simpler shape comes first (plane, height field, sphere, capsule, ellipsoid,
+    /// cylinder, box, mesh). For equal shapes, the lower index comes first.
     #[inline]
     pub fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
         let key = |g: usize| (self.tags[g].rank, g);
         if key(a) <= key(b) { [a, b] } else { [b, a] }
     }
 
-    /// Result of the filters for two geoms, in the order of [`GeomPair::geoms`]: whether they collide, and if not, the first filter that
+    /// Result of the filters for two geoms, in the order of [`Filter::ordered`]: whether they collide, and if not, the first filter that
     /// removes the pair.
     pub(super) fn verdict(&self, geoms: [usize; 2]) -> Verdict {
         let [a, b] = geoms.map(|g| &self.tags[g]);
@@ -236,12 +217,12 @@ impl Filter {
         self.explicit.contains_key(&geoms)
     }
 
-    /// Index of the explicit pair of two geoms; `None` if they have no explicit pair. The geoms are in the order of [`GeomPair::geoms`].
+    /// Index of the explicit pair of two geoms; `None` if they have no explicit pair. The geoms are in the order of [`Filter::ordered`].
     pub(super) fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
         self.explicit.get(&geoms).copied()
     }
 
-    /// Indices of the two geoms of each explicit pair, in the order of [`GeomPair::geoms`].
+    /// Indices of the two geoms of each explicit pair, in the order of [`Filter::ordered`].
     pub fn explicit(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         self.explicit.keys().copied()
     }
@@ -261,15 +242,15 @@ impl Filter {
         self.tags[a].surface.spring.is_rigid() && self.tags[b].surface.spring.is_rigid()
     }
 
-    /// Contact parameters of two geoms; `None` if the geoms do not collide. The geoms are in the order of [`GeomPair::geoms`].
-    pub fn pair(&self, geoms: [usize; 2]) -> Option<GeomPair> {
+    /// Contact parameters of two geoms; `None` if the geoms do not collide. The geoms are in the order of [`Filter::ordered`].
+    pub fn pair(&self, geoms: [usize; 2]) -> Option<Pair> {
         match self.verdict(geoms) {
             Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
             Verdict::Explicit => {
                 let p = &self.pairs[self.explicit[&geoms]];
                 let &Pair { condim, friction, margin, gap, softness, solref_friction, anisotropy, spring, .. } = p;
-                let restitution = bounce(spring, p.restitution);
-                Some(GeomPair { geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, spring })
+                let (name, restitution) = (String::new(), bounce(spring, p.restitution));
+                Some(Pair { name, geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, spring })
             }
             _ => None,
         }
@@ -300,7 +281,7 @@ fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
 
 /// Combines the contact parameters of two geoms without an explicit pair. The geom with the higher priority determines the friction; with
 /// equal priorities each coefficient is the larger of the two.
-fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
+fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> Pair {
     let (order, condim) = precedence([a, b]);
     let friction = match order {
         Ordering::Greater => a.friction,
@@ -313,7 +294,8 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
         Ordering::Equal => Softness::mix(a.softness, b.softness, mixing_share([a.solmix, b.solmix])),
     };
     let spring = ContactSpring::in_series([a.spring, b.spring]);
-    GeomPair {
+    Pair {
+        name: String::new(),
         geoms,
         condim,
         friction,
@@ -330,9 +312,9 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
 impl Description {
     /// Pairs of geoms that can collide, in ascending order of the geom indices. An explicit pair overrides the filters; if two explicit
     /// pairs have the same geoms, the first one applies. Geoms that cannot move relative to each other are never in the list.
-    pub fn collision_pairs(&self) -> Vec<GeomPair> {
+    pub fn collision_pairs(&self) -> Vec<Pair> {
         let filter = Filter::new(self);
-        let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g)).collect();
+        let mut pairs: Vec<Pair> = filter.all().filter_map(|g| filter.pair(g)).collect();
         pairs.sort_by_key(|p| p.geoms);
         pairs
     }
@@ -341,16 +323,10 @@ impl Description {
     pub(super) fn pair_census(&self) -> BTreeMap<Verdict, usize> {
         let filter = Filter::new(self);
         let mut census = BTreeMap::new();
-        for geoms in self.geom_pairs() {
+        for geoms in filter.all() {
             *census.entry(filter.verdict(geoms)).or_insert(0) += 1;
         }
         census
-    }
-
-    /// Iterator over all pairs of geoms, each in the order of [`GeomPair::geoms`].
-    fn geom_pairs(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        let ranked = |a: usize, b: usize| if rank(&self.geoms[a].shape) <= rank(&self.geoms[b].shape) { [a, b] } else { [b, a] };
-        (0..self.geoms.len()).flat_map(move |a| (a + 1..self.geoms.len()).map(move |b| ranked(a, b)))
     }
 }
 

@@ -36,18 +36,6 @@ impl BodyBuilder {
         Self::new(name).joint(JointBuilder::free(name))
     }
 
-    /// Sets the position in the parent's frame, m.
-    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
-        self.body.pos = pos.into();
-        self
-    }
-
-    /// Sets the orientation in the parent's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
-    pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
-        self.body.quat = quat.into().0;
-        self
-    }
-
     /// Sets the pose in the parent's frame.
     #[cfg(feature = "nalgebra")]
     pub fn pose(self, pose: nalgebra::Isometry3<f64>) -> Self {
@@ -72,22 +60,9 @@ impl BodyBuilder {
         self
     }
 
-    /// Sets the orientation of the principal axes for [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion`
-    /// with the feature `nalgebra`.
-    pub fn inertial_quat(mut self, quat: impl Into<Orientation>) -> Self {
-        self.body.iquat = quat.into().0;
-        self
-    }
-
     /// Makes the body a mocap body, whose pose the user sets. The body must be a child of the world and have no joints.
     pub fn mocap(mut self) -> Self {
         self.body.mocap = true;
-        self
-    }
-
-    /// Compensates the fraction `share` of the body's weight (`gravcomp`). A share of 1 compensates the whole weight.
-    pub fn gravcomp(mut self, share: f64) -> Self {
-        self.body.gravcomp = share;
         self
     }
 
@@ -108,4 +83,16 @@ impl BodyBuilder {
         model.geoms.extend(self.geoms.iter().map(|g| Geom { body: index, ..g.geom.clone() }));
         model.bodies.push(body);
     }
+}
+
+setters! { BodyBuilder
+    /// Sets the position in the parent's frame, m.
+    pos(pos: impl Into<[f64; 3]>) { body.pos = pos.into() }
+    /// Sets the orientation in the parent's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
+    quat(quat: impl Into<Orientation>) { body.quat = quat.into().0 }
+    /// Sets the orientation of the principal axes for [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion`
+    /// with the feature `nalgebra`.
+    inertial_quat(quat: impl Into<Orientation>) { body.iquat = quat.into().0 }
+    /// Compensates the fraction `share` of the body's weight (`gravcomp`). A share of 1 compensates the whole weight.
+    gravcomp(share: f64) { body.gravcomp = share }
 }

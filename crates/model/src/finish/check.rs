@@ -1,7 +1,6 @@
 //! Checks of all elements of a model.
 
 mod assets;
-mod softness;
 
 use std::collections::HashSet;
 
@@ -110,8 +109,25 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     equalities(model)?;
     actuators(model)?;
     crate::finish::sensors::check(model)?;
-    softness::check(model)?;
+    softness(model)?;
     Ok(hulls)
+}
+
+/// Checks the settings of MuJoCo's contact law for the whole scene, and its inverse weights.
+fn softness(model: &Description) -> Checked {
+    let scene = Element("model".into());
+    scene.positive("impratio", &[model.soft.impratio], "")?;
+    scene.size("noslip_tolerance", &[model.soft.noslip.tolerance], "")?;
+    if let Some(weights) = &model.soft.inverse_weights {
+        let bodies = weights.bodies.as_flattened();
+        scene.length("inverse weights of bodies", bodies, 2 * model.bodies.len(), "two for every body")?;
+        scene.length("inverse weights of dofs", &weights.dofs, model.nv(), "nv of the joints")?;
+        scene.length("inverse weights of tendons", &weights.tendons, model.tendons.len(), "one for every tendon")?;
+        for (what, numbers) in [("bodies", bodies), ("dofs", &weights.dofs), ("tendons", &weights.tendons)] {
+            scene.size(&format!("inverse weights of {what}"), numbers, "")?;
+        }
+    }
+    Ok(())
 }
 
 /// Checks only the values that may differ between environments. It is for a model whose other values were checked earlier and are
@@ -191,6 +207,8 @@ fn joints(model: &Description) -> Checked {
         at.finite("range", &joint.range.unwrap_or_default())?;
         at.range("actuator_force_range", joint.actuator_force_range)?;
         joint.velocity_limit.map_or(Ok(()), |limit| at.size("velocity_limit", &[limit], ""))?;
+        at.softness(&joint.limit_softness)?;
+        at.softness(&joint.friction_softness)?;
     }
     Ok(())
 }
@@ -224,6 +242,8 @@ fn geoms(model: &Description) -> Checked {
         }
         at.contact(geom.condim, &geom.friction, geom.restitution, geom.margin, geom.gap)?;
         at.spring(geom.spring)?;
+        at.softness(&geom.softness)?;
+        at.size("solmix", &[geom.solmix], "")?;
     }
     Ok(())
 }
@@ -237,6 +257,9 @@ fn pairs(model: &Description) -> Checked {
         }
         at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
         at.spring(pair.spring)?;
+        at.softness(&pair.softness)?;
+        at.finite("solref_friction", &pair.solref_friction)?;
+        at.size("anisotropy", &pair.anisotropy, "")?;
     }
     for (i, exclude) in model.excludes.iter().enumerate() {
         exclude.iter().try_for_each(|&b| Element::new("exclude", "", i).index("body", b, model.bodies.len()))?;
@@ -263,6 +286,8 @@ fn tendons(model: &Description) -> Checked {
         at.size("damping", &[tendon.damping], "")?;
         at.size("armature", &[tendon.armature], "")?;
         at.size("frictionloss", &[tendon.frictionloss], "")?;
+        at.softness(&tendon.limit_softness)?;
+        at.softness(&tendon.friction_softness)?;
     }
     Ok(())
 }
@@ -275,6 +300,7 @@ fn equalities(model: &Description) -> Checked {
             return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, infinity for a hard one");
         }
         at.size("damping", &[equality.damping], "")?;
+        at.softness(&equality.softness)?;
         match &equality.kind {
             EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => {
                 bodies.iter().try_for_each(|&b| at.index("body", b, model.bodies.len()))?;

@@ -2,7 +2,7 @@
 
 use crate::description::{Description, JointKind, label};
 use crate::error::ModelError;
-use crate::softness::ContactSpring;
+use crate::softness::{ContactSpring, Softness};
 
 pub(crate) type Checked = Result<(), ModelError>;
 
@@ -79,6 +79,12 @@ impl Element {
             JointKind::Slide | JointKind::Hinge => return Ok(()),
         };
         self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
+    }
+
+    /// Checks a softness in MuJoCo's contact law.
+    pub(crate) fn softness(&self, softness: &Softness) -> Checked {
+        self.finite("solref", &softness.solref)?;
+        self.finite("solimp", &softness.solimp)
     }
 
     /// Checks stiffness and damping of a compliant contact.

@@ -10,6 +10,7 @@ use crate::actuation::affine_force::{ActuatorDynamics, within};
 use crate::actuation::memory::Memory;
 use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
+use crate::math::vectorize::vectorize;
 use crate::model::actuator_spec::ActuatorSpec;
 
 /// Parameter of an actuator model, which may differ between environments. The variants have the order of the rows in the parameter table.
@@ -150,28 +151,25 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// A lag after a continuous servo passes on only a fraction of the servo's change within a step. The gains of the servo are therefore
     /// multiplied by this fraction. Here it is the fraction at the end of a step; [`Self::advance`] uses the mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for pipeline in &self.pipelines {
-                    let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
-                    let table = &self.tables[group][pipeline.table * R::LANES..];
-                    let number = |n: Parameter| get::<R>(table, n as usize);
-                    actuator_dynamics[dynamics.index] = ActuatorDynamics {
-                        slope: R::zero(),
-                        rate: R::zero(),
-                        limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
-                        stall: number(Parameter::Stall),
-                        back_emf: number(Parameter::BackEmf),
-                        efficiency: number(Parameter::Efficiency),
-                        friction: number(Parameter::Friction),
-                    };
-                    if dynamics.servo {
-                        pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
-                    }
+        vectorize!(R, {
+            for pipeline in &self.pipelines {
+                let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
+                let table = &self.tables[group][pipeline.table * R::LANES..];
+                let number = |n: Parameter| get::<R>(table, n as usize);
+                actuator_dynamics[dynamics.index] = ActuatorDynamics {
+                    slope: R::zero(),
+                    rate: R::zero(),
+                    limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
+                    stall: number(Parameter::Stall),
+                    back_emf: number(Parameter::BackEmf),
+                    efficiency: number(Parameter::Efficiency),
+                    friction: number(Parameter::Friction),
+                };
+                if dynamics.servo {
+                    pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
                 }
-            },
-        )
+            }
+        })
     }
 
     /// Parameters of the actuator dynamics of all actuators in one lane.
@@ -211,38 +209,35 @@ impl<S: Scalar> ActuatorPipelines<S> {
         memory: &mut Memory<S>,
         (ctrl, actuator_dynamics): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut valid = alive;
-                for &u in given {
-                    valid = valid.and(u.is_finite());
+        vectorize!(R, {
+            let mut valid = alive;
+            for &u in given {
+                valid = valid.and(u.is_finite());
+            }
+            // Lanes that get their first control since a reset. It fills their delay lines and lags.
+            let start = valid.and(R::Mask::from_bits(memory.waiting));
+            memory.waiting &= !valid.bits();
+            ctrl.copy_from_slice(given);
+            for pipeline in &self.pipelines {
+                let table = &self.tables[group][pipeline.table * R::LANES..];
+                let actuator = &compiled.actuators[pipeline.actuator];
+                let mut u = within(given[pipeline.actuator], actuator.ctrl_range);
+                if pipeline.delay_samples > 0 {
+                    u = pipeline.delayed(table, u, valid, start, memory);
                 }
-                // Lanes that get their first control since a reset. It fills their delay lines and lags.
-                let start = valid.and(R::Mask::from_bits(memory.waiting));
-                memory.waiting &= !valid.bits();
-                ctrl.copy_from_slice(given);
-                for pipeline in &self.pipelines {
-                    let table = &self.tables[group][pipeline.table * R::LANES..];
-                    let actuator = &compiled.actuators[pipeline.actuator];
-                    let mut u = within(given[pipeline.actuator], actuator.ctrl_range);
-                    if pipeline.delay_samples > 0 {
-                        u = pipeline.delayed(table, u, valid, start, memory);
+                u = match pipeline.servo {
+                    Servo::None => u,
+                    servo => pipeline.follow(servo, table, actuator, u, [q, v], [valid, start], h, &mut memory.numbers),
+                };
+                if pipeline.lagged {
+                    u = pipeline.lag(table, actuator, u, [q, v], [valid, start], &mut memory.numbers);
+                    if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
+                        pipeline.set_gains(table, Parameter::Mean, &mut actuator_dynamics[dynamics.index]);
                     }
-                    u = match pipeline.servo {
-                        Servo::None => u,
-                        servo => pipeline.follow(servo, table, actuator, u, [q, v], [valid, start], h, &mut memory.numbers),
-                    };
-                    if pipeline.lagged {
-                        u = pipeline.lag(table, actuator, u, [q, v], [valid, start], &mut memory.numbers);
-                        if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
-                            pipeline.set_gains(table, Parameter::Mean, &mut actuator_dynamics[dynamics.index]);
-                        }
-                    }
-                    ctrl[pipeline.actuator] = R::select(valid, u, R::of(f64::NAN));
                 }
-            },
-        )
+                ctrl[pipeline.actuator] = R::select(valid, u, R::of(f64::NAN));
+            }
+        })
     }
 
     /// Writes the outputs that the pipelines have at the end of a step to `ctrl` and `actuator_dynamics`, and stores the controls in the
@@ -254,25 +249,22 @@ impl<S: Scalar> ActuatorPipelines<S> {
         memory: &mut Memory<S>,
         (ctrl, actuator_dynamics): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for pipeline in self.pipelines.iter().filter(|c| c.lagged) {
-                    let table = &self.tables[group][pipeline.table * R::LANES..];
-                    let effort: R = get(&memory.numbers, pipeline.lag_at());
-                    ctrl[pipeline.actuator] = effort;
-                    // With a continuous servo, the stored output of the lag is that at the beginning of the step.
-                    if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
-                        let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
-                        ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
-                        pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
-                    }
+        vectorize!(R, {
+            for pipeline in self.pipelines.iter().filter(|c| c.lagged) {
+                let table = &self.tables[group][pipeline.table * R::LANES..];
+                let effort: R = get(&memory.numbers, pipeline.lag_at());
+                ctrl[pipeline.actuator] = effort;
+                // With a continuous servo, the stored output of the lag is that at the beginning of the step.
+                if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
+                    let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
+                    ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
+                    pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
                 }
-                for (i, u) in ctrl.iter().enumerate() {
-                    u.store(&mut memory.applied[i * R::LANES..]);
-                }
-            },
-        )
+            }
+            for (i, u) in ctrl.iter().enumerate() {
+                u.store(&mut memory.applied[i * R::LANES..]);
+            }
+        })
     }
 }
 

@@ -6,6 +6,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
+use crate::math::vectorize::vectorize;
 
 /// Change of a unit tangent, as a vector, above which the tangent that [`contact_frame`] chooses counts as having jumped. Between the
 /// nearby states of a finite difference, tangents change far less.
@@ -230,33 +231,27 @@ impl<R: Real> Contacts<R> {
         if !R::Scalar::IS_SINGLE {
             return;
         }
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let rounding_at_a_metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
-                for k in 0..self.slots() {
-                    let point = &mut self.data[k].point;
-                    let rounding = point.rounding();
-                    let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
-                    let small = point.distance.lt(rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero()));
-                    point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
-                }
-            },
-        )
+        vectorize!(R, {
+            let rounding_at_a_metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
+            for k in 0..self.slots() {
+                let point = &mut self.data[k].point;
+                let rounding = point.rounding();
+                let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
+                let small = point.distance.lt(rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero()));
+                point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
+            }
+        })
     }
 
     /// Chooses the tangents of every contact from its normal, and sets all impulses to 0.
     pub fn choose_tangents(&mut self) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for k in 0..self.slots() {
-                    self.data[k].tangent = contact_frame(self.data[k].point.normal)[1];
-                    self.data[k].impulse = zero();
-                }
-                self.torque.iter_mut().for_each(|torque| *torque = zero());
-            },
-        )
+        vectorize!(R, {
+            for k in 0..self.slots() {
+                self.data[k].tangent = contact_frame(self.data[k].point.normal)[1];
+                self.data[k].impulse = zero();
+            }
+            self.torque.iter_mut().for_each(|torque| *torque = zero());
+        })
     }
 
     /// Chooses the tangents of every contact from its normal, and starts each contact from its impulse in `last`, the contacts of the
@@ -267,39 +262,36 @@ impl<R: Real> Contacts<R> {
         if self.slots() == 0 {
             return;
         }
-        R::vectorize(
-            #[inline(always)]
-            || {
-                // The old impulses become vectors in world coordinates.
-                for k in 0..last.slots() {
-                    let slot = &mut last.data[k];
-                    let [n, t1, t2] = contact_frame(slot.point.normal);
-                    let [x, a, b] = slot.impulse;
-                    slot.impulse = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
-                    if let Some(torque) = last.torque.get_mut(k) {
-                        let [x, a, b] = *torque;
-                        *torque = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
-                    }
+        vectorize!(R, {
+            // The old impulses become vectors in world coordinates.
+            for k in 0..last.slots() {
+                let slot = &mut last.data[k];
+                let [n, t1, t2] = contact_frame(slot.point.normal);
+                let [x, a, b] = slot.impulse;
+                slot.impulse = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
+                if let Some(torque) = last.torque.get_mut(k) {
+                    let [x, a, b] = *torque;
+                    *torque = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
                 }
-                for k in 0..self.slots() {
-                    self.data[k].impulse = zero();
+            }
+            for k in 0..self.slots() {
+                self.data[k].impulse = zero();
+            }
+            self.torque.iter_mut().for_each(|torque| *torque = zero());
+            for l in 0..R::LANES {
+                self.match_lane(last, l);
+            }
+            // The copied impulses become components along the new normal and tangents.
+            for k in 0..self.slots() {
+                let slot = &mut self.data[k];
+                let axes = contact_frame(slot.point.normal);
+                slot.tangent = axes[1];
+                slot.impulse = [dot(axes[0], slot.impulse), dot(axes[1], slot.impulse), dot(axes[2], slot.impulse)];
+                if let Some(torque) = self.torque.get_mut(k) {
+                    *torque = [dot(axes[0], *torque), dot(axes[1], *torque), dot(axes[2], *torque)];
                 }
-                self.torque.iter_mut().for_each(|torque| *torque = zero());
-                for l in 0..R::LANES {
-                    self.match_lane(last, l);
-                }
-                // The copied impulses become components along the new normal and tangents.
-                for k in 0..self.slots() {
-                    let slot = &mut self.data[k];
-                    let axes = contact_frame(slot.point.normal);
-                    slot.tangent = axes[1];
-                    slot.impulse = [dot(axes[0], slot.impulse), dot(axes[1], slot.impulse), dot(axes[2], slot.impulse)];
-                    if let Some(torque) = self.torque.get_mut(k) {
-                        *torque = [dot(axes[0], *torque), dot(axes[1], *torque), dot(axes[2], *torque)];
-                    }
-                }
-            },
-        )
+            }
+        })
     }
 
     /// Removes jumps of the tangents relative to `solved`, the contacts of a nearby state.
@@ -308,26 +300,23 @@ impl<R: Real> Contacts<R> {
     /// tangent of the same contact in `solved`, projected on the present tangent plane. Other tangents do not change, because target
     /// velocities may depend on them.
     pub(crate) fn follow_tangents(&mut self, solved: &Self) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for k in 0..self.slots() {
-                    let own = self.data[k].tangent;
-                    let mut tangent = own;
-                    for l in 0..R::LANES {
-                        if let Some(at) = solved.find(l, k, self.ids[k][l]).filter(|_| k < self.count[l]) {
-                            for (to, from) in tangent.iter_mut().zip(&solved.data[at].tangent) {
-                                to.set_lane(l, from.lane(l));
-                            }
+        vectorize!(R, {
+            for k in 0..self.slots() {
+                let own = self.data[k].tangent;
+                let mut tangent = own;
+                for l in 0..R::LANES {
+                    if let Some(at) = solved.find(l, k, self.ids[k][l]).filter(|_| k < self.count[l]) {
+                        for (to, from) in tangent.iter_mut().zip(&solved.data[at].tangent) {
+                            to.set_lane(l, from.lane(l));
                         }
                     }
-                    let n = self.data[k].point.normal;
-                    let flat = add_scaled(tangent, n, -dot(tangent, n));
-                    let jumped = norm(sub(own, tangent)).gt(R::of(TANGENT_JUMP));
-                    self.data[k].tangent = select(jumped, scale(flat, R::one() / norm(flat)), own);
                 }
-            },
-        )
+                let n = self.data[k].point.normal;
+                let flat = add_scaled(tangent, n, -dot(tangent, n));
+                let jumped = norm(sub(own, tangent)).gt(R::of(TANGENT_JUMP));
+                self.data[k].tangent = select(jumped, scale(flat, R::one() / norm(flat)), own);
+            }
+        })
     }
 
     /// Index of the slot of the contact `id` in lane `l`; `None` if the lane does not have it. The search begins at slot `k`, the most

@@ -15,6 +15,7 @@ use crate::collision::static_search::{StaticSearch, merge};
 use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
+use crate::math::vectorize::vectorize;
 
 /// Workspace of collision detection for a group of environments: poses of the colliding geoms, pairs that can touch, and buffers of the
 /// searches.
@@ -167,14 +168,11 @@ impl<R: Real> CollisionWorkspace<R> {
             let Self { poses, statics, slack, may_tunnel, .. } = self;
             may_tunnel.fill(false);
             if checks_passing {
-                R::vectorize(
-                    #[inline(always)]
-                    || {
-                        for m in &compiled.static_pairs.moving {
-                            may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, poses.passing_displacement[m.geom]).and(alive).any();
-                        }
-                    },
-                );
+                vectorize!(R, {
+                    for m in &compiled.static_pairs.moving {
+                        may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, poses.passing_displacement[m.geom]).and(alive).any();
+                    }
+                });
             }
             statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (displacements(poses)[g] + *slack, may_tunnel[g]));
             // For geoms that may tunnel, the search has found too many pairs. Listed pairs are tested here, dynamic pairs when they are

@@ -15,6 +15,7 @@ use crate::collision::detection::{NarrowWorkspace, Scene};
 use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
+use crate::math::vectorize::vectorize;
 
 impl<R: Real> Scene<'_, R> {
     /// Finds the contacts of the pair `index` in the lanes `near`, and adds them to the contacts.
@@ -29,9 +30,9 @@ impl<R: Real> Scene<'_, R> {
         workspace: &mut NarrowWorkspace,
         contacts: &mut Contacts<R>,
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || match pair.kernel {
+        vectorize!(
+            R,
+            match pair.kernel {
                 Kernel::PlaneSphere => self.plane_sphere(index, pair, near, contacts),
                 Kernel::PlaneCapsule => self.plane_capsule(index, pair, near, contacts),
                 Kernel::PlaneBox => self.plane_box(index, pair, near, contacts),
@@ -43,7 +44,7 @@ impl<R: Real> Scene<'_, R> {
                 Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
                 Kernel::Segments => self.segments(index, pair, near, contacts),
                 Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, workspace, contacts),
-            },
+            }
         )
     }
 
@@ -358,23 +359,20 @@ impl<R: Real> Scene<'_, R> {
         mut point: ContactPoint<R>,
         contacts: &mut Contacts<R>,
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                point.distance -= R::splat(pair.margin);
-                // `search_displacement` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch.
-                let [a, b] = pair.geoms;
-                let near = near.and(point.distance.lt(self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack));
-                if near.none() {
-                    return;
-                }
-                let closing = self.closing_speed(pair.geoms, &point);
-                let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
-                let id = ContactId::new(index, feature);
-                let params = self.compiled.contact(index);
-                contacts.push([touching, over_face].map(Mask::bits), id, &point, params.mu, params.restitution);
-            },
-        )
+        vectorize!(R, {
+            point.distance -= R::splat(pair.margin);
+            // `search_displacement` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch.
+            let [a, b] = pair.geoms;
+            let near = near.and(point.distance.lt(self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack));
+            if near.none() {
+                return;
+            }
+            let closing = self.closing_speed(pair.geoms, &point);
+            let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
+            let id = ContactId::new(index, feature);
+            let params = self.compiled.contact(index);
+            contacts.push([touching, over_face].map(Mask::bits), id, &point, params.mu, params.restitution);
+        })
     }
 
     /// Speed at which the gap of a contact decreases at the free velocity of the step, m/s. It is zero where the gap grows.

@@ -6,7 +6,7 @@
 use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere_box};
 use stepper_real::{Mask, Real};
 
-use crate::collision::packed_pairs::{Item, gather, gather_scalars};
+use crate::collision::packed_pairs::{Item, gather, gather_boxes, gather_scalars};
 use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, Touch, find_touch};
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::spatial::*;
@@ -58,67 +58,22 @@ impl<R: Real> PackedSweep<R> {
         let Path { compiled, kinematics, start, .. } = *path;
         let frame = |item: &Item<R::Scalar>| compiled.geoms[item.geoms[0]].frame;
         let of_ball = |item: &Item<R::Scalar>| item.geoms[0];
-        let of_box = |item: &Item<R::Scalar>| item.geoms[1];
-        let motion = gather(
-            items,
-            #[inline(always)]
-            |item| swept.velocity_of(frame(item)),
-        );
-        let origin = gather(
-            items,
-            #[inline(always)]
-            |item| kinematics.pos[frame(item)],
-        );
-        let motion_origin = gather(
-            items,
-            #[inline(always)]
-            |item| kinematics.origin[compiled.links[frame(item) - 1].tree],
-        );
-        let [radius, half_length, bounding_radius] = gather(
-            items,
-            #[inline(always)]
-            |item| {
-                let [radius, half_length, _] = compiled.params.geom_size(of_ball(item));
-                [radius, half_length, compiled.params.bounding_radius(of_ball(item))]
-            },
-        );
-        let [slack, time] = gather(
-            items,
-            #[inline(always)]
-            |_| [path.slack, path.time],
-        );
+        let motion = gather!(items, |item| swept.velocity_of(frame(item)));
+        let origin = gather!(items, |item| kinematics.pos[frame(item)]);
+        let motion_origin = gather!(items, |item| kinematics.origin[compiled.links[frame(item) - 1].tree]);
+        let [radius, half_length, bounding_radius] = gather!(items, |item| {
+            let [radius, half_length, _] = compiled.params.geom_size(of_ball(item));
+            [radius, half_length, compiled.params.bounding_radius(of_ball(item))]
+        });
+        let [slack, time] = gather!(items, |_| [path.slack, path.time]);
         Self {
             kernel,
-            pos: gather(
-                items,
-                #[inline(always)]
-                |item| start.pos[of_ball(item)],
-            ),
-            axis: gather(
-                items,
-                #[inline(always)]
-                |item| column(&start.mat[of_ball(item)], 2),
-            ),
+            pos: gather!(items, |item| start.pos[of_ball(item)]),
+            axis: gather!(items, |item| column(&start.mat[of_ball(item)], 2)),
             radius,
             half_length,
             bounding_radius,
-            cuboid: Cuboid {
-                centre: gather(
-                    items,
-                    #[inline(always)]
-                    |item| start.pos[of_box(item)],
-                ),
-                mat: gather(
-                    items,
-                    #[inline(always)]
-                    |item| start.mat[of_box(item)],
-                ),
-                half: gather(
-                    items,
-                    #[inline(always)]
-                    |item| compiled.params.geom_size(of_box(item)),
-                ),
-            },
+            cuboid: gather_boxes(compiled, &start.pos, &start.mat, items),
             origin,
             angular_velocity: angular(&motion),
             velocity: velocity_at(&motion, sub(origin, motion_origin)),

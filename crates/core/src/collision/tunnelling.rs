@@ -10,6 +10,7 @@ use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
+use crate::math::vectorize::vectorize;
 use crate::model::JointKind;
 
 /// Solved motion of a step, as input of the tunnelling check.
@@ -46,10 +47,8 @@ pub fn may_have_passed<R: Real>(
     if step.is_free && collision.poses.moved_little(compiled, alive) {
         return R::Mask::splat(false);
     }
-    let [moved, beyond_search] = R::vectorize(
-        #[inline(always)]
-        || collision.poses.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack),
-    );
+    let [moved, beyond_search] =
+        vectorize!(R, collision.poses.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack));
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
@@ -63,27 +62,24 @@ pub fn may_have_passed<R: Real>(
     let CollisionWorkspace { poses, near, near_count, broad, narrow_phase, .. } = collision;
     let poses = &*poses;
     let paths = Path { compiled, kinematics, poses, step, slack };
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut passed = R::Mask::splat(false);
-            if within_search {
-                for &(index, _) in &near[..*near_count] {
-                    passed = paths.test(&compiled.pairs[index as usize], alive, passed, &mut narrow_phase.narrow);
-                }
-            } else {
-                for pair in &compiled.pairs {
-                    passed = paths.test(pair, alive, passed, &mut narrow_phase.narrow);
-                }
+    vectorize!(R, {
+        let mut passed = R::Mask::splat(false);
+        if within_search {
+            for &(index, _) in &near[..*near_count] {
+                passed = paths.test(&compiled.pairs[index as usize], alive, passed, &mut narrow_phase.narrow);
             }
-            if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
-                for pair in broad.pairs.iter().filter_map(|p| dynamic_pairs.pair(p.0 as usize)) {
-                    passed = paths.test(&pair, alive, passed, &mut narrow_phase.narrow);
-                }
+        } else {
+            for pair in &compiled.pairs {
+                passed = paths.test(pair, alive, passed, &mut narrow_phase.narrow);
             }
-            passed
-        },
-    )
+        }
+        if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
+            for pair in broad.pairs.iter().filter_map(|p| dynamic_pairs.pair(p.0 as usize)) {
+                passed = paths.test(&pair, alive, passed, &mut narrow_phase.narrow);
+            }
+        }
+        passed
+    })
 }
 
 /// Relative displacement below which one geom of a pair cannot pass through the other, m: the pair's thickness, or four times that for a
@@ -200,16 +196,13 @@ impl<R: Real> GeomPoses<R> {
     ///
     /// The test compares [`GeomPoses::search_displacement`], the displacement over two steps, with the whole radius.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut moved = R::Mask::splat(false);
-                for &g in &compiled.moving_geoms {
-                    moved = moved.or(self.search_displacement[g].gt(compiled.params.inscribed_radius(g)));
-                }
-                moved.and(alive).none()
-            },
-        )
+        vectorize!(R, {
+            let mut moved = R::Mask::splat(false);
+            for &g in &compiled.moving_geoms {
+                moved = moved.or(self.search_displacement[g].gt(compiled.params.inscribed_radius(g)));
+            }
+            moved.and(alive).none()
+        })
     }
 
     /// Updates `passing_displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.

@@ -17,6 +17,7 @@ use stepper_real::Real;
 use crate::compile::{CompiledEllipsoid, FluidParams, FluidShape, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
+use crate::math::vectorize::array;
 
 /// Forces of the surrounding fluid, with their workspace; empty for scenes without a fluid.
 #[derive(Clone, Debug)]
@@ -57,10 +58,7 @@ impl<R: Real> Fluid<R> {
             self.drag[i] = secant(compiled, i, &self.before[i]);
             let sum = &mut self.composite[body.link];
             let added = at_origin(&self.drag[i], &mat, arm);
-            *sum = array_of(
-                #[inline(always)]
-                |k| add(sum[k], added[k]),
-            );
+            *sum = array!(|k| add(sum[k], added[k]));
         }
         for l in (0..compiled.links.len()).rev() {
             let link = &compiled.links[l];
@@ -75,10 +73,7 @@ impl<R: Real> Fluid<R> {
             }
             if !link.is_root {
                 let sum = &mut self.composite[link.parent - 1];
-                *sum = array_of(
-                    #[inline(always)]
-                    |k| add(sum[k], drag[k]),
-                );
+                *sum = array!(|k| add(sum[k], drag[k]));
             }
         }
     }
@@ -92,10 +87,7 @@ impl<R: Real> Fluid<R> {
             let mut own = match &body.shape {
                 FluidShape::Box => {
                     let drag = secant(compiled, i, &v);
-                    array_of(
-                        #[inline(always)]
-                        |k| -(drag[k] * v[k]),
-                    )
+                    array!(|k| -(drag[k] * v[k]))
                 }
                 FluidShape::Ellipsoid(e) => ellipsoid_force(e, &v),
             };
@@ -134,10 +126,7 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     match &compiled.fluid[i].shape {
         FluidShape::Box => {
             let FluidParams { viscous, quadratic: drag, .. } = compiled.params.fluid(i);
-            array_of(
-                #[inline(always)]
-                |k| viscous[k] + drag[k] * v[k].abs(),
-            )
+            array!(|k| viscous[k] + drag[k] * v[k].abs())
         }
         FluidShape::Ellipsoid(e) => {
             let [spin, slide] = ellipsoid_drag(e, v).0.map(|d| d * R::splat(e.share));
@@ -165,13 +154,10 @@ fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
 /// Product X diag(d) X^T of the matrix `x` and the diagonal `d`.
 #[inline(always)]
 fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
-    array_of(
-        #[inline(always)]
-        |k| {
-            let (i, j) = (k / 3, k % 3);
-            d[0] * x[3 * i] * x[3 * j] + d[1] * x[3 * i + 1] * x[3 * j + 1] + d[2] * x[3 * i + 2] * x[3 * j + 2]
-        },
-    )
+    array!(|k| {
+        let (i, j) = (k / 3, k % 3);
+        d[0] * x[3 * i] * x[3 * j] + d[1] * x[3 * i + 1] * x[3 * j + 1] + d[2] * x[3 * i + 2] * x[3 * j + 2]
+    })
 }
 
 /// Torque and force of the drag at the spatial velocity `motion`, with the opposite sign, so that they point along the velocity. The
@@ -217,15 +203,7 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     // Factor of the normal vector. A body with a projected area has a nonzero denominator.
     let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
     let share = R::select(there, inverse, R::zero());
-    Projection {
-        speed,
-        along,
-        area,
-        normal: array_of(
-            #[inline(always)]
-            |k| areas[k].square() * along[k] * share,
-        ),
-    }
+    Projection { speed, along, area, normal: array!(|k| areas[k].square() * along[k] * share) }
 }
 
 /// Drag of an ellipsoid divided by its velocity `v`: one factor for rotation and one for translation. Also returns the ellipsoid's
@@ -249,14 +227,8 @@ fn ellipsoid_force<R: Real>(e: &CompiledEllipsoid<R::Scalar>, motion: &V6<R>) ->
     let ([turning, sliding], projection) = ellipsoid_drag(e, motion);
     let (w, v) = (angular(motion), linear(motion));
     let (m, i): (V3<R>, V3<R>) = (splat(e.added_mass), splat(e.added_inertia));
-    let p: V3<R> = array_of(
-        #[inline(always)]
-        |k| m[k] * v[k],
-    );
-    let l: V3<R> = array_of(
-        #[inline(always)]
-        |k| i[k] * w[k],
-    );
+    let p: V3<R> = array!(|k| m[k] * v[k]);
+    let l: V3<R> = array!(|k| i[k] * w[k]);
     let mut torque = add(cross(p, v), cross(l, w));
     let mut force = add(cross(p, w), scale(cross(w, v), R::splat(e.magnus)));
     let circulation = scale(cross(projection.normal, projection.along), R::splat(e.kutta) * projection.speed);

@@ -9,6 +9,7 @@ use stepper_real::{Mask, Real};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::math::spatial::*;
+use crate::math::vectorize::vectorize;
 
 /// Trajectory of one mocap body during a call.
 #[derive(Clone, Copy, Debug)]
@@ -68,14 +69,11 @@ pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[Mocap
     if mocap_trajectories.is_empty() {
         return;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (k, (mocap, trajectory)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
-                kinematics.pos[mocap.frame] = add_scaled(trajectory.pos, linear(&trajectory.motion), time);
-                kinematics.mat[mocap.frame] = quat_to_mat(trajectory.quat_at(time));
-                kinematics.mocap_velocities[k] = trajectory.motion;
-            }
-        },
-    )
+    vectorize!(R, {
+        for (k, (mocap, trajectory)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
+            kinematics.pos[mocap.frame] = add_scaled(trajectory.pos, linear(&trajectory.motion), time);
+            kinematics.mat[mocap.frame] = quat_to_mat(trajectory.quat_at(time));
+            kinematics.mocap_velocities[k] = trajectory.motion;
+        }
+    })
 }

@@ -179,8 +179,8 @@ impl Filter {
         (0..count).flat_map(move |a| (a + 1..count).map(move |b| self.ordered([a, b])))
     }
 
-    /// Two geoms in the order of a [`Pair`] that can collide. The simpler shape comes first (plane, height field, sphere, capsule, ellipsoid,
-    /// cylinder, box, mesh). For equal shapes, the lower index comes first.
+    /// Two geoms in the order of a [`Pair`] that can collide. The simpler shape comes first (plane, height field, sphere, capsule,
+    /// ellipsoid, cylinder, box, mesh). For equal shapes, the lower index comes first.
     #[inline]
     pub fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
         let key = |g: usize| (self.tags[g].rank, g);

@@ -349,29 +349,6 @@ impl Model {
         asked.transpose().map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
-    /// Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
-    /// Each is a line of text.
-    #[getter]
-    fn deviations(&self) -> Vec<String> {
-        self.core.deviations(false).into_iter().map(in_python).collect()
-    }
-
-    /// Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. They have the format of
-    /// `overlaps()`.
-    #[getter]
-    fn excluded_overlaps(&self) -> Vec<(String, String, f64)> {
-        self.core.excluded_overlaps.iter().map(|overlap| self.named(overlap)).collect()
-    }
-
-    /// Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
-    ///
-    /// The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the
-    /// mesh encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface.
-    #[getter]
-    fn wide_hulls(&self) -> Vec<(usize, f64)> {
-        self.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect()
-    }
-
     /// Name of the scene; may be empty.
     #[getter]
     fn name(&self) -> &str {
@@ -401,12 +378,6 @@ impl Model {
     #[getter]
     fn omitted(&self) -> Vec<(&str, &str, &str)> {
         self.core.omitted.iter().map(|o| (o.kind.as_str(), o.name.as_str(), o.reason.as_str())).collect()
-    }
-
-    /// SHA-256 of the model, in hexadecimal.
-    #[getter]
-    fn digest(&self) -> String {
-        self.core.digest().iter().map(|b| format!("{b:02x}")).collect()
     }
 
     fn __eq__(&self, other: &Self) -> bool {
@@ -449,4 +420,20 @@ getters! { Model, |slf, _py| (PyRef<'py, Self>) -> usize;
     npair: slf.core.pairs.len(),
     /// Number of readings of all sensors.
     nsensordata: slf.core.nsensordata(),
+}
+
+getters! { Model, |slf, _py| (PyRef<'py, Self>);
+    /// Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
+    /// Each is a line of text.
+    deviations -> Vec<String> { slf.core.deviations(false).into_iter().map(in_python).collect() }
+    /// Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. They have the format of
+    /// `overlaps()`.
+    excluded_overlaps -> Vec<(String, String, f64)> { slf.core.excluded_overlaps.iter().map(|overlap| slf.named(overlap)).collect() }
+    /// Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
+    ///
+    /// The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the
+    /// mesh encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface.
+    wide_hulls -> Vec<(usize, f64)> { slf.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect() }
+    /// SHA-256 of the model, in hexadecimal.
+    digest -> String { slf.core.digest().iter().map(|b| format!("{b:02x}")).collect() }
 }

@@ -32,6 +32,7 @@ use crate::array::{assign_attribute, check_shape_of, described, hint, read_only,
 use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
+use crate::getters::getters;
 use crate::model::Model;
 use crate::options::settings;
 use crate::selection::{Numbers, Selection};
@@ -231,60 +232,6 @@ impl Stepper {
         })
     }
 
-    /// Model of the scene.
-    #[getter]
-    fn model(slf: Reading<'_>, py: Python<'_>) -> Py<Model> {
-        slf.model.clone_ref(py)
-    }
-
-    /// Settings of the step, as given at construction.
-    #[getter]
-    fn options(slf: Reading<'_>, py: Python<'_>) -> Py<PyAny> {
-        slf.options.clone_ref(py)
-    }
-
-    /// Number of environments. None means a single environment, whose arrays do not have the leading axis.
-    #[getter]
-    pub(crate) fn num_envs(slf: Reading<'_>) -> Option<usize> {
-        slf.batched.then(|| slf.n())
-    }
-
-    /// Current time step, s.
-    #[getter]
-    fn timestep(slf: Reading<'_>) -> f64 {
-        slf.simulation.timestep()
-    }
-
-    /// Current tolerance of the solver: it stops at this residual, m/s.
-    #[getter]
-    fn tolerance(slf: Reading<'_>) -> f64 {
-        slf.simulation.tolerance()
-    }
-
-    /// Floating-point precision: "f64" or "f32".
-    #[getter]
-    fn precision(slf: Reading<'_>) -> &'static str {
-        precision_name(slf.simulation.precision())
-    }
-
-    /// Number of threads; 0 uses all processors of this process.
-    #[getter]
-    fn threads(slf: Reading<'_>) -> usize {
-        slf.threads
-    }
-
-    /// Seed of the random sensor errors.
-    #[getter]
-    fn seed(slf: Reading<'_>) -> u64 {
-        slf.seed
-    }
-
-    /// Actuator model given at construction. None means ideal actuators. `randomized` has later changes by `randomize`.
-    #[getter]
-    fn actuators(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
-        slf.actuators.as_ref().map(|a| a.clone_ref(py))
-    }
-
     fn __getattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
         Err(hint(slf, "no_attribute", name)?)
     }
@@ -297,4 +244,30 @@ impl Stepper {
         let envs = if slf.batched { format!("{} environments", slf.n()) } else { "one environment".into() };
         format!("<stepper.Stepper: {envs} of \"{}\", {} s>", slf.simulation.model().name, slf.simulation.timestep())
     }
+}
+
+getters! { Stepper, |slf, _py| (Reading<'_>);
+    /// Number of environments. None means a single environment, whose arrays do not have the leading axis.
+    num_envs -> Option<usize> { slf.batched.then(|| slf.n()) }
+    /// Current time step, s.
+    timestep -> f64 { slf.simulation.timestep() }
+    /// Current tolerance of the solver: it stops at this residual, m/s.
+    tolerance -> f64 { slf.simulation.tolerance() }
+    /// Floating-point precision: "f64" or "f32".
+    precision -> &'static str { precision_name(slf.simulation.precision()) }
+    /// Number of threads; 0 uses all processors of this process.
+    threads -> usize { slf.threads }
+    /// Seed of the random sensor errors.
+    seed -> u64 { slf.seed }
+}
+
+getters! { Stepper, |slf, py| (Reading<'_>);
+    /// Model of the scene.
+    model -> Py<Model> { slf.model.clone_ref(py) }
+    /// Settings of the step, as given at construction.
+    options -> Py<PyAny> { slf.options.clone_ref(py) }
+    /// Actuator model given at construction. None means ideal actuators. `randomized` has later changes by `randomize`.
+    actuators -> Option<Py<PyAny>> { slf.actuators.as_ref().map(|a| a.clone_ref(py)) }
+    /// Sensor model given at construction. None means ideal sensors.
+    sensors -> Option<Py<PyAny>> { slf.sensors.as_ref().map(|s| s.clone_ref(py)) }
 }

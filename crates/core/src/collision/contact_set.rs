@@ -4,7 +4,7 @@
 use stepper_geometry::pairs::{ContactPoint, DISTANCE_ROUNDINGS};
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::math::lanes::MAX_LANES;
+use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 use crate::math::vectorize::vectorize;
 
@@ -62,29 +62,25 @@ impl<R: Real> Slot<R> {
     /// Copies lane `l` of the slot `from` to this slot, except the tangent and the impulse.
     #[inline(always)]
     fn copy_lane(&mut self, from: &Self, l: usize) {
-        self.point.distance.set_lane(l, from.point.distance.lane(l));
-        for i in 0..3 {
-            self.point.pos[i].set_lane(l, from.point.pos[i].lane(l));
-            self.point.normal[i].set_lane(l, from.point.normal[i].lane(l));
-        }
-        self.mu.set_lane(l, from.mu.lane(l));
-        self.restitution.set_lane(l, from.restitution.lane(l));
-        self.set_over_face(l, from.over_face);
+        self.set_lane(l, &from.point, from.mu, from.restitution, from.over_face);
     }
 
-    /// Sets the bit of lane `l` of `self.over_face` to that of `over_face`.
+    /// Sets lane `l` of everything except the tangent and the impulse to the lane of `point` and the other values.
     #[inline(always)]
-    fn set_over_face(&mut self, l: usize, over_face: u32) {
+    fn set_lane(&mut self, l: usize, point: &ContactPoint<R>, mu: R, restitution: R, over_face: u32) {
+        self.point.distance.set_lane(l, point.distance.lane(l));
+        copy_lane(&mut self.point.pos, &point.pos, l);
+        copy_lane(&mut self.point.normal, &point.normal, l);
+        self.mu.set_lane(l, mu.lane(l));
+        self.restitution.set_lane(l, restitution.lane(l));
         self.over_face = self.over_face & !(1 << l) | over_face & 1 << l;
     }
 
     /// Copies the tangent and the impulse in lane `l` from the slot `from`.
     #[inline(always)]
     fn copy_solution(&mut self, from: &Self, l: usize) {
-        for i in 0..3 {
-            self.tangent[i].set_lane(l, from.tangent[i].lane(l));
-            self.impulse[i].set_lane(l, from.impulse[i].lane(l));
-        }
+        copy_lane(&mut self.tangent, &from.tangent, l);
+        copy_lane(&mut self.impulse, &from.impulse, l);
     }
 }
 
@@ -163,25 +159,14 @@ impl<R: Real> Contacts<R> {
     /// The caller adds pairs in ascending order. The features of a pair may have any order; this function sorts them.
     #[inline(always)]
     pub fn push(&mut self, [bits, over_face]: [u32; 2], id: ContactId, point: &ContactPoint<R>, mu: R, restitution: R) {
-        let mut rest = bits;
-        while rest != 0 {
-            let l = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
+        for l in each_of(bits) {
             if self.count[l] == self.data.len() {
                 self.full |= 1 << l;
                 continue;
             }
             let k = self.open_slot(l, id);
             self.ids[k][l] = id;
-            let slot = &mut self.data[k];
-            slot.point.distance.set_lane(l, point.distance.lane(l));
-            for i in 0..3 {
-                slot.point.pos[i].set_lane(l, point.pos[i].lane(l));
-                slot.point.normal[i].set_lane(l, point.normal[i].lane(l));
-            }
-            slot.mu.set_lane(l, mu.lane(l));
-            slot.restitution.set_lane(l, restitution.lane(l));
-            slot.set_over_face(l, over_face);
+            self.data[k].set_lane(l, point, mu, restitution, over_face);
         }
     }
 
@@ -211,7 +196,7 @@ impl<R: Real> Contacts<R> {
                 before[to].copy_solution(&after[0], l);
                 if !self.torque.is_empty() {
                     let (before, after) = self.torque.split_at_mut(from);
-                    (0..3).for_each(|i| before[to][i].set_lane(l, after[0][i].lane(l)));
+                    copy_lane(&mut before[to], &after[0], l);
                 }
             }
             to += 1;
@@ -306,9 +291,7 @@ impl<R: Real> Contacts<R> {
                 let mut tangent = own;
                 for l in 0..R::LANES {
                     if let Some(at) = solved.find(l, k, self.ids[k][l]).filter(|_| k < self.count[l]) {
-                        for (to, from) in tangent.iter_mut().zip(&solved.data[at].tangent) {
-                            to.set_lane(l, from.lane(l));
-                        }
+                        copy_lane(&mut tangent, &solved.data[at].tangent, l);
                     }
                 }
                 let n = self.data[k].point.normal;
@@ -337,13 +320,9 @@ impl<R: Real> Contacts<R> {
                 old += 1;
             }
             if old < last.count[l] && last.ids[old][l] == id {
-                for i in 0..3 {
-                    self.data[k].impulse[i].set_lane(l, last.data[old].impulse[i].lane(l));
-                }
+                copy_lane(&mut self.data[k].impulse, &last.data[old].impulse, l);
                 if let Some(torque) = self.torque.get_mut(k) {
-                    for i in 0..3 {
-                        torque[i].set_lane(l, last.torque[old][i].lane(l));
-                    }
+                    copy_lane(torque, &last.torque[old], l);
                 }
             }
         }
@@ -373,6 +352,14 @@ impl Iterator for SlotPairs<'_> {
         same &= self.rest;
         self.rest &= !same;
         Some((pair, same))
+    }
+}
+
+/// Copies lane `l` of the vector `from` to the vector `to`.
+#[inline(always)]
+fn copy_lane<R: Real>(to: &mut V3<R>, from: &V3<R>, l: usize) {
+    for i in 0..3 {
+        to[i].set_lane(l, from[i].lane(l));
     }
 }
 

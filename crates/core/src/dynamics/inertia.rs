@@ -78,8 +78,8 @@ impl<R: Real> MassMatrix<R> {
     }
 
     /// Adds to M, for each servo with the moment a, its added inertia times a a^T. A moment may act on several branches of a kinematic
-    /// tree. The function then adds a diagonal upper bound of this matrix instead if `is_bounded`. Otherwise it leaves out entries whose two
-    /// degrees of freedom are on different branches.
+    /// tree. The function then adds a diagonal upper bound of this matrix instead if `is_bounded`. Otherwise it leaves out entries whose
+    /// two degrees of freedom are on different branches.
     #[inline(always)]
     pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R], is_bounded: bool) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {

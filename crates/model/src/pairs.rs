@@ -58,6 +58,8 @@ impl Verdict {
 #[derive(Clone, Debug)]
 pub struct Filter {
     tags: Vec<Tag>,
+    /// Geoms of the model, which have the contact parameters.
+    geoms: Vec<Geom>,
     pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
@@ -81,21 +83,6 @@ struct Tag {
     /// Whether the rigid group has joints.
     moves: bool,
     masks: [u32; 2],
-    surface: Surface,
-}
-
-/// Contact parameters of a geom, which are combined with those of the other geom of a pair.
-#[derive(Clone, Copy, Debug)]
-struct Surface {
-    priority: i32,
-    condim: u8,
-    friction: [f64; 3],
-    restitution: f64,
-    margin: f64,
-    gap: f64,
-    softness: Softness,
-    solmix: f64,
-    spring: ContactSpring,
 }
 
 /// Rigid groups of bodies (MuJoCo's `body_weldid`): for each body, the index of the group's leading body, and whether the body has joints.
@@ -138,17 +125,6 @@ impl Filter {
             parent: group[model.bodies[group[g.body]].parent],
             moves: moves[group[g.body]],
             masks: [g.contype, g.conaffinity],
-            surface: Surface {
-                priority: g.priority,
-                condim: g.condim,
-                friction: g.friction,
-                restitution: g.restitution,
-                margin: g.margin,
-                gap: g.gap,
-                softness: g.softness,
-                solmix: g.solmix,
-                spring: g.spring,
-            },
         };
         let tags = model.geoms.iter().map(tag).collect();
         let bodies = |geoms: [usize; 2]| geoms.map(|g| model.geoms[g].body);
@@ -157,6 +133,7 @@ impl Filter {
         let with_world = overlaps().filter(|&g| bodies(g).contains(&0));
         let mut filter = Self {
             tags,
+            geoms: model.geoms.clone(),
             pairs: model.pairs.clone(),
             explicit: BTreeMap::new(),
             excluded: both_ways(model.excludes.iter().copied()),
@@ -233,19 +210,19 @@ impl Filter {
     /// The geom with the higher priority determines the friction; with equal priorities the larger friction applies.
     #[inline(always)]
     pub fn precedence(&self, geoms: [usize; 2]) -> (Ordering, u8) {
-        precedence(geoms.map(|g| &self.tags[g].surface))
+        precedence(geoms.map(|g| &self.geoms[g]))
     }
 
     /// Whether a contact of two geoms is rigid.
     #[inline(always)]
     pub fn is_rigid(&self, [a, b]: [usize; 2]) -> bool {
-        self.tags[a].surface.spring.is_rigid() && self.tags[b].surface.spring.is_rigid()
+        self.geoms[a].spring.is_rigid() && self.geoms[b].spring.is_rigid()
     }
 
     /// Contact parameters of two geoms; `None` if the geoms do not collide. The geoms are in the order of [`Filter::ordered`].
     pub fn pair(&self, geoms: [usize; 2]) -> Option<Pair> {
         match self.verdict(geoms) {
-            Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
+            Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.geoms[g]))),
             Verdict::Explicit => {
                 let p = &self.pairs[self.explicit[&geoms]];
                 let &Pair { condim, friction, margin, gap, softness, solref_friction, anisotropy, spring, .. } = p;
@@ -264,7 +241,7 @@ fn both_ways(pairs: impl Iterator<Item = [usize; 2]>) -> HashSet<[usize; 2]> {
 /// Comparison of the priorities of two geoms without an explicit pair, and dimension (condim) of their contact (MuJoCo `mj_contactParam`).
 /// The comparison is `Greater` if the first geom has the higher priority. The geom with the higher priority determines the dimension; with
 /// equal priorities the larger dimension applies.
-fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
+fn precedence([a, b]: [&Geom; 2]) -> (Ordering, u8) {
     let order = a.priority.cmp(&b.priority);
     let condim = match order {
         Ordering::Greater => a.condim,
@@ -281,7 +258,7 @@ fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
 
 /// Combines the contact parameters of two geoms without an explicit pair. The geom with the higher priority determines the friction; with
 /// equal priorities each coefficient is the larger of the two.
-fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> Pair {
+fn mix(geoms: [usize; 2], [a, b]: [&Geom; 2]) -> Pair {
     let (order, condim) = precedence([a, b]);
     let friction = match order {
         Ordering::Greater => a.friction,

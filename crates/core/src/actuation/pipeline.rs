@@ -11,7 +11,7 @@ use crate::actuation::memory::Memory;
 use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::math::vectorize::vectorize;
-use crate::model::actuator_spec::ActuatorSpec;
+use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 
 /// Parameter of an actuator model, which may differ between environments. The variants have the order of the rows in the parameter table.
 #[derive(Clone, Copy)]
@@ -155,16 +155,11 @@ impl<S: Scalar> ActuatorPipelines<S> {
             for pipeline in &self.pipelines {
                 let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
                 let table = &self.tables[group][pipeline.table * R::LANES..];
-                let number = |n: Parameter| get::<R>(table, n as usize);
-                actuator_dynamics[dynamics.index] = ActuatorDynamics {
-                    slope: R::zero(),
-                    rate: R::zero(),
-                    limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
-                    stall: number(Parameter::Stall),
-                    back_emf: number(Parameter::BackEmf),
-                    efficiency: number(Parameter::Efficiency),
-                    friction: number(Parameter::Friction),
-                };
+                actuator_dynamics[dynamics.index] = dynamics_of(
+                    [R::zero(); 2],
+                    #[inline(always)]
+                    |n| get(table, n as usize),
+                );
                 if dynamics.servo {
                     pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
                 }
@@ -179,15 +174,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
             let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
             let number = |n: Parameter| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
             let share = if dynamics.servo { 1.0 - number(Parameter::Decay) } else { 0.0 };
-            actuator_dynamics[dynamics.index] = ActuatorDynamics {
-                slope: -share * number(Parameter::Kp),
-                rate: -share * number(Parameter::Kd),
-                limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
-                stall: number(Parameter::Stall),
-                back_emf: number(Parameter::BackEmf),
-                efficiency: number(Parameter::Efficiency),
-                friction: number(Parameter::Friction),
-            };
+            actuator_dynamics[dynamics.index] = dynamics_of([-share * number(Parameter::Kp), -share * number(Parameter::Kd)], number);
         }
         actuator_dynamics
     }
@@ -268,9 +255,18 @@ impl<S: Scalar> ActuatorPipelines<S> {
     }
 }
 
-/// Whether any of the numbers is nonzero.
-pub(crate) fn any_nonzero(numbers: &[f64]) -> bool {
-    numbers.iter().any(|&x| x != 0.0)
+/// Parameters of an actuator's dynamics with the gains `slope` and `rate`, from the parameter table that `number` reads.
+#[inline(always)]
+fn dynamics_of<T>([slope, rate]: [T; 2], number: impl Fn(Parameter) -> T) -> ActuatorDynamics<T> {
+    ActuatorDynamics {
+        slope,
+        rate,
+        limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
+        stall: number(Parameter::Stall),
+        back_emf: number(Parameter::BackEmf),
+        efficiency: number(Parameter::Efficiency),
+        friction: number(Parameter::Friction),
+    }
 }
 
 /// Whole and fractional part of a delay in steps. With `staircase`, for sampled servos, the delay is rounded up to whole steps.

@@ -236,18 +236,9 @@ impl ModelBuilder {
         for (index, builder) in bodies.iter().enumerate() {
             builder.add_to(&mut model, index);
         }
-        for builder in &self.tendons {
-            let tendon = builder.resolve(&model)?;
-            model.tendons.push(tendon);
-        }
-        for builder in &self.equalities {
-            let equality = builder.resolve(&model)?;
-            model.equalities.push(equality);
-        }
-        for builder in &self.actuators {
-            let actuator = builder.resolve(&model)?;
-            model.actuators.push(actuator);
-        }
+        model.tendons = self.tendons.iter().map(|tendon| tendon.resolve(&model)).collect::<Result<_, _>>()?;
+        model.equalities = self.equalities.iter().map(|equality| equality.resolve(&model)).collect::<Result<_, _>>()?;
+        model.actuators = self.actuators.iter().map(|actuator| actuator.resolve(&model)).collect::<Result<_, _>>()?;
         for (name, reading) in &self.sensors {
             let place = format!("sensor {name:?}");
             let kind = match reading {
@@ -269,23 +260,9 @@ impl ModelBuilder {
             let (margin, gap, restitution) = (g.margin + h.margin, g.gap + h.gap, g.restitution.max(h.restitution));
             let condim = g.condim.max(h.condim);
             let softness = Softness::mix(g.softness, h.softness, mixing_share([g.solmix, h.solmix]));
-            let friction = *friction;
-            let (solref_friction, anisotropy) = ([0.0; 2], [1.0; 2]);
-            let spring = ContactSpring::in_series([g.spring, h.spring]);
-            let name = String::new();
-            model.pairs.push(Pair {
-                name,
-                geoms,
-                condim,
-                friction,
-                restitution,
-                margin,
-                gap,
-                softness,
-                solref_friction,
-                anisotropy,
-                spring,
-            });
+            let (friction, anisotropy, spring) = (*friction, [1.0; 2], ContactSpring::in_series([g.spring, h.spring]));
+            let pair = Pair { geoms, condim, friction, restitution, margin, gap, softness, anisotropy, spring, ..Pair::default() };
+            model.pairs.push(pair);
         }
         for names in &self.excludes {
             let [a, b] = names.each_ref().map(|n| find(model.bodies.iter().map(|b| &b.name), n, "body", "exclude"));

@@ -271,19 +271,9 @@ fn mix(geoms: [usize; 2], [a, b]: [&Geom; 2]) -> Pair {
         Ordering::Equal => Softness::mix(a.softness, b.softness, mixing_share([a.solmix, b.solmix])),
     };
     let spring = ContactSpring::in_series([a.spring, b.spring]);
-    Pair {
-        name: String::new(),
-        geoms,
-        condim,
-        friction,
-        restitution: bounce(spring, a.restitution.max(b.restitution)),
-        margin: a.margin + b.margin,
-        gap: a.gap + b.gap,
-        softness,
-        solref_friction: [0.0; 2],
-        anisotropy: [1.0; 2],
-        spring,
-    }
+    let restitution = bounce(spring, a.restitution.max(b.restitution));
+    let (margin, gap, anisotropy) = (a.margin + b.margin, a.gap + b.gap, [1.0; 2]);
+    Pair { geoms, condim, friction, restitution, margin, gap, softness, anisotropy, spring, ..Pair::default() }
 }
 
 impl Description {

@@ -224,20 +224,12 @@ pub const REPLACEABLE: &[Field] = &[
     scalar("noslip_iterations", "sweeps at the most that take the slip out of friction by MuJoCo's law", "", only!(soft.noslip.iterations)),
     scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", "", only!(soft.noslip.tolerance)),
     rows("actuator_gear", GEAR, "scale of length, velocity and force, in column 0; force and torque on a site", "", actuator_fields::gear),
-    rows(
-        "actuator_gainprm",
-        PARAMETERS,
-        "parameters of the gain: constant, per length, per velocity; others are 0",
-        "",
-        actuator_fields::gain,
-    ),
-    rows(
-        "actuator_biasprm",
-        PARAMETERS,
-        "parameters of the bias: constant, per length, per velocity; others are 0",
-        "",
-        actuator_fields::bias,
-    ),
+    rows("actuator_gainprm", PARAMETERS, "parameters of the gain: constant, per length, per velocity; others are 0", "", |m, f| {
+        actuator_fields::parameters(m, f, |a| &mut a.gain[..a.force_model.gain.width()])
+    }),
+    rows("actuator_biasprm", PARAMETERS, "parameters of the bias: constant, per length, per velocity; others are 0", "", |m, f| {
+        actuator_fields::parameters(m, f, |a| &mut a.bias[..a.force_model.bias.width()])
+    }),
     rows("actuator_ctrlrange", 2, "bounds of the control", "", each!(actuators, ctrl_range)),
     rows("actuator_forcerange", 2, "bounds of the force", "N or N m", each!(actuators, force_range)),
 ];

@@ -148,7 +148,8 @@ impl<R: Real> CollisionWorkspace<R> {
     /// Updates the poses of geoms that are fixed to the world, which may differ between environments.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.poses.place_static(compiled, i);
+            self.poses.pos[i] = compiled.params.geom_pos(i);
+            self.poses.update_ball(compiled, i);
         }
         self.statics.update_tree(compiled, &self.poses.pos, &self.poses.mat);
     }
@@ -291,12 +292,6 @@ impl<R: Real> GeomPoses<R> {
         let [[ax, ay, az, a], [bx, by, bz, b]] = pair.geoms.map(|g| self.balls[g]);
         let (apart, reach) = (sub([bx, by, bz], [ax, ay, az]), a + slack + R::splat(pair.margin) + b);
         dot(apart, apart).lt(reach * reach)
-    }
-
-    /// Sets the pose of geom `i`, which is fixed to the world, from the parameters of the model.
-    fn place_static(&mut self, compiled: &LaneModel<R>, i: usize) {
-        self.pos[i] = compiled.params.geom_pos(i);
-        self.update_ball(compiled, i);
     }
 
     /// Updates `passing_displacement` and `passing_velocity`, for motion at the generalized velocity `v` during `time` seconds. The stored

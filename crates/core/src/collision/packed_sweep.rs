@@ -58,7 +58,7 @@ impl<R: Real> PackedSweep<R> {
         let Path { compiled, kinematics, start, .. } = *path;
         let frame = |item: &Item<R::Scalar>| compiled.geoms[item.geoms[0]].frame;
         let of_ball = |item: &Item<R::Scalar>| item.geoms[0];
-        let motion = gather!(items, |item| swept.velocity_of(frame(item)));
+        let motion = gather!(items, |item| swept.poses.search_velocity[frame(item) - 1]);
         let origin = gather!(items, |item| kinematics.pos[frame(item)]);
         let motion_origin = gather!(items, |item| kinematics.origin[compiled.links[frame(item) - 1].tree]);
         let [radius, half_length, bounding_radius] = gather!(items, |item| {
@@ -92,10 +92,10 @@ impl<R: Real> PackedSweep<R> {
     /// First touch of each of the items `items` on its path, see [`find_touch`]. `gap` has the distances at the start of the paths.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
-        let end = self.gap_at(self.time, items);
-        let rotates = self.exceeds_max_rotation();
+        // Items in which a body rotates too far, so that the search is invalid.
+        let rotates = (norm(self.angular_velocity) * self.time).gt(R::of(MAX_ROTATION));
         find_touch(
-            [gap, end],
+            gap,
             self.time,
             items,
             rotates,
@@ -103,12 +103,6 @@ impl<R: Real> PackedSweep<R> {
             #[inline(always)]
             |time, items| self.gap_at(time, items),
         )
-    }
-
-    /// Items in which a body rotates by more than [`MAX_ROTATION`] on the path, so that the search is invalid.
-    #[inline(always)]
-    fn exceeds_max_rotation(&self) -> R::Mask {
-        (norm(self.angular_velocity) * self.time).gt(R::of(MAX_ROTATION))
     }
 
     /// Smallest distance between the geoms of each of the items `items`, and its time derivative, at `time` seconds along the path.

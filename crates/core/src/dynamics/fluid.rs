@@ -84,16 +84,14 @@ impl<R: Real> Fluid<R> {
         for (i, body) in compiled.fluid.iter().enumerate() {
             let (mat, arm) = place(compiled, kinematics, i);
             let v = local(compiled, &motion[body.link], &mat, arm);
-            let mut own = match &body.shape {
+            let own = match &body.shape {
                 FluidShape::Box => {
                     let drag = secant(compiled, i, &v);
                     array!(|k| -(drag[k] * v[k]))
                 }
                 FluidShape::Ellipsoid(e) => ellipsoid_force(e, &v),
             };
-            for k in 0..6 {
-                own[k] += self.drag[i][k] * (v[k] - self.before[i][k]);
-            }
+            let own = add(own, times(self.drag[i], sub(v, self.before[i])));
             let (torque, push) = (rotate(&mat, angular(&own)), rotate(&mat, linear(&own)));
             let wrench = spatial(add(torque, cross(arm, push)), push);
             force[body.link] = sub(force[body.link], wrench);
@@ -227,8 +225,8 @@ fn ellipsoid_force<R: Real>(e: &CompiledEllipsoid<R::Scalar>, motion: &V6<R>) ->
     let ([turning, sliding], projection) = ellipsoid_drag(e, motion);
     let (w, v) = (angular(motion), linear(motion));
     let (m, i): (V3<R>, V3<R>) = (splat(e.added_mass), splat(e.added_inertia));
-    let p: V3<R> = array!(|k| m[k] * v[k]);
-    let l: V3<R> = array!(|k| i[k] * w[k]);
+    let p: V3<R> = times(m, v);
+    let l: V3<R> = times(i, w);
     let mut torque = add(cross(p, v), cross(l, w));
     let mut force = add(cross(p, w), scale(cross(w, v), R::splat(e.magnus)));
     let circulation = scale(cross(projection.normal, projection.along), R::splat(e.kutta) * projection.speed);

@@ -21,20 +21,8 @@ pub struct ActuatorBuilder {
 
 impl ActuatorBuilder {
     fn new(name: &str, target: &str, gain: [f64; 3], bias: [f64; 3]) -> Self {
-        let actuator = Actuator {
-            name: name.into(),
-            transmission: Transmission::Joint(0),
-            gear: 1.0,
-            delay: 0.0,
-            delay_holds: false,
-            ctrl_range: None,
-            force_range: None,
-            act_range: None,
-            activation: Activation::None,
-            gain,
-            bias,
-            force_model: ForceModel::of_parameters(&gain, &bias),
-        };
+        let force_model = ForceModel::of_parameters(&gain, &bias);
+        let actuator = Actuator { name: name.into(), gear: 1.0, gain, bias, force_model, ..Actuator::default() };
         Self { actuator, name: target.into(), target: Target::Joint }
     }
 

@@ -16,18 +16,8 @@ pub struct BodyBuilder {
 impl BodyBuilder {
     /// Creates a builder of a body at the origin of its parent's frame. A body without joints is fixed to its parent.
     pub fn new(name: &str) -> Self {
-        let body = Body {
-            name: name.into(),
-            parent: WORLD,
-            pos: [0.0; 3],
-            quat: [1.0, 0.0, 0.0, 0.0],
-            mass: 0.0,
-            ipos: [0.0; 3],
-            iquat: [1.0, 0.0, 0.0, 0.0],
-            inertia: [0.0; 3],
-            mocap: false,
-            gravcomp: 0.0,
-        };
+        let unit = [1.0, 0.0, 0.0, 0.0];
+        let body = Body { name: name.into(), quat: unit, iquat: unit, ..Body::default() };
         Self { body, inertial: false, joints: vec![], geoms: vec![] }
     }
 

@@ -2,9 +2,8 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::builder::WORLD;
 use crate::orientation::Orientation;
-use crate::{ContactSpring, Description, Geom, MassProperties, Shape, Softness};
+use crate::{ContactSpring, Description, Geom, MassProperties, Shape};
 
 /// Density of a geom whose mass and density are not set, kg/m^3: the density of water.
 const DENSITY: f64 = 1000.0;
@@ -21,23 +20,14 @@ impl GeomBuilder {
     fn new(name: &str, shape: Shape) -> Self {
         let geom = Geom {
             name: name.into(),
-            body: WORLD,
             shape,
-            pos: [0.0; 3],
             quat: [1.0, 0.0, 0.0, 0.0],
             contype: 1,
             conaffinity: 1,
             condim: 3,
-            priority: 0,
             friction: [1.0, 0.005, 0.0001],
-            restitution: 0.0,
-            margin: 0.0,
-            gap: 0.0,
-            surface_velocity: [0.0; 6],
-            fluid: None,
-            softness: Softness::default(),
             solmix: 1.0,
-            spring: ContactSpring::default(),
+            ..Geom::default()
         };
         Self { geom, mass: None, density: DENSITY }
     }

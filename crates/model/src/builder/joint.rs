@@ -2,8 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::builder::WORLD;
-use crate::{Body, Joint, JointKind, Softness};
+use crate::{Body, Joint, JointKind};
 
 /// Builder of a joint between a body and its parent.
 #[derive(Clone, Debug)]
@@ -14,22 +13,7 @@ pub struct JointBuilder {
 
 impl JointBuilder {
     fn new(name: &str, kind: JointKind, axis: [f64; 3]) -> Self {
-        let joint = Joint {
-            name: name.into(),
-            body: WORLD,
-            kind,
-            pos: [0.0; 3],
-            axis,
-            stiffness: 0.0,
-            damping: 0.0,
-            armature: 0.0,
-            frictionloss: 0.0,
-            range: None,
-            actuator_force_range: None,
-            velocity_limit: None,
-            limit_softness: Softness::default(),
-            friction_softness: Softness::default(),
-        };
+        let joint = Joint { name: name.into(), kind, axis, ..Joint::default() };
         Self { joint, rest: None }
     }
 

@@ -132,7 +132,7 @@ fn softness(model: &Description) -> Checked {
 
 /// Checks only the values that may differ between environments. It is for a model whose other values were checked earlier and are
 /// unchanged.
-pub(super) fn parameters(model: &Description) -> Checked {
+pub(crate) fn parameters(model: &Description) -> Checked {
     Element("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;
     joints(model)?;

@@ -28,7 +28,7 @@ struct Dof {
     parent: Option<usize>,
 }
 
-pub(super) fn check(model: &Description) -> Result<(), ModelError> {
+pub(crate) fn check(model: &Description) -> Result<(), ModelError> {
     let (poses, origins) = poses(model);
     let dofs = dofs(model, &poses, &origins);
     let inertias = composite(model, &poses, &origins);

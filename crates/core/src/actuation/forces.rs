@@ -56,7 +56,6 @@ use crate::actuation::force_limits::BoundedForce;
 use crate::compile::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 
 /// Ratio of a servo's added inertia to the inertia that it moves, at or above which the servo counts as stiff.
 ///

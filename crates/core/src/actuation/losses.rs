@@ -6,7 +6,6 @@ use crate::actuation::affine_force::ActuatorDynamics;
 use crate::actuation::forces::{ActuatorForces, ImplicitServos};
 use crate::compile::LaneModel;
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 
 impl<R: Real> ActuatorForces<R> {
     /// Computes the friction losses of actuator dynamics at the forces `self.force` into `losses`.

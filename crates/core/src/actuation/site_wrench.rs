@@ -7,7 +7,6 @@ use crate::actuation::forces::ActuatorForces;
 use crate::compile::{CompiledActuator, CompiledWrench, LaneModel, Spot};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 
 impl<R: Real> ActuatorForces<R> {
     /// Computes moment arms and lengths of the actuators on sites at the configuration of `kinematics`.

@@ -6,7 +6,6 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 
 /// Change of a unit tangent, as a vector, above which the tangent that [`contact_frame`] chooses counts as having jumped. Between the
 /// nearby states of a finite difference, tangents change far less.

@@ -15,7 +15,6 @@ use crate::collision::static_search::{StaticSearch, merge};
 use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 
 /// Workspace of collision detection for a group of environments: poses of the colliding geoms, pairs that can touch, and buffers of the
 /// searches.

@@ -15,7 +15,6 @@ use crate::collision::detection::{NarrowWorkspace, Scene};
 use crate::compile::{CompiledPair, Kernel};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 
 impl<R: Real> Scene<'_, R> {
     /// Finds the contacts of the pair `index` in the lanes `near`, and adds them to the contacts.

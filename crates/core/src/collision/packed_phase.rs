@@ -9,7 +9,6 @@ use crate::collision::packed_pairs::{Found, Item, PackedPairs, Queue, gather, ga
 use crate::compile::CompiledPair;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 
 impl<R: Real> Scene<'_, R> {
     /// Finds the contact points of all packed pairs, and stores them in `packed`.

@@ -11,7 +11,6 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::compile::{LaneModel, Params, StaticPairs};
 use crate::math::lanes::{MAX_LANES, each_of, merge_lanes, with_lane};
 use crate::math::spatial::*;
-use crate::math::vectorize::{array, vectorize};
 
 /// Enlargement of bounding boxes for rounding errors, as a fraction of coordinates and sizes. It is sufficient in single precision.
 const ROUNDING: f64 = 4e-6;

@@ -158,8 +158,8 @@ pub(crate) struct Touch<R: Real> {
 
 /// Searches a path of `end_time` seconds for a time at which the distance is below `-tolerance`, m, in the lanes `lanes`.
 ///
-/// The first argument has the distance and its rate at the start and at the end of the path; `gap_at` returns them at any time. In the
-/// lanes `rotates`, a body rotates too far for the search, and the result is a touch.
+/// `gap` has the distance and its rate at the start of the path; `gap_at` returns them at any time. In the lanes `rotates`, a body rotates
+/// too far for the search, and the result is a touch.
 #[inline(always)]
 pub(crate) fn find_touch<R: Real>(
     gap: Gap<R>,

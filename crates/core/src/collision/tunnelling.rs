@@ -8,7 +8,6 @@ use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 use crate::model::JointKind;
 
 /// Solved motion of a step, as input of the tunnelling check.

@@ -17,7 +17,6 @@ use stepper_real::Real;
 use crate::compile::{CompiledEllipsoid, FluidParams, FluidShape, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
-use crate::math::vectorize::array;
 
 /// Forces of the surrounding fluid, with their workspace; empty for scenes without a fluid.
 #[derive(Clone, Debug)]

@@ -22,7 +22,6 @@ use crate::compile::{CompiledSpinner, Inertial, LaneModel};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 use crate::model::JointKind;
 
 /// Number of fixed-point iterations for the gyroscopic motion of a single body.

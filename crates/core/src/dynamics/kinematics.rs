@@ -4,7 +4,6 @@ use stepper_real::{Real, Scalar};
 
 use crate::compile::{CompiledJoint, Inertial, LaneModel, Link, ModelStructure};
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 use crate::model::JointKind;
 
 /// Poses of all frames, and the joint axes, at one configuration, in world axes.

@@ -9,7 +9,6 @@ use stepper_real::{Mask, Real};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::math::spatial::*;
-use crate::math::vectorize::vectorize;
 
 /// Trajectory of one mocap body during a call.
 #[derive(Clone, Copy, Debug)]

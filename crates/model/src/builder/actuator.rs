@@ -43,12 +43,6 @@ impl ActuatorBuilder {
         Self::new(name, joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv])
     }
 
-    /// Makes the actuator act on a tendon instead of a joint. The joint name that was given before is then the name of the tendon.
-    pub fn on_tendon(mut self) -> Self {
-        self.target = Target::Tendon;
-        self
-    }
-
     pub(super) fn resolve(&self, model: &Description) -> Result<Actuator, ModelError> {
         let place = format!("actuator {:?}", self.actuator.name);
         let site = |name: &str| find(model.sites.iter().map(|s| &s.name), name, "site", &place);
@@ -80,4 +74,6 @@ setters! { ActuatorBuilder
     force_range(low: f64, high: f64) { actuator.force_range = Some([low, high]) }
     /// Sets the dynamics between control and force.
     activation(activation: Activation) { actuator.activation = activation }
+    /// Makes the actuator act on a tendon instead of a joint. The joint name that was given before is then the name of the tendon.
+    on_tendon() { target = Target::Tendon }
 }

@@ -50,12 +50,6 @@ impl BodyBuilder {
         self
     }
 
-    /// Makes the body a mocap body, whose pose the user sets. The body must be a child of the world and have no joints.
-    pub fn mocap(mut self) -> Self {
-        self.body.mocap = true;
-        self
-    }
-
     pub(super) fn add_to(&self, model: &mut Description, index: usize) {
         let mut body = self.body.clone();
         if !self.inertial && index != WORLD {
@@ -85,4 +79,6 @@ setters! { BodyBuilder
     inertial_quat(quat: impl Into<Orientation>) { body.iquat = quat.into().0 }
     /// Compensates the fraction `share` of the body's weight (`gravcomp`). A share of 1 compensates the whole weight.
     gravcomp(share: f64) { body.gravcomp = share }
+    /// Makes the body a mocap body, whose pose the user sets. The body must be a child of the world and have no joints.
+    mocap() { body.mocap = true }
 }

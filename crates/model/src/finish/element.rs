@@ -12,6 +12,11 @@ const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
 /// Element of a model, by its description in errors such as `body "torso"`.
 pub(crate) struct Element(pub(crate) String);
 
+/// Elements of a list, each with its label for errors. `name` returns the name of an element.
+pub(crate) fn elements<'a, T>(kind: &'a str, list: &'a [T], name: fn(&T) -> &str) -> impl Iterator<Item = (Element, &'a T)> {
+    list.iter().enumerate().map(move |(i, element)| (Element::new(kind, name(element), i), element))
+}
+
 impl Element {
     pub(crate) fn new(kind: &str, name: &str, index: usize) -> Self {
         Self(format!("{kind} {:?}", label(name, index)))

@@ -210,11 +210,7 @@ pub const REPLACEABLE: &[Field] = &[
     rows("tendon_frictionloss", 1, "dry friction", "N", each!(tendons, frictionloss)),
     rows("eq_active0", 1, "1 for an equality that acts, else 0", "", each!(equalities, active)),
     rows("eq_data", 11, "anchors, pose and torquescale, or polynomial, as MuJoCo lays them out", "", |m, f| {
-        for equality in &mut m.equalities {
-            let mut data = equality.data();
-            data.iter_mut().for_each(&mut *f);
-            equality.set_data(&data);
-        }
+        m.equalities.iter_mut().for_each(|equality| equality.visit_data(f))
     }),
     rows("eq_solref", 2, "reference acceleration of equalities by MuJoCo's law", "", each!(equalities, softness.solref)),
     rows("eq_solimp", 5, "impedance of equalities by MuJoCo's law", "", each!(equalities, softness.solimp)),

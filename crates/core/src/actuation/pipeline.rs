@@ -347,10 +347,6 @@ impl ActuatorPipeline {
         self.memory + self.delay_samples
     }
 
-    fn integral_at(&self) -> usize {
-        self.lag_at() + 2 * usize::from(self.lagged)
-    }
-
     /// Sets the gains of a continuous servo. A lag multiplies them by one minus the parameter `left`, the fraction that remains
     /// ([`Parameter::Decay`]).
     #[inline(always)]
@@ -412,7 +408,7 @@ impl ActuatorPipeline {
         numbers: &mut [R::Scalar],
     ) -> R {
         let number = |n: Parameter| get::<R>(table, n as usize);
-        let at = self.integral_at();
+        let at = self.lag_at() + 2 * usize::from(self.lagged);
         // Lanes in which the servo computes a new effort.
         let mut due = valid;
         if servo == Servo::Sampled {

@@ -74,13 +74,6 @@ impl<R: Real> Slot<R> {
         self.restitution.set_lane(l, restitution.lane(l));
         self.over_face = self.over_face & !(1 << l) | over_face & 1 << l;
     }
-
-    /// Copies the tangent and the impulse in lane `l` from the slot `from`.
-    #[inline(always)]
-    fn copy_solution(&mut self, from: &Self, l: usize) {
-        copy_lane(&mut self.tangent, &from.tangent, l);
-        copy_lane(&mut self.impulse, &from.impulse, l);
-    }
 }
 
 /// Contacts of a group of environments, one environment per lane.
@@ -192,7 +185,8 @@ impl<R: Real> Contacts<R> {
                 self.ids[to][l] = self.ids[from][l];
                 let (before, after) = self.data.split_at_mut(from);
                 before[to].copy_lane(&after[0], l);
-                before[to].copy_solution(&after[0], l);
+                copy_lane(&mut before[to].tangent, &after[0].tangent, l);
+                copy_lane(&mut before[to].impulse, &after[0].impulse, l);
                 if !self.torque.is_empty() {
                     let (before, after) = self.torque.split_at_mut(from);
                     copy_lane(&mut before[to], &after[0], l);

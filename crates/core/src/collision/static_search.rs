@@ -137,7 +137,11 @@ impl<R: Real> StaticSearch<R> {
                         self.boxes[(lane * 6 + k) * row + m] = x;
                     }
                 }
-                *whole = if m == range.start { own } else { union_of_lanes(whole, &own) };
+                *whole = array!(|k| match k {
+                    _ if m == range.start => own[k],
+                    0..3 => whole[k].min(own[k]),
+                    _ => whole[k].max(own[k]),
+                });
             }
         }
     }
@@ -221,12 +225,6 @@ fn over_lanes<R: Real>(own: Bounds<R>) -> Bounds<R::Scalar> {
 fn union<S: Scalar>(a: &Bounds<S>, b: &Bounds<S>) -> Bounds<S> {
     let pick = |k: usize| if (k < 3) == (b[k] < a[k]) { b[k] } else { a[k] };
     std::array::from_fn(pick)
-}
-
-/// Smallest box that contains two boxes, in each lane.
-#[inline(always)]
-fn union_of_lanes<R: Real>(a: &Bounds<R>, b: &Bounds<R>) -> Bounds<R> {
-    array!(|k| if k < 3 { a[k].min(b[k]) } else { a[k].max(b[k]) })
 }
 
 /// Merges the pairs `more` into `list`, whose first `count` entries are used. Both lists ascend, and `list` has space for all entries.

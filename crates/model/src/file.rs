@@ -55,11 +55,6 @@ impl Added {
         Self { velocity_limits, excluded_overlaps: model.excluded_overlaps.clone() }
     }
 
-    /// Whether there is one speed limit per joint of the model, or none at all.
-    fn fits(&self, model: &Description) -> bool {
-        self.velocity_limits.is_empty() || self.velocity_limits.len() == model.joints.len()
-    }
-
     /// Writes the stored values to their fields in a description.
     fn write_to(self, model: &mut Description) {
         model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
@@ -76,11 +71,6 @@ impl ForceModels {
     fn of(model: &Description) -> Self {
         let usual = model.actuators.iter().all(|a| a.force_model == ForceModel::of_parameters(&a.gain, &a.bias));
         Self(if usual { vec![] } else { model.actuators.iter().map(|a| a.force_model).collect() })
-    }
-
-    /// Whether there is one force model per actuator of the model, or none at all.
-    fn fits(&self, model: &Description) -> bool {
-        self.0.is_empty() || self.0.len() == model.actuators.len()
     }
 
     /// Sets the force models in a description.
@@ -169,6 +159,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     })
 }
 
+/// Whether a file has no values of a list of elements, or one value for each element.
+fn fits<V, E>(values: &[V], elements: &[E]) -> bool {
+    values.is_empty() || values.len() == elements.len()
+}
+
 /// File with the contents `data`, after the header.
 fn sealed(version: u32, data: &impl Serialize) -> Vec<u8> {
     let payload = encoded(data);
@@ -211,7 +206,9 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
         _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels)>(payload),
     };
     match read {
-        Ok(((mut model, surfaces, noslip, added, forces), [])) if added.fits(&model) && forces.fits(&model) => {
+        Ok(((mut model, surfaces, noslip, added, forces), []))
+            if fits(&added.velocity_limits, &model.joints) && fits(&forces.0, &model.actuators) =>
+        {
             added.write_to(&mut model);
             forces.write_to(&mut model);
             model.soft.noslip = noslip;

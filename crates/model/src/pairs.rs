@@ -146,10 +146,6 @@ impl Filter {
         filter
     }
 
-    fn is_excluded_overlap(&self, geoms: [usize; 2]) -> bool {
-        self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&geoms.map(|g| self.tags[g].body))
-    }
-
     /// All pairs of geoms, each in the order of [`Filter::ordered`].
     fn all(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         let count = self.tags.len();
@@ -174,7 +170,7 @@ impl Filter {
             Verdict::BothStill
         } else if b.rank <= 1 {
             Verdict::NoShapes
-        } else if self.is_excluded_overlap(geoms) {
+        } else if self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&[a.body, b.body]) {
             Verdict::Overlap
         } else if self.explicit.contains_key(&geoms) {
             Verdict::Explicit
@@ -189,13 +185,8 @@ impl Filter {
         }
     }
 
-    /// Whether two geoms collide as an explicit pair.
-    pub fn is_explicit(&self, geoms: [usize; 2]) -> bool {
-        self.explicit.contains_key(&geoms)
-    }
-
     /// Index of the explicit pair of two geoms; `None` if they have no explicit pair. The geoms are in the order of [`Filter::ordered`].
-    pub(super) fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
+    pub fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
         self.explicit.get(&geoms).copied()
     }
 

@@ -40,7 +40,7 @@ pub(super) struct Found<S> {
 }
 
 /// Items (pairs in one lane) of one kernel, and their contact points. Both are in the order of the pairs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Queue<S> {
     pub(super) items: Vec<Item<S>>,
     pub(super) found_points: Vec<Found<S>>,
@@ -50,17 +50,10 @@ pub(super) struct Queue<S> {
 }
 
 /// Packed pairs: pairs of balls or capsules with boxes that are near each other in at most half of the lanes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct PackedPairs<S> {
     pub(super) balls: Queue<S>,
     pub(super) capsules: Queue<S>,
-}
-
-impl<S> Default for PackedPairs<S> {
-    fn default() -> Self {
-        let queue = || Queue { items: vec![], found_points: vec![], taken: 0 };
-        Self { balls: queue(), capsules: queue() }
-    }
 }
 
 impl<S: Scalar> PackedPairs<S> {

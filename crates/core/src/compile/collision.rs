@@ -124,7 +124,7 @@ impl<S: Scalar> DynamicPairs<S> {
     pub fn pair(&self, index: usize) -> Option<CompiledPair<S>> {
         let [a, b] = self.members_of(index)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);
-        if self.filter.is_explicit(geoms) {
+        if self.filter.explicit_pair(geoms).is_some() {
             return None;
         }
         let shapes = geoms.map(|g| &self.shapes[g]);

@@ -97,8 +97,8 @@ impl Equality {
         data
     }
 
-    /// Calls `f` for each of the 11 numbers of [`Equality::data`], which `f` may change, and for a zero in place of each number that the
-    /// kind of equality does not have.
+    /// Calls `f` for each of the 11 numbers of [`Equality::data`], which `f` may change. In place of a number that the kind of equality
+    /// does not have, `f` gets a zero.
     pub(crate) fn visit_data(&mut self, f: &mut dyn FnMut(&mut f64)) {
         let parts: [&mut [f64]; 4] = match &mut self.kind {
             EqualityKind::Connect { anchors: [first, second], .. } => [first, second, &mut [], &mut []],

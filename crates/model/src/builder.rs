@@ -33,11 +33,10 @@ pub use crate::builder::geom::GeomBuilder;
 pub use crate::builder::joint::JointBuilder;
 pub use crate::builder::tendon::TendonBuilder;
 
-/// Quantity of an added sensor: position or velocity of a joint with a name, or any kind of sensor.
+/// Quantity of an added sensor: a kind of sensor of a joint with a name, or any kind.
 #[derive(Clone, Debug)]
 enum Reading {
-    Position(String),
-    Velocity(String),
+    OfJoint(String, fn(usize) -> SensorKind),
     Kind(SensorKind),
 }
 
@@ -163,12 +162,12 @@ impl ModelBuilder {
 
     /// Adds a sensor of the position of joint `joint`. Returns the sensor's index.
     pub fn position_sensor(&mut self, name: &str, joint: &str) -> usize {
-        push(&mut self.sensors, (name.into(), Reading::Position(joint.into())))
+        push(&mut self.sensors, (name.into(), Reading::OfJoint(joint.into(), SensorKind::JointPos)))
     }
 
     /// Adds a sensor of the velocity of joint `joint`. Returns the sensor's index.
     pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> usize {
-        push(&mut self.sensors, (name.into(), Reading::Velocity(joint.into())))
+        push(&mut self.sensors, (name.into(), Reading::OfJoint(joint.into(), SensorKind::JointVel)))
     }
 
     /// Adds a site to a body or to the [`WORLD`]. Returns its index, for use in [`SensorKind`]. A body that does not exist is an error of
@@ -242,8 +241,7 @@ impl ModelBuilder {
         for (name, reading) in &self.sensors {
             let place = format!("sensor {name:?}");
             let kind = match reading {
-                Reading::Position(joint) => SensorKind::JointPos(find_joint(&model, joint, &place)?),
-                Reading::Velocity(joint) => SensorKind::JointVel(find_joint(&model, joint, &place)?),
+                Reading::OfJoint(joint, kind) => kind(find_joint(&model, joint, &place)?),
                 Reading::Kind(kind) => kind.clone(),
             };
             model.sensors.push(Sensor::ideal(name, kind));

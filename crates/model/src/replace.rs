@@ -384,26 +384,18 @@ pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> R
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
     let held = field.read_in(model);
     // A zero may change its sign, because nothing depends on it.
-    match (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits()) {
-        Some(k) => Err(actuator_fields::unread(model, field.name, k, values[k]).unwrap_or_else(|| {
-            ModelError::invalid(
-                field.place(),
-                format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]),
-                if field.name == "eq_data" {
-                    "give 0 where the kind of equality has no number"
-                } else if field.name.starts_with("dof_") {
-                    "give all degrees of freedom of a ball or free joint the same value"
-                } else if field.name == "geom_concave" {
-                    "give 0 or 1, and 1 only to meshes"
-                } else if field.name == "geom_size" {
-                    "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius"
-                } else {
-                    "give whole numbers in range"
-                },
-            )
-        })),
-        None => Ok(()),
-    }
+    let wrong = (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits());
+    let Some(k) = wrong else { return Ok(()) };
+    let remedy = match field.name {
+        "eq_data" => "give 0 where the kind of equality has no number",
+        name if name.starts_with("dof_") => "give all degrees of freedom of a ball or free joint the same value",
+        "geom_concave" => "give 0 or 1, and 1 only to meshes",
+        "geom_size" => "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius",
+        _ => "give whole numbers in range",
+    };
+    let what = format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]);
+    let unread = actuator_fields::unread(model, field.name, k, values[k]);
+    Err(unread.unwrap_or_else(|| ModelError::invalid(field.place(), what, remedy)))
 }
 
 #[cfg(test)]

@@ -465,14 +465,11 @@ impl Kind {
     pub(crate) fn find(self, model: &Core, given: &Bound<'_, PyAny>) -> PyResult<usize> {
         let (word, names) = (self.word(), self.names(model));
         if let Ok(name) = given.extract::<String>() {
-            let found = names.iter().position(|known| *known == name && !name.is_empty());
-            return match found {
-                Some(index) => Ok(index),
-                None => {
-                    let text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, name, names))?.extract()?;
-                    Err(PyKeyError::new_err(text))
-                }
-            };
+            if let Some(index) = names.iter().position(|known| *known == name && !name.is_empty()) {
+                return Ok(index);
+            }
+            let text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, name, names))?.extract()?;
+            return Err(PyKeyError::new_err(text));
         }
         let index = given.py().import("operator")?.call_method1("index", (given,));
         let index = index

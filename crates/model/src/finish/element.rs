@@ -32,18 +32,14 @@ impl Element {
 
     /// Checks that all values are finite and at least 0. An error contains the name `what` of the quantity, and its unit.
     pub(crate) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
-        match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
-            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
-            None => Ok(()),
-        }
+        let wrong = x.iter().find(|v| !v.is_finite() || **v < 0.0);
+        wrong.map_or(Ok(()), |v| self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"))
     }
 
     /// Checks that all values are finite and above 0. An error contains the name `what` of the quantity, and its unit.
     pub(crate) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
-        match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
-            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
-            None => Ok(()),
-        }
+        let wrong = x.iter().find(|v| !v.is_finite() || **v <= 0.0);
+        wrong.map_or(Ok(()), |v| self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"))
     }
 
     /// Checks that the lower end of a range is not above the upper end. Infinite ends are allowed. An error contains the name `what` of the

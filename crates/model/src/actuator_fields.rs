@@ -91,25 +91,14 @@ pub(crate) fn gear(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-pub(crate) fn gain(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
-    for actuator in &mut model.actuators {
-        let width = actuator.force_model.gain.width();
-        visit(&mut actuator.gain[..width], f);
+/// Calls `f` for each parameter of every actuator: for the values that `read` returns, which the actuator uses, and for a zero in each
+/// remaining column.
+pub(crate) fn parameters(model: &mut Description, f: &mut dyn FnMut(&mut f64), read: fn(&mut Actuator) -> &mut [f64]) {
+    for values in model.actuators.iter_mut().map(read) {
+        let others = PARAMETERS - values.len();
+        values.iter_mut().for_each(&mut *f);
+        (0..others).for_each(|_| f(&mut 0.0));
     }
-}
-
-pub(crate) fn bias(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
-    for actuator in &mut model.actuators {
-        let width = actuator.force_model.bias.width();
-        visit(&mut actuator.bias[..width], f);
-    }
-}
-
-/// Calls `f` for each parameter of one actuator: for the values `read` that the actuator uses, and for a zero in each remaining column.
-fn visit(read: &mut [f64], f: &mut dyn FnMut(&mut f64)) {
-    let others = PARAMETERS - read.len();
-    read.iter_mut().for_each(&mut *f);
-    (0..others).for_each(|_| f(&mut 0.0));
 }
 
 /// Error for a new value in a column of `field` that the actuator does not use. `value` is the new value and `k` its index in the flat

@@ -63,8 +63,9 @@ pub struct Motor {
 /// Longest allowed delay of an actuator, in steps.
 const LONGEST: f64 = 100_000.0;
 
-fn any(x: &[f64]) -> bool {
-    x.iter().any(|&x| x != 0.0)
+/// Whether any of the numbers is nonzero.
+pub fn any_nonzero(numbers: &[f64]) -> bool {
+    numbers.iter().any(|&x| x != 0.0)
 }
 
 impl Actuator {
@@ -119,7 +120,7 @@ impl ActuatorSpec {
 
     /// Whether dry friction or the gear's efficiency causes losses.
     pub fn loses(&self) -> bool {
-        any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
+        any_nonzero(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
     /// Combines a model with the specs of its actuators. `specs` has one entry for each actuator, where `None` means an ideal actuator.

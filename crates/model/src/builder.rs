@@ -1,5 +1,20 @@
 //! Builder of models in code.
 
+/// Declares methods of a builder that set one field each and return the builder, such as `gear(gear: f64) { actuator.gear = gear }`.
+macro_rules! setters {
+    ($builder:ident $($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty),*) { $($field:ident).+ = $value:expr })*) => {
+        impl $builder {
+            $(
+                $(#[$doc])*
+                pub fn $name(mut self, $($argument: $type),*) -> Self {
+                    self.$($field).+ = $value;
+                    self
+                }
+            )*
+        }
+    };
+}
+
 mod actuator;
 mod body;
 mod equality;
@@ -7,9 +22,9 @@ mod geom;
 mod joint;
 mod tendon;
 
+use crate::Softness;
 use crate::softness::{ContactSpring, mixing_share};
 use crate::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
-use crate::{SoftSettings, Softness};
 
 pub use crate::builder::actuator::ActuatorBuilder;
 pub use crate::builder::body::BodyBuilder;
@@ -18,11 +33,10 @@ pub use crate::builder::geom::GeomBuilder;
 pub use crate::builder::joint::JointBuilder;
 pub use crate::builder::tendon::TendonBuilder;
 
-/// Quantity of an added sensor: position or velocity of a joint with a name, or any kind of sensor.
+/// Quantity of an added sensor: a kind of sensor of a joint with a name, or any kind.
 #[derive(Clone, Debug)]
 enum Reading {
-    Position(String),
-    Velocity(String),
+    OfJoint(String, fn(usize) -> SensorKind),
     Kind(SensorKind),
 }
 
@@ -64,14 +78,13 @@ pub const WORLD: usize = 0;
 /// Actuators, sensors, pairs and excludes refer to other elements by name. A name that does not exist is an error of
 /// [`ModelBuilder::finish`]. Most methods that add an element return its index in the finished model. The other methods return the builder,
 /// so that calls can be chained.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ModelBuilder {
     model: Description,
     bodies: Vec<BodyBuilder>,
     /// Geoms, each with the index of its body.
     geoms: Vec<(usize, GeomBuilder)>,
     actuators: Vec<ActuatorBuilder>,
-    sites: Vec<Site>,
     sensors: Vec<(String, Reading)>,
     tendons: Vec<TendonBuilder>,
     equalities: Vec<EqualityBuilder>,
@@ -82,44 +95,14 @@ pub struct ModelBuilder {
 impl Model {
     /// Creates a builder of a model that has only the world body, with gravity 9.81 m/s^2 along -z and a time step of 2 ms.
     pub fn builder(name: &str) -> ModelBuilder {
-        ModelBuilder {
-            model: Description {
-                name: name.into(),
-                timestep: 0.002,
-                gravity: [0.0, 0.0, -9.81],
-                magnetic: [0.0, -0.5, 0.0],
-                medium: Medium::default(),
-                bodies: vec![],
-                joints: vec![],
-                explicit_damping: false,
-                geoms: vec![],
-                meshes: vec![],
-                height_fields: vec![],
-                pairs: vec![],
-                excludes: vec![],
-                excluded_overlaps: vec![],
-                tendons: vec![],
-                equalities: vec![],
-                actuators: vec![],
-                sites: vec![],
-                sensors: vec![],
-                keyframes: vec![],
-                qpos0: vec![],
-                qpos_spring: vec![],
-                soft: SoftSettings::default(),
-                omitted: vec![],
-                requested: None,
-            },
-            bodies: vec![BodyBuilder::new("world")],
-            geoms: vec![],
-            actuators: vec![],
-            sites: vec![],
-            sensors: vec![],
-            tendons: vec![],
-            equalities: vec![],
-            pairs: vec![],
-            excludes: vec![],
-        }
+        let model = Description {
+            name: name.into(),
+            timestep: 0.002,
+            gravity: [0.0, 0.0, -9.81],
+            magnetic: [0.0, -0.5, 0.0],
+            ..Description::default()
+        };
+        ModelBuilder { model, bodies: vec![BodyBuilder::new("world")], ..ModelBuilder::default() }
     }
 }
 
@@ -179,19 +162,19 @@ impl ModelBuilder {
 
     /// Adds a sensor of the position of joint `joint`. Returns the sensor's index.
     pub fn position_sensor(&mut self, name: &str, joint: &str) -> usize {
-        push(&mut self.sensors, (name.into(), Reading::Position(joint.into())))
+        push(&mut self.sensors, (name.into(), Reading::OfJoint(joint.into(), SensorKind::JointPos)))
     }
 
     /// Adds a sensor of the velocity of joint `joint`. Returns the sensor's index.
     pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> usize {
-        push(&mut self.sensors, (name.into(), Reading::Velocity(joint.into())))
+        push(&mut self.sensors, (name.into(), Reading::OfJoint(joint.into(), SensorKind::JointVel)))
     }
 
     /// Adds a site to a body or to the [`WORLD`]. Returns its index, for use in [`SensorKind`]. A body that does not exist is an error of
     /// [`ModelBuilder::finish`].
     pub fn site(&mut self, body: usize, mut site: Site) -> usize {
         site.body = body;
-        push(&mut self.sites, site)
+        push(&mut self.model.sites, site)
     }
 
     /// Adds a sensor of any kind. The indices in `kind` must be indices of elements in the finished model. Returns the sensor's index.
@@ -252,24 +235,13 @@ impl ModelBuilder {
         for (index, builder) in bodies.iter().enumerate() {
             builder.add_to(&mut model, index);
         }
-        for builder in &self.tendons {
-            let tendon = builder.resolve(&model)?;
-            model.tendons.push(tendon);
-        }
-        for builder in &self.equalities {
-            let equality = builder.resolve(&model)?;
-            model.equalities.push(equality);
-        }
-        model.sites.clone_from(&self.sites);
-        for builder in &self.actuators {
-            let actuator = builder.resolve(&model)?;
-            model.actuators.push(actuator);
-        }
+        model.tendons = self.tendons.iter().map(|tendon| tendon.resolve(&model)).collect::<Result<_, _>>()?;
+        model.equalities = self.equalities.iter().map(|equality| equality.resolve(&model)).collect::<Result<_, _>>()?;
+        model.actuators = self.actuators.iter().map(|actuator| actuator.resolve(&model)).collect::<Result<_, _>>()?;
         for (name, reading) in &self.sensors {
             let place = format!("sensor {name:?}");
             let kind = match reading {
-                Reading::Position(joint) => SensorKind::JointPos(find_joint(&model, joint, &place)?),
-                Reading::Velocity(joint) => SensorKind::JointVel(find_joint(&model, joint, &place)?),
+                Reading::OfJoint(joint, kind) => kind(find_joint(&model, joint, &place)?),
                 Reading::Kind(kind) => kind.clone(),
             };
             model.sensors.push(Sensor::ideal(name, kind));
@@ -286,23 +258,9 @@ impl ModelBuilder {
             let (margin, gap, restitution) = (g.margin + h.margin, g.gap + h.gap, g.restitution.max(h.restitution));
             let condim = g.condim.max(h.condim);
             let softness = Softness::mix(g.softness, h.softness, mixing_share([g.solmix, h.solmix]));
-            let friction = *friction;
-            let (solref_friction, anisotropy) = ([0.0; 2], [1.0; 2]);
-            let spring = ContactSpring::in_series([g.spring, h.spring]);
-            let name = String::new();
-            model.pairs.push(Pair {
-                name,
-                geoms,
-                condim,
-                friction,
-                restitution,
-                margin,
-                gap,
-                softness,
-                solref_friction,
-                anisotropy,
-                spring,
-            });
+            let (friction, anisotropy, spring) = (*friction, [1.0; 2], ContactSpring::in_series([g.spring, h.spring]));
+            let pair = Pair { geoms, condim, friction, restitution, margin, gap, softness, anisotropy, spring, ..Pair::default() };
+            model.pairs.push(pair);
         }
         for names in &self.excludes {
             let [a, b] = names.each_ref().map(|n| find(model.bodies.iter().map(|b| &b.name), n, "body", "exclude"));

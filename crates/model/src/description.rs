@@ -16,7 +16,7 @@ use crate::tendon::Tendon;
 ///
 /// [`ModelBuilder`](crate::ModelBuilder) is more convenient for new models in code. Descriptions are for readers of files, and for edits
 /// that the builder does not support.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Name of the scene; may be empty.
     pub name: String,
@@ -82,7 +82,7 @@ pub struct Overlap {
 }
 
 /// Rigid body.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Body {
     /// Name of the body; may be empty.
     pub name: String,
@@ -107,7 +107,7 @@ pub struct Body {
 }
 
 /// Kind of joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum JointKind {
     /// Free joint with nq 7, nv 6: position and velocity of the body's origin in the world frame, orientation, and angular velocity in the
     /// body's frame.
@@ -117,6 +117,7 @@ pub enum JointKind {
     /// Slide joint with nq 1, nv 1: translation along an axis.
     Slide,
     /// Hinge joint with nq 1, nv 1: rotation about an axis.
+    #[default]
     Hinge,
 }
 
@@ -143,7 +144,7 @@ impl JointKind {
 }
 
 /// Joint between a body and its parent. A body may have several joints, which apply in order.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Joint {
     /// Name of the joint; may be empty.
     pub name: String,
@@ -177,7 +178,7 @@ pub struct Joint {
 }
 
 /// Geom: a shape fixed to a body, for collisions, mass and fluid forces.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Geom {
     /// Name of the geom; may be empty.
     pub name: String,
@@ -223,7 +224,7 @@ pub struct Geom {
 }
 
 /// Explicit pair: two geoms that collide regardless of filters, with separate contact parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
     /// Name of the pair; may be empty.
     pub name: String,
@@ -270,10 +271,17 @@ pub enum Transmission {
     },
 }
 
+impl Default for Transmission {
+    fn default() -> Self {
+        Self::Joint(0)
+    }
+}
+
 /// Activation dynamics: the differential equation between the control and the force.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Activation {
     /// No activation dynamics: the control itself is the input of the actuator's gain.
+    #[default]
     None,
     /// Integrator: the control is the time derivative of the activation.
     Integrator,
@@ -287,7 +295,7 @@ pub enum Activation {
 /// activation.
 ///
 /// [`Actuator::affine_force`] returns this gain and bias. Other types of gain and bias ([`ForceModel`]) have other parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Actuator {
     /// Name of the actuator; may be empty.
     pub name: String,

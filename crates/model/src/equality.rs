@@ -91,32 +91,24 @@ impl Equality {
     ///
     /// Connect: both anchors. Weld: anchor in the second body, anchor in the first, relpose, torquescale. Couplings: coefficients of the
     /// polynomial.
-    pub fn data(&self) -> [f64; 11] {
-        let mut out = [0.0; 11];
-        match &self.kind {
-            EqualityKind::Connect { anchors, .. } => out[..6].copy_from_slice(anchors.as_flattened()),
-            EqualityKind::Weld { anchors: [first, second], relpose, torquescale, .. } => {
-                out[..3].copy_from_slice(second);
-                out[3..6].copy_from_slice(first);
-                out[6..10].copy_from_slice(relpose);
-                out[10] = *torquescale;
-            }
-            EqualityKind::Joint { polycoef, .. } | EqualityKind::Tendon { polycoef, .. } => out[..5].copy_from_slice(polycoef),
-        }
-        out
+    pub fn data(&self) -> Vec<f64> {
+        let mut data = vec![];
+        self.clone().visit_data(&mut |x| data.push(*x));
+        data
     }
 
-    /// Sets the parameters from the layout of [`Equality::data`].
-    pub fn set_data(&mut self, data: &[f64; 11]) {
-        match &mut self.kind {
-            EqualityKind::Connect { anchors, .. } => anchors.as_flattened_mut().copy_from_slice(&data[..6]),
+    /// Calls `f` for each of the 11 numbers of [`Equality::data`], which `f` may change. In place of a number that the kind of equality
+    /// does not have, `f` gets a zero.
+    pub(crate) fn visit_data(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        let parts: [&mut [f64]; 4] = match &mut self.kind {
+            EqualityKind::Connect { anchors: [first, second], .. } => [first, second, &mut [], &mut []],
             EqualityKind::Weld { anchors: [first, second], relpose, torquescale, .. } => {
-                second.copy_from_slice(&data[..3]);
-                first.copy_from_slice(&data[3..6]);
-                relpose.copy_from_slice(&data[6..10]);
-                *torquescale = data[10];
+                [second, first, relpose, std::slice::from_mut(torquescale)]
             }
-            EqualityKind::Joint { polycoef, .. } | EqualityKind::Tendon { polycoef, .. } => polycoef.copy_from_slice(&data[..5]),
-        }
+            EqualityKind::Joint { polycoef, .. } | EqualityKind::Tendon { polycoef, .. } => [polycoef, &mut [], &mut [], &mut []],
+        };
+        let others = 11 - parts.iter().map(|part| part.len()).sum::<usize>();
+        parts.into_iter().flatten().for_each(&mut *f);
+        (0..others).for_each(|_| f(&mut 0.0));
     }
 }

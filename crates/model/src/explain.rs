@@ -6,7 +6,7 @@ use std::fmt::Display;
 
 use crate::Kernel;
 use crate::pairs::{Verdict, weld_groups};
-use crate::{Activation, JointKind, Model, Requested};
+use crate::{Activation, Actuator, Body, Equality, Joint, JointKind, Model, Pair, Requested, Tendon, label};
 
 /// Phenomena that rigid-body simulation does not model, in any scene.
 const BEYOND: [&str; 7] = [
@@ -24,17 +24,11 @@ impl Model {
     /// phenomena that rigid-body simulation does not cover.
     pub fn explain(&self) -> String {
         let name = if self.name.is_empty() { "model" } else { &self.name };
+        let [nq, nv, nu, na] = [self.nq(), self.nv(), self.nu(), self.na()];
+        let [bodies, joints, geoms] = [self.bodies.len(), self.joints.len(), self.geoms.len()];
         let sizes = format!(
-            "{name}: nq {}, nv {}, nu {}, na {}; {} bodies, {} joints, {} geoms; time step {} s, gravity {:?} m/s^2",
-            self.nq(),
-            self.nv(),
-            self.nu(),
-            self.na(),
-            self.bodies.len(),
-            self.joints.len(),
-            self.geoms.len(),
-            self.timestep,
-            self.gravity
+            "{name}: nq {nq}, nv {nv}, nu {nu}, na {na}; {bodies} bodies, {joints} joints, {geoms} geoms; time step {} s, gravity {:?} m/s^2",
+            self.timestep, self.gravity
         );
         let (modelled, absent): (Vec<_>, Vec<_>) =
             [self.links(), self.joint_kinds(), self.collision(), self.joint_forces(), self.loops(), self.drives(), self.readings()]
@@ -74,29 +68,20 @@ impl Model {
 
     fn links(&self) -> Vec<Line> {
         let (group, moves) = weld_groups(self);
-        let count = moves.iter().filter(|m| **m).count();
-        let merged: Vec<usize> = (1..self.bodies.len()).filter(|&b| group[b] != b).collect();
-        let into = |b: usize| format!("{} into {}", self.body_label(b), self.body_label(group[b]));
-        let mocap = (1..self.bodies.len()).filter(|&b| self.bodies[b].mocap).map(|b| self.body_label(b));
+        let merged = (1..self.bodies.len()).filter(|&b| group[b] != b);
+        let merged: Vec<String> = merged.map(|b| format!("{} into {}", self.body_label(b), self.body_label(group[b]))).collect();
+        let into = format!("bodies merged, as they cannot move against their parent: {}", short(&merged));
         vec![
-            Line::new(count, format!("{count} moving links"), "moving links"),
-            Line::new(
-                merged.len(),
-                format!(
-                    "{} bodies merged, as they cannot move against their parent: {}",
-                    merged.len(),
-                    short(merged.into_iter().map(into))
-                ),
-                "bodies to merge",
-            ),
-            Line::list("bodies posed by the user", mocap),
+            Line::new(moves.iter().filter(|m| **m).count(), "moving links", "moving links"),
+            Line::new(merged.len(), into, "bodies to merge"),
+            self.bodies_that("bodies posed by the user", |b| b.mocap),
         ]
     }
 
     fn joint_kinds(&self) -> Vec<Line> {
         let kinds = [(JointKind::Free, "free"), (JointKind::Ball, "ball"), (JointKind::Slide, "slide"), (JointKind::Hinge, "hinge")];
         let count = |kind| self.joints.iter().filter(|j| j.kind == kind).count();
-        kinds.map(|(kind, name)| Line::new(count(kind), format!("{} {name} joints", count(kind)), format!("{name} joints"))).to_vec()
+        kinds.map(|(kind, name)| Line::new(count(kind), format!("{name} joints"), format!("{name} joints"))).to_vec()
     }
 
     fn collision(&self) -> Vec<Line> {
@@ -107,69 +92,54 @@ impl Model {
         let (kept, missing): (Vec<_>, Vec<_>) =
             pairs.iter().partition(|p| Kernel::of(&self.geoms[p.geoms[0]].shape, &self.geoms[p.geoms[1]].shape).is_some());
         let others = if dropped.is_empty() { String::new() } else { format!("; of the others {}", dropped.join(", ")) };
-        let slick = kept.iter().filter(|p| p.condim == 1).count();
-        let bouncing = kept.iter().filter(|p| p.restitution > 0.0).count();
-        let giving = kept.iter().filter(|p| !p.spring.is_rigid()).count();
-        let turning = kept.iter().filter(|p| p.condim > 3).count();
-        let rough = kept.len() - slick - turning;
+        let count = |has: fn(&Pair) -> bool| kept.iter().filter(|p| has(p)).count();
+        let (slick, turning) = (count(|p| p.condim == 1), count(|p| p.condim > 3));
+        let [rough_text, turning_text] = [
+            "pairs with sliding friction: 3 rows a contact, the exact circular Coulomb cone",
+            "pairs with torsional or rolling friction too: 6 rows a contact, one elliptic cone",
+        ];
+        let sweeps = "noslip sweeps at the most after MuJoCo's law; hard contact makes none";
+        let missing_text = "more would collide but for what is left out below";
         vec![
-            Line::new(kept.len(), format!("{} of {total} geom pairs can collide{others}", kept.len()), "pairs of geoms that can collide"),
-            Line::new(
-                missing.len(),
-                format!("{} more would collide but for what is left out below", missing.len()),
-                "collision pairs of shapes that are not simulated yet",
-            ),
-            Line::new(rough, format!("{rough} pairs with sliding friction: 3 rows a contact, the exact circular Coulomb cone"), "friction"),
-            Line::new(
-                turning,
-                format!("{turning} pairs with torsional or rolling friction too: 6 rows a contact, one elliptic cone"),
-                "torsional or rolling friction",
-            ),
-            Line::new(
-                self.soft.noslip.iterations as usize,
-                format!("{} noslip sweeps at the most after MuJoCo's law; hard contact makes none", self.soft.noslip.iterations),
-                "noslip sweeps",
-            ),
-            Line::new(slick, format!("{slick} frictionless pairs: 1 row a contact"), "frictionless contacts"),
-            Line::new(bouncing, format!("{bouncing} pairs bounce (Newton's restitution)"), "restitution"),
-            Line::new(giving, format!("{giving} pairs give way by a spring and a damper (N/m, N s/m)"), "contact stiffness"),
+            Line::new(kept.len(), format!("of {total} geom pairs can collide{others}"), "pairs of geoms that can collide"),
+            Line::new(missing.len(), missing_text, "collision pairs of shapes that are not simulated yet"),
+            Line::new(kept.len() - slick - turning, rough_text, "friction"),
+            Line::new(turning, turning_text, "torsional or rolling friction"),
+            Line::new(self.soft.noslip.iterations as usize, sweeps, "noslip sweeps"),
+            Line::new(slick, "frictionless pairs: 1 row a contact", "frictionless contacts"),
+            Line::new(count(|p| p.restitution > 0.0), "pairs bounce (Newton's restitution)", "restitution"),
+            Line::new(count(|p| !p.spring.is_rigid()), "pairs give way by a spring and a damper (N/m, N s/m)", "contact stiffness"),
         ]
     }
 
     fn joint_forces(&self) -> Vec<Line> {
-        let with = |what: &str, has: &dyn Fn(&crate::Joint) -> bool| {
-            let joints = (0..self.joints.len()).filter(|&j| has(&self.joints[j])).map(|j| self.joint_label(j));
-            Line::list(what, joints)
-        };
+        let joints = |what, has: fn(&Joint) -> bool| Line::list(what, labels(&self.joints, |j| &j.name, has));
         vec![
-            with("joint limits", &|j| j.range.is_some()),
-            with("joint springs", &|j| j.stiffness != 0.0),
-            with("joint damping", &|j| j.damping != 0.0),
-            with("rotor inertia", &|j| j.armature != 0.0),
-            with("dry friction in joints", &|j| j.frictionloss != 0.0),
-            with("bounds of the sum of actuator forces", &|j| j.actuator_force_range.is_some()),
+            joints("joint limits", |j| j.range.is_some()),
+            joints("joint springs", |j| j.stiffness != 0.0),
+            joints("joint damping", |j| j.damping != 0.0),
+            joints("rotor inertia", |j| j.armature != 0.0),
+            joints("dry friction in joints", |j| j.frictionloss != 0.0),
+            joints("bounds of the sum of actuator forces", |j| j.actuator_force_range.is_some()),
             self.surroundings(),
-            Line::list(
-                "bodies whose weight is held up",
-                of(self.bodies.len(), &|b| self.bodies[b].gravcomp != 0.0, &|b| self.body_label(b)),
-            ),
-            Line::list(
-                "geoms with a moving surface",
-                of(self.geoms.len(), &|g| self.geoms[g].surface_velocity != [0.0; 6], &|g| self.geom_label(g)),
-            ),
+            self.bodies_that("bodies whose weight is held up", |b| b.gravcomp != 0.0),
+            Line::list("geoms with a moving surface", labels(&self.geoms, |g| &g.name, |g| g.surface_velocity != [0.0; 6])),
         ]
     }
 
+    fn bodies_that(&self, what: &str, has: fn(&Body) -> bool) -> Line {
+        Line::list(what, labels(&self.bodies, |b| &b.name, has))
+    }
+
     fn loops(&self) -> Vec<Line> {
-        let named = |active: bool, hard: bool| {
-            let chosen = self.equalities.iter().enumerate();
-            let chosen = chosen.filter(move |(_, e)| e.active == active && (!active || e.stiffness.is_infinite() == hard));
-            chosen.map(|(i, e)| format!("{} ({})", crate::label(&e.name, i), e.kind.name()))
+        let named = |what, has: fn(&Equality) -> bool| {
+            let chosen = self.equalities.iter().enumerate().filter(|(_, e)| has(e));
+            Line::list(what, chosen.map(|(i, e)| format!("{} ({})", label(&e.name, i), e.kind.name())).collect())
         };
         vec![
-            Line::list("hard equalities", named(true, true)),
-            Line::list("soft equalities", named(true, false)),
-            Line::list("equalities that are switched off", named(false, true)),
+            named("hard equalities", |e| e.active && e.stiffness.is_infinite()),
+            named("soft equalities", |e| e.active && !e.stiffness.is_infinite()),
+            named("equalities that are switched off", |e| !e.active),
         ]
     }
 
@@ -181,31 +151,22 @@ impl Model {
             n => format!("{n} geoms as ellipsoids, other bodies as the boxes of their inertia"),
         };
         let text = format!("drag of a medium of {} kg/m^3 and {} Pa s with the wind {:?} m/s: {shapes}", m.density, m.viscosity, m.wind);
-        Line::new(usize::from(m.acts()), text, "drag of air or water")
+        Line { present: m.acts(), text: if m.acts() { text } else { "drag of air or water".into() } }
     }
 
     fn drives(&self) -> Vec<Line> {
-        let names = |active: bool| {
-            let chosen = self.actuators.iter().enumerate().filter(move |(_, a)| (a.activation != Activation::None) == active);
-            chosen.map(|(i, a)| crate::label(&a.name, i))
-        };
-        let tendons = |has: fn(&crate::Tendon) -> bool| {
-            self.tendons.iter().enumerate().filter(move |(_, t)| has(t)).map(|(i, t)| crate::label(&t.name, i))
-        };
+        let actuators = |what, has: fn(&Actuator) -> bool| Line::list(what, labels(&self.actuators, |a| &a.name, has));
+        let tendons = |what, has: fn(&Tendon) -> bool| Line::list(what, labels(&self.tendons, |t| &t.name, has));
         vec![
-            Line::list("actuators without activation", names(false)),
-            Line::list("actuators with activation", names(true)),
-            Line::list(
-                "delays of controls",
-                self.actuators.iter().enumerate().filter(|(_, a)| a.delay > 0.0).map(|(i, a)| crate::label(&a.name, i)),
-            ),
-            Line::list("fixed tendons", tendons(|_| true)),
-            Line::list("limits of fixed tendons", tendons(|t| t.range.is_some())),
-            Line::list(
-                "springs, dampers and inertia of fixed tendons, implicit",
-                tendons(|t| t.stiffness > 0.0 || t.damping > 0.0 || t.armature > 0.0),
-            ),
-            Line::list("dry friction in fixed tendons", tendons(|t| t.frictionloss > 0.0)),
+            actuators("actuators without activation", |a| a.activation == Activation::None),
+            actuators("actuators with activation", |a| a.activation != Activation::None),
+            actuators("delays of controls", |a| a.delay > 0.0),
+            tendons("fixed tendons", |_| true),
+            tendons("limits of fixed tendons", |t| t.range.is_some()),
+            tendons("springs, dampers and inertia of fixed tendons, implicit", |t| {
+                t.stiffness > 0.0 || t.damping > 0.0 || t.armature > 0.0
+            }),
+            tendons("dry friction in fixed tendons", |t| t.frictionloss > 0.0),
         ]
     }
 
@@ -214,19 +175,17 @@ impl Model {
         self.sensors.iter().for_each(|s| *counts.entry(s.word()).or_default() += 1);
         let kinds: Vec<String> = counts.into_iter().map(|(word, n)| format!("{n} {word}")).collect();
         vec![
-            Line::new(self.sensors.len(), format!("{} sensors: {}", self.sensors.len(), kinds.join(", ")), "sensors"),
-            Line::list("keyframes", self.keyframes.iter().enumerate().map(|(i, k)| crate::label(&k.name, i))),
+            Line::new(self.sensors.len(), format!("sensors: {}", kinds.join(", ")), "sensors"),
+            Line::list("keyframes", labels(&self.keyframes, |k| &k.name, |_| true)),
         ]
     }
 
-    fn speed_limits(&self) -> Vec<String> {
-        let limited = |j: &usize| self.joints[*j].velocity_limit.is_some();
-        let names: Vec<String> = (0..self.joints.len()).filter(limited).map(|j| self.joint_label(j)).collect();
-        let line = || {
-            let (count, some) = (names.len(), short(names.iter()));
-            format!("speed limits of {count} joints ({some}): model.jnt_velocity_limit has them, and the step does not enforce them")
-        };
-        (!names.is_empty()).then(line).into_iter().collect()
+    fn speed_limits(&self) -> Option<String> {
+        let names = labels(&self.joints, |j| &j.name, |j| j.velocity_limit.is_some());
+        let (count, some) = (names.len(), short(&names));
+        let line =
+            format!("speed limits of {count} joints ({some}): model.jnt_velocity_limit has them, and the step does not enforce them");
+        (count > 0).then_some(line)
     }
 
     /// Lines of the report about omitted elements: first those that change the motion, then the others. Elements of the same kind with the
@@ -239,7 +198,7 @@ impl Model {
             }
             grouped.into_iter().map(|((kind, reason), names)| format!("{kind} {}: {reason}", names.join(", "))).collect::<Vec<String>>()
         };
-        (lines(true), [lines(false), self.speed_limits()].concat())
+        (lines(true), lines(false).into_iter().chain(self.speed_limits()).collect())
     }
 }
 
@@ -291,26 +250,25 @@ struct Line {
 }
 
 impl Line {
-    fn new(count: usize, text: impl Into<String>, absent: impl Into<String>) -> Self {
+    /// Line with the number and the text, or with the name of the missing feature if the number is 0.
+    fn new(count: usize, text: impl Display, absent: impl Into<String>) -> Self {
         let present = count > 0;
-        Self { present, text: if present { text.into() } else { absent.into() } }
+        Self { present, text: if present { format!("{count} {text}") } else { absent.into() } }
     }
 
-    fn list(what: &str, names: impl Iterator<Item = impl Display>) -> Self {
-        let names: Vec<String> = names.map(|n| n.to_string()).collect();
-        Self::new(names.len(), format!("{} {what}: {}", names.len(), short(names.iter())), what)
+    fn list(what: &str, names: Vec<String>) -> Self {
+        Self::new(names.len(), format!("{what}: {}", short(&names)), what)
     }
 }
 
-/// Labels of the elements with indices 0 to `count` - 1 for which `has` returns true.
-fn of<'a>(count: usize, has: &'a dyn Fn(usize) -> bool, label: &'a dyn Fn(usize) -> String) -> impl Iterator<Item = String> + 'a {
-    (0..count).filter(move |&i| has(i)).map(label)
+/// Labels of the elements for which `has` returns true.
+fn labels<T>(elements: &[T], name: fn(&T) -> &str, has: fn(&T) -> bool) -> Vec<String> {
+    elements.iter().enumerate().filter(|(_, element)| has(element)).map(|(i, element)| label(name(element), i)).collect()
 }
 
 /// Text with the first names of a list, and the number of further names.
-fn short(names: impl Iterator<Item = impl Display>) -> String {
+fn short(names: &[String]) -> String {
     const SHOWN: usize = 12;
-    let names: Vec<String> = names.map(|n| n.to_string()).collect();
     let more = if names.len() > SHOWN { format!(" and {} more", names.len() - SHOWN) } else { String::new() };
     names[..names.len().min(SHOWN)].join(", ") + &more
 }

@@ -55,11 +55,6 @@ impl Added {
         Self { velocity_limits, excluded_overlaps: model.excluded_overlaps.clone() }
     }
 
-    /// Whether there is one speed limit per joint of the model, or none at all.
-    fn fits(&self, model: &Description) -> bool {
-        self.velocity_limits.is_empty() || self.velocity_limits.len() == model.joints.len()
-    }
-
     /// Writes the stored values to their fields in a description.
     fn write_to(self, model: &mut Description) {
         model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
@@ -76,11 +71,6 @@ impl ForceModels {
     fn of(model: &Description) -> Self {
         let usual = model.actuators.iter().all(|a| a.force_model == ForceModel::of_parameters(&a.gain, &a.bias));
         Self(if usual { vec![] } else { model.actuators.iter().map(|a| a.force_model).collect() })
-    }
-
-    /// Whether there is one force model per actuator of the model, or none at all.
-    fn fits(&self, model: &Description) -> bool {
-        self.0.is_empty() || self.0.len() == model.actuators.len()
     }
 
     /// Sets the force models in a description.
@@ -121,9 +111,7 @@ impl Model {
 
     /// Converts the model to bytes, see [`Model::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
-        let payload = self.payload();
-        let digest: [u8; 32] = Sha256::digest(&payload).into();
-        [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
+        sealed(FORMAT_VERSION, &(&self.description, self.hulls.surfaces(), self.soft.noslip, Added::of(self), ForceModels::of(self)))
     }
 
     /// Reads a model from the bytes of [`Model::to_bytes`], bit for bit.
@@ -156,10 +144,6 @@ impl Model {
         let bytes = read.map_err(|e| ModelError::file(shown.clone(), format!("cannot be read ({e})"), "check the path"))?;
         parse(&bytes, &shown)
     }
-
-    fn payload(&self) -> Vec<u8> {
-        encoded(&(&self.description, self.hulls.surfaces(), self.soft.noslip, Added::of(self), ForceModels::of(self)))
-    }
 }
 
 /// Writes a file atomically: a reader sees the old file or the new one.
@@ -173,6 +157,17 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     written.inspect_err(|_| {
         let _ = std::fs::remove_file(&partial);
     })
+}
+
+/// Whether a file has no values of a list of elements, or one value for each element.
+fn fits<V, E>(values: &[V], elements: &[E]) -> bool {
+    values.is_empty() || values.len() == elements.len()
+}
+
+/// File with the contents `data`, after the header.
+fn sealed(version: u32, data: &impl Serialize) -> Vec<u8> {
+    let payload = encoded(data);
+    [&MAGIC[..], &version.to_le_bytes(), &Sha256::digest(&payload), &payload].concat()
 }
 
 fn encoded(data: &impl Serialize) -> Vec<u8> {
@@ -211,7 +206,9 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
         _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels)>(payload),
     };
     match read {
-        Ok(((mut model, surfaces, noslip, added, forces), [])) if added.fits(&model) && forces.fits(&model) => {
+        Ok(((mut model, surfaces, noslip, added, forces), []))
+            if fits(&added.velocity_limits, &model.joints) && fits(&forces.0, &model.actuators) =>
+        {
             added.write_to(&mut model);
             forces.write_to(&mut model);
             model.soft.noslip = noslip;
@@ -245,9 +242,7 @@ mod tests {
     #[test]
     fn a_file_of_the_version_before_is_read_without_noslip_sweeps() {
         let mut model = rich_model();
-        let payload = encoded(&(&model.description, model.hulls.surfaces()));
-        let digest: [u8; 32] = Sha256::digest(&payload).into();
-        let old = [&MAGIC[..], &WITHOUT_NOSLIP.to_le_bytes(), &digest, &payload].concat();
+        let old = sealed(WITHOUT_NOSLIP, &(&model.description, model.hulls.surfaces()));
         assert_eq!(Model::from_bytes(&old).unwrap(), model);
         let before = model.digest();
         model.description.soft.noslip = NoSlip { iterations: 7, tolerance: 1e-9 };
@@ -259,9 +254,7 @@ mod tests {
     #[test]
     fn added_fields_are_kept_and_older_files_have_none() {
         let mut model = rich_model();
-        let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip));
-        let digest: [u8; 32] = Sha256::digest(&payload).into();
-        let old = [&MAGIC[..], &WITHOUT_ADDED.to_le_bytes(), &digest, &payload].concat();
+        let old = sealed(WITHOUT_ADDED, &(&model.description, model.hulls.surfaces(), model.soft.noslip));
         assert_eq!(Model::from_bytes(&old).unwrap(), model);
         let before = model.digest();
         model.description.joints[1].velocity_limit = Some(3.0);
@@ -275,9 +268,7 @@ mod tests {
     #[test]
     fn force_models_are_kept_and_older_files_have_those_of_the_parameters() {
         let mut model = rich_model();
-        let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model)));
-        let digest: [u8; 32] = Sha256::digest(&payload).into();
-        let old = [&MAGIC[..], &WITHOUT_FORCE_MODELS.to_le_bytes(), &digest, &payload].concat();
+        let old = sealed(WITHOUT_FORCE_MODELS, &(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model)));
         assert_eq!(Model::from_bytes(&old).unwrap(), model);
         let before = model.digest();
         model.description.actuators[1].force_model.gain = GainType::Affine;
@@ -286,9 +277,7 @@ mod tests {
         model.description.actuators[1].force_model.disabled = true;
         assert_ne!(model.digest(), before);
         let few = ForceModels(vec![ForceModel::default()]);
-        let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model), few));
-        let digest: [u8; 32] = Sha256::digest(&payload).into();
-        let misfit = [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat();
+        let misfit = sealed(FORMAT_VERSION, &(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model), few));
         assert!(Model::from_bytes(&misfit).unwrap_err().to_string().contains("save the model again"));
     }
 
@@ -296,9 +285,9 @@ mod tests {
     fn added_fields_that_do_not_fit_are_refused() {
         let model = rich_model();
         let refused = |added: Added| {
-            let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, added, ForceModels::default()));
-            let digest: [u8; 32] = Sha256::digest(&payload).into();
-            Model::from_bytes(&[&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()).unwrap_err().to_string()
+            let file =
+                sealed(FORMAT_VERSION, &(&model.description, model.hulls.surfaces(), model.soft.noslip, added, ForceModels::default()));
+            Model::from_bytes(&file).unwrap_err().to_string()
         };
         assert!(refused(Added { velocity_limits: vec![None], ..Added::default() }).contains("save the model again"));
         let far = vec![Overlap { geoms: [0, 777], depth: 0.1 }];
@@ -356,9 +345,7 @@ mod tests {
     fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);
-        let payload = encoded(&(&model.description, surfaces, model.soft.noslip, Added::of(model), ForceModels::of(model)));
-        let digest: [u8; 32] = Sha256::digest(&payload).into();
-        [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
+        sealed(FORMAT_VERSION, &(&model.description, surfaces, model.soft.noslip, Added::of(model), ForceModels::of(model)))
     }
 
     #[test]

@@ -6,6 +6,9 @@ mod inertia;
 mod scope;
 mod sensors;
 
+pub(crate) use check::parameters as check_parameters;
+pub(crate) use inertia::check as check_inertia;
+
 use crate::hulls::Source;
 use crate::{Description, EqualityKind, JointKind, Model, ModelError, label};
 
@@ -48,16 +51,6 @@ impl Description {
         let hulls = check::values(&self, hulls)?;
         inertia::check(&self)?;
         Ok(Model { description: self, hulls })
-    }
-
-    /// Checks only the fields that may differ between environments. It is for a finished model in which only such fields have changed.
-    pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
-        check::parameters(self)
-    }
-
-    /// Checks that all moving bodies have inertia.
-    pub(super) fn check_inertia(&self) -> Result<(), ModelError> {
-        inertia::check(self)
     }
 
     fn normalise(&mut self) -> Result<(), ModelError> {

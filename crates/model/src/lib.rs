@@ -95,7 +95,7 @@ pub use kernel::Kernel;
 pub use lookup::{JointPlace, SensorPlace};
 pub use mass::MassProperties;
 pub use orientation::Orientation;
-pub use pairs::{Filter, GeomPair, weld_groups};
+pub use pairs::{Filter, weld_groups};
 pub use replace::{Field, REPLACEABLE};
 pub use sensor::{
     ContactField, ContactReduction, ContactSide, FrameReading, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind, Site,

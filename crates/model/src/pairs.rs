@@ -24,32 +24,6 @@ use std::collections::{BTreeMap, HashSet};
 use crate::softness::{ContactSpring, mixing_share};
 use crate::{Description, Geom, Pair, Shape, Softness};
 
-/// Pair of geoms that can collide, with the parameters of its contacts.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GeomPair {
-    /// Indices of the geoms. The simpler shape comes first (plane, height field, sphere, capsule, ellipsoid, cylinder, box, mesh). For
-    /// equal shapes, the lower index comes first.
-    pub geoms: [usize; 2],
-    /// Dimension of a contact: 1, 3, 4 or 6.
-    pub condim: u8,
-    /// Sliding, torsional (m) and rolling (m) friction coefficients.
-    pub friction: [f64; 3],
-    /// Newton's coefficient of restitution, 0 to 1.
-    pub restitution: f64,
-    /// Distance below which a contact pushes, m.
-    pub margin: f64,
-    /// Distance beyond the margin up to which a contact is reported but does not push, m.
-    pub gap: f64,
-    /// Softness in MuJoCo's contact law.
-    pub softness: Softness,
-    /// Time constant and damping ratio of friction, see [`Pair::solref_friction`](crate::Pair::solref_friction).
-    pub solref_friction: [f64; 2],
-    /// Anisotropy of friction, see [`Pair::anisotropy`](crate::Pair::anisotropy).
-    pub anisotropy: [f64; 2],
-    /// Spring and damper of the contacts, which make them compliant.
-    pub spring: ContactSpring,
-}
-
 /// Result of the collision filters for two geoms: either they collide, or one of the filters removes the pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Verdict {
@@ -84,6 +58,8 @@ impl Verdict {
 #[derive(Clone, Debug)]
 pub struct Filter {
     tags: Vec<Tag>,
+    /// Geoms of the model, which have the contact parameters.
+    geoms: Vec<Geom>,
     pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
@@ -107,21 +83,6 @@ struct Tag {
     /// Whether the rigid group has joints.
     moves: bool,
     masks: [u32; 2],
-    surface: Surface,
-}
-
-/// Contact parameters of a geom, which are combined with those of the other geom of a pair.
-#[derive(Clone, Copy, Debug)]
-struct Surface {
-    priority: i32,
-    condim: u8,
-    friction: [f64; 3],
-    restitution: f64,
-    margin: f64,
-    gap: f64,
-    softness: Softness,
-    solmix: f64,
-    spring: ContactSpring,
 }
 
 /// Rigid groups of bodies (MuJoCo's `body_weldid`): for each body, the index of the group's leading body, and whether the body has joints.
@@ -164,17 +125,6 @@ impl Filter {
             parent: group[model.bodies[group[g.body]].parent],
             moves: moves[group[g.body]],
             masks: [g.contype, g.conaffinity],
-            surface: Surface {
-                priority: g.priority,
-                condim: g.condim,
-                friction: g.friction,
-                restitution: g.restitution,
-                margin: g.margin,
-                gap: g.gap,
-                softness: g.softness,
-                solmix: g.solmix,
-                spring: g.spring,
-            },
         };
         let tags = model.geoms.iter().map(tag).collect();
         let bodies = |geoms: [usize; 2]| geoms.map(|g| model.geoms[g].body);
@@ -183,6 +133,7 @@ impl Filter {
         let with_world = overlaps().filter(|&g| bodies(g).contains(&0));
         let mut filter = Self {
             tags,
+            geoms: model.geoms.clone(),
             pairs: model.pairs.clone(),
             explicit: BTreeMap::new(),
             excluded: both_ways(model.excludes.iter().copied()),
@@ -195,18 +146,21 @@ impl Filter {
         filter
     }
 
-    fn is_excluded_overlap(&self, geoms: [usize; 2]) -> bool {
-        self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&geoms.map(|g| self.tags[g].body))
+    /// All pairs of geoms, each in the order of [`Filter::ordered`].
+    fn all(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        let count = self.tags.len();
+        (0..count).flat_map(move |a| (a + 1..count).map(move |b| self.ordered([a, b])))
     }
 
-    /// Sorts two geoms into the order of [`GeomPair::geoms`].
+    /// Two geoms in the order of a [`Pair`] that can collide. The simpler shape comes first (plane, height field, sphere, capsule,
+    /// ellipsoid, cylinder, box, mesh). For equal shapes, the lower index comes first.
     #[inline]
     pub fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
         let key = |g: usize| (self.tags[g].rank, g);
         if key(a) <= key(b) { [a, b] } else { [b, a] }
     }
 
-    /// Result of the filters for two geoms, in the order of [`GeomPair::geoms`]: whether they collide, and if not, the first filter that
+    /// Result of the filters for two geoms, in the order of [`Filter::ordered`]: whether they collide, and if not, the first filter that
     /// removes the pair.
     pub(super) fn verdict(&self, geoms: [usize; 2]) -> Verdict {
         let [a, b] = geoms.map(|g| &self.tags[g]);
@@ -216,7 +170,7 @@ impl Filter {
             Verdict::BothStill
         } else if b.rank <= 1 {
             Verdict::NoShapes
-        } else if self.is_excluded_overlap(geoms) {
+        } else if self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&[a.body, b.body]) {
             Verdict::Overlap
         } else if self.explicit.contains_key(&geoms) {
             Verdict::Explicit
@@ -231,17 +185,12 @@ impl Filter {
         }
     }
 
-    /// Whether two geoms collide as an explicit pair.
-    pub fn is_explicit(&self, geoms: [usize; 2]) -> bool {
-        self.explicit.contains_key(&geoms)
-    }
-
-    /// Index of the explicit pair of two geoms; `None` if they have no explicit pair. The geoms are in the order of [`GeomPair::geoms`].
-    pub(super) fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
+    /// Index of the explicit pair of two geoms; `None` if they have no explicit pair. The geoms are in the order of [`Filter::ordered`].
+    pub fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
         self.explicit.get(&geoms).copied()
     }
 
-    /// Indices of the two geoms of each explicit pair, in the order of [`GeomPair::geoms`].
+    /// Indices of the two geoms of each explicit pair, in the order of [`Filter::ordered`].
     pub fn explicit(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         self.explicit.keys().copied()
     }
@@ -252,24 +201,24 @@ impl Filter {
     /// The geom with the higher priority determines the friction; with equal priorities the larger friction applies.
     #[inline(always)]
     pub fn precedence(&self, geoms: [usize; 2]) -> (Ordering, u8) {
-        precedence(geoms.map(|g| &self.tags[g].surface))
+        precedence(geoms.map(|g| &self.geoms[g]))
     }
 
     /// Whether a contact of two geoms is rigid.
     #[inline(always)]
     pub fn is_rigid(&self, [a, b]: [usize; 2]) -> bool {
-        self.tags[a].surface.spring.is_rigid() && self.tags[b].surface.spring.is_rigid()
+        self.geoms[a].spring.is_rigid() && self.geoms[b].spring.is_rigid()
     }
 
-    /// Contact parameters of two geoms; `None` if the geoms do not collide. The geoms are in the order of [`GeomPair::geoms`].
-    pub fn pair(&self, geoms: [usize; 2]) -> Option<GeomPair> {
+    /// Contact parameters of two geoms; `None` if the geoms do not collide. The geoms are in the order of [`Filter::ordered`].
+    pub fn pair(&self, geoms: [usize; 2]) -> Option<Pair> {
         match self.verdict(geoms) {
-            Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
+            Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.geoms[g]))),
             Verdict::Explicit => {
                 let p = &self.pairs[self.explicit[&geoms]];
                 let &Pair { condim, friction, margin, gap, softness, solref_friction, anisotropy, spring, .. } = p;
-                let restitution = bounce(spring, p.restitution);
-                Some(GeomPair { geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, spring })
+                let (name, restitution) = (String::new(), bounce(spring, p.restitution));
+                Some(Pair { name, geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, spring })
             }
             _ => None,
         }
@@ -283,7 +232,7 @@ fn both_ways(pairs: impl Iterator<Item = [usize; 2]>) -> HashSet<[usize; 2]> {
 /// Comparison of the priorities of two geoms without an explicit pair, and dimension (condim) of their contact (MuJoCo `mj_contactParam`).
 /// The comparison is `Greater` if the first geom has the higher priority. The geom with the higher priority determines the dimension; with
 /// equal priorities the larger dimension applies.
-fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
+fn precedence([a, b]: [&Geom; 2]) -> (Ordering, u8) {
     let order = a.priority.cmp(&b.priority);
     let condim = match order {
         Ordering::Greater => a.condim,
@@ -300,7 +249,7 @@ fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
 
 /// Combines the contact parameters of two geoms without an explicit pair. The geom with the higher priority determines the friction; with
 /// equal priorities each coefficient is the larger of the two.
-fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
+fn mix(geoms: [usize; 2], [a, b]: [&Geom; 2]) -> Pair {
     let (order, condim) = precedence([a, b]);
     let friction = match order {
         Ordering::Greater => a.friction,
@@ -313,26 +262,17 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
         Ordering::Equal => Softness::mix(a.softness, b.softness, mixing_share([a.solmix, b.solmix])),
     };
     let spring = ContactSpring::in_series([a.spring, b.spring]);
-    GeomPair {
-        geoms,
-        condim,
-        friction,
-        restitution: bounce(spring, a.restitution.max(b.restitution)),
-        margin: a.margin + b.margin,
-        gap: a.gap + b.gap,
-        softness,
-        solref_friction: [0.0; 2],
-        anisotropy: [1.0; 2],
-        spring,
-    }
+    let restitution = bounce(spring, a.restitution.max(b.restitution));
+    let (margin, gap, anisotropy) = (a.margin + b.margin, a.gap + b.gap, [1.0; 2]);
+    Pair { geoms, condim, friction, restitution, margin, gap, softness, anisotropy, spring, ..Pair::default() }
 }
 
 impl Description {
     /// Pairs of geoms that can collide, in ascending order of the geom indices. An explicit pair overrides the filters; if two explicit
     /// pairs have the same geoms, the first one applies. Geoms that cannot move relative to each other are never in the list.
-    pub fn collision_pairs(&self) -> Vec<GeomPair> {
+    pub fn collision_pairs(&self) -> Vec<Pair> {
         let filter = Filter::new(self);
-        let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g)).collect();
+        let mut pairs: Vec<Pair> = filter.all().filter_map(|g| filter.pair(g)).collect();
         pairs.sort_by_key(|p| p.geoms);
         pairs
     }
@@ -341,16 +281,10 @@ impl Description {
     pub(super) fn pair_census(&self) -> BTreeMap<Verdict, usize> {
         let filter = Filter::new(self);
         let mut census = BTreeMap::new();
-        for geoms in self.geom_pairs() {
+        for geoms in filter.all() {
             *census.entry(filter.verdict(geoms)).or_insert(0) += 1;
         }
         census
-    }
-
-    /// Iterator over all pairs of geoms, each in the order of [`GeomPair::geoms`].
-    fn geom_pairs(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        let ranked = |a: usize, b: usize| if rank(&self.geoms[a].shape) <= rank(&self.geoms[b].shape) { [a, b] } else { [b, a] };
-        (0..self.geoms.len()).flat_map(move |a| (a + 1..self.geoms.len()).map(move |b| ranked(a, b)))
     }
 }
 

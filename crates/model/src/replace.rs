@@ -3,10 +3,104 @@
 use crate::actuator_fields::{self, GEAR, PARAMETERS};
 use crate::hulls::Source;
 use crate::replaced_geom_fields::ReplacedGeomFields;
-use crate::{Body, Description, Equality, Geom, Joint, Model, ModelError, Pair, Shape, Tendon};
+use crate::{Description, Geom, Model, ModelError, Shape};
 
 /// Function that calls a visitor for every value of a field, in order. The visitor may change the value.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
+
+/// Number or numbers of a description as values that a visitor may change.
+trait Visited {
+    /// Calls `f` for each value, in order.
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64));
+}
+
+impl Visited for f64 {
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        f(self);
+    }
+}
+
+impl Visited for [f64] {
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        self.iter_mut().for_each(f);
+    }
+}
+
+/// Range, whose values are its ends. A missing range has the ends -inf and inf.
+impl Visited for Option<[f64; 2]> {
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        const NONE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+        let mut ends = self.unwrap_or(NONE);
+        ends.visit(f);
+        *self = (ends != NONE).then_some(ends);
+    }
+}
+
+/// Limit. A missing limit is infinity.
+impl Visited for Option<f64> {
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        let mut value = self.unwrap_or(f64::INFINITY);
+        f(&mut value);
+        *self = (value != f64::INFINITY).then_some(value);
+    }
+}
+
+/// Flag as the number 0 or 1. Any new value other than 0 sets the flag.
+impl Visited for bool {
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        let mut value = f64::from(u8::from(*self));
+        f(&mut value);
+        *self = value != 0.0;
+    }
+}
+
+/// Integer. A new value is clamped to the range of the integer type.
+impl Visited for u8 {
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        let mut value = f64::from(*self);
+        f(&mut value);
+        *self = value as Self;
+    }
+}
+
+/// Integer. A new value is clamped to the range of the integer type.
+impl Visited for u32 {
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        let mut value = f64::from(*self);
+        f(&mut value);
+        *self = value as Self;
+    }
+}
+
+/// Visit of one field of the description, such as `only!(medium.wind)`.
+macro_rules! only {
+    ($($field:ident).+) => {
+        |m, f| m.$($field).+.visit(f)
+    };
+}
+
+/// Visit of one field of each element in a list of the description, such as `each!(geoms, softness.solref)`.
+macro_rules! each {
+    ($list:ident, $($field:ident).+) => {
+        |m, f| m.$list.iter_mut().for_each(|element| element.$($field).+.visit(f))
+    };
+}
+
+/// Visit of one field of each joint, once for each degree of freedom of the joint. The degrees of freedom share the field, so that the
+/// values that the visitor writes last remain.
+macro_rules! each_dof {
+    ($($field:ident).+) => {
+        |m, f| {
+            for joint in &mut m.joints {
+                let now = joint.$($field).+;
+                for _ in 0..joint.kind.nv() {
+                    joint.$($field).+ = now;
+                    joint.$($field).+.visit(f);
+                }
+            }
+        }
+    };
+}
 
 /// Field of a model: a named array of values, which can be read and replaced.
 #[derive(Clone, Copy, Debug)]
@@ -32,270 +126,129 @@ const fn rows(name: &'static str, width: usize, what: &'static str, unit: &'stat
 
 /// Table of all fields that [`Model::replace`] writes and [`Model::field`] reads.
 pub const REPLACEABLE: &[Field] = &[
-    rows("gravity", 1, "gravitational acceleration", "m/s^2", |m, f| m.gravity.iter_mut().for_each(f)),
-    scalar("timestep", "default time step", "s", |m, f| f(&mut m.timestep)),
-    rows("qpos0", 1, "configuration at reset", "m or rad", |m, f| m.qpos0.iter_mut().for_each(f)),
-    rows("qpos_spring", 1, "configuration in which springs rest", "m or rad", |m, f| m.qpos_spring.iter_mut().for_each(f)),
-    scalar("density", "density of the medium", "kg/m^3", |m, f| f(&mut m.medium.density)),
-    scalar("viscosity", "viscosity of the medium", "Pa s", |m, f| f(&mut m.medium.viscosity)),
-    rows("wind", 1, "velocity of the medium", "m/s", |m, f| m.medium.wind.iter_mut().for_each(f)),
-    rows("body_gravcomp", 1, "share of its weight that is held up", "", |m, f| m.bodies.iter_mut().for_each(|b| f(&mut b.gravcomp))),
-    rows("geom_surfacevel", 6, "velocity of the surface", "m/s and rad/s", |m, f| each_geom(m, f, |g| &mut g.surface_velocity)),
-    rows("body_mass", 1, "mass", "kg", |m, f| each_body(m, f, |b| std::slice::from_mut(&mut b.mass))),
-    rows("body_inertia", 3, "principal moments of inertia", "kg m^2", |m, f| each_body(m, f, |b| &mut b.inertia)),
-    rows("body_ipos", 3, "centre of mass in the body's frame", "m", |m, f| each_body(m, f, |b| &mut b.ipos)),
-    rows("body_iquat", 4, "orientation of the principal axes", "", |m, f| each_body(m, f, |b| &mut b.iquat)),
-    rows("body_pos", 3, "position in the parent's frame", "m", |m, f| each_body(m, f, |b| &mut b.pos)),
-    rows("body_quat", 4, "orientation in the parent's frame", "", |m, f| each_body(m, f, |b| &mut b.quat)),
-    rows("geom_friction", 3, "sliding (1), torsional (m), rolling (m) friction", "1, m, m", |m, f| each_geom(m, f, |g| &mut g.friction)),
-    rows("geom_restitution", 1, "coefficient of restitution", "", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.restitution))),
-    rows("geom_margin", 1, "distance at which a contact pushes", "m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.margin))),
-    rows("geom_gap", 1, "distance beyond the margin that is reported", "m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.gap))),
-    rows("geom_solref", 2, "reference acceleration of contacts by MuJoCo's law", "", |m, f| each_geom(m, f, |g| &mut g.softness.solref)),
-    rows("geom_solimp", 5, "impedance of contacts by MuJoCo's law", "", |m, f| each_geom(m, f, |g| &mut g.softness.solimp)),
-    rows("geom_solmix", 1, "weight of a geom's softness in a pair", "", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.solmix))),
-    rows("geom_stiffness", 1, "stiffness of the surface; infinity is rigid", "N/m", |m, f| {
-        each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.stiffness))
-    }),
-    rows("geom_damping", 1, "damping of the surface", "N s/m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.damping))),
-    rows("pair_dim", 1, "rows of an explicit pair's contacts", "", |m, f| m.pairs.iter_mut().for_each(|p| whole(&mut p.condim, f))),
-    rows("pair_friction", 3, "sliding (1), torsional (m), rolling (m) friction of an explicit pair", "1, m, m", |m, f| {
-        each_pair(m, f, |p| &mut p.friction)
-    }),
+    rows("gravity", 1, "gravitational acceleration", "m/s^2", only!(gravity)),
+    scalar("timestep", "default time step", "s", only!(timestep)),
+    rows("qpos0", 1, "configuration at reset", "m or rad", only!(qpos0)),
+    rows("qpos_spring", 1, "configuration in which springs rest", "m or rad", only!(qpos_spring)),
+    scalar("density", "density of the medium", "kg/m^3", only!(medium.density)),
+    scalar("viscosity", "viscosity of the medium", "Pa s", only!(medium.viscosity)),
+    rows("wind", 1, "velocity of the medium", "m/s", only!(medium.wind)),
+    rows("body_gravcomp", 1, "share of its weight that is held up", "", each!(bodies, gravcomp)),
+    rows("geom_surfacevel", 6, "velocity of the surface", "m/s and rad/s", each!(geoms, surface_velocity)),
+    rows("body_mass", 1, "mass", "kg", each!(bodies, mass)),
+    rows("body_inertia", 3, "principal moments of inertia", "kg m^2", each!(bodies, inertia)),
+    rows("body_ipos", 3, "centre of mass in the body's frame", "m", each!(bodies, ipos)),
+    rows("body_iquat", 4, "orientation of the principal axes", "", each!(bodies, iquat)),
+    rows("body_pos", 3, "position in the parent's frame", "m", each!(bodies, pos)),
+    rows("body_quat", 4, "orientation in the parent's frame", "", each!(bodies, quat)),
+    rows("geom_friction", 3, "sliding (1), torsional (m), rolling (m) friction", "1, m, m", each!(geoms, friction)),
+    rows("geom_restitution", 1, "coefficient of restitution", "", each!(geoms, restitution)),
+    rows("geom_margin", 1, "distance at which a contact pushes", "m", each!(geoms, margin)),
+    rows("geom_gap", 1, "distance beyond the margin that is reported", "m", each!(geoms, gap)),
+    rows("geom_solref", 2, "reference acceleration of contacts by MuJoCo's law", "", each!(geoms, softness.solref)),
+    rows("geom_solimp", 5, "impedance of contacts by MuJoCo's law", "", each!(geoms, softness.solimp)),
+    rows("geom_solmix", 1, "weight of a geom's softness in a pair", "", each!(geoms, solmix)),
+    rows("geom_stiffness", 1, "stiffness of the surface; infinity is rigid", "N/m", each!(geoms, spring.stiffness)),
+    rows("geom_damping", 1, "damping of the surface", "N s/m", each!(geoms, spring.damping)),
+    rows("pair_dim", 1, "rows of an explicit pair's contacts", "", each!(pairs, condim)),
+    rows("pair_friction", 3, "sliding (1), torsional (m), rolling (m) friction of an explicit pair", "1, m, m", each!(pairs, friction)),
     rows(
         "pair_anisotropy",
         2,
         "friction along the second tangent per that along the first, of sliding and rolling, by MuJoCo's law",
         "",
-        |m, f| each_pair(m, f, |p| &mut p.anisotropy),
+        each!(pairs, anisotropy),
     ),
-    rows("pair_restitution", 1, "coefficient of restitution of an explicit pair", "", |m, f| {
-        each_pair(m, f, |p| std::slice::from_mut(&mut p.restitution))
-    }),
-    rows("pair_margin", 1, "distance at which an explicit pair's contact pushes", "m", |m, f| {
-        each_pair(m, f, |p| std::slice::from_mut(&mut p.margin))
-    }),
-    rows("pair_gap", 1, "distance beyond the margin of an explicit pair that is reported", "m", |m, f| {
-        each_pair(m, f, |p| std::slice::from_mut(&mut p.gap))
-    }),
-    rows("pair_solref", 2, "reference acceleration of an explicit pair's contacts by MuJoCo's law", "", |m, f| {
-        each_pair(m, f, |p| &mut p.softness.solref)
-    }),
+    rows("pair_restitution", 1, "coefficient of restitution of an explicit pair", "", each!(pairs, restitution)),
+    rows("pair_margin", 1, "distance at which an explicit pair's contact pushes", "m", each!(pairs, margin)),
+    rows("pair_gap", 1, "distance beyond the margin of an explicit pair that is reported", "m", each!(pairs, gap)),
+    rows("pair_solref", 2, "reference acceleration of an explicit pair's contacts by MuJoCo's law", "", each!(pairs, softness.solref)),
     rows(
         "pair_solreffriction",
         2,
         "stiffness and damping of an explicit pair's friction by MuJoCo's law; zeros where it is that of the normal",
         "",
-        |m, f| each_pair(m, f, |p| &mut p.solref_friction),
+        each!(pairs, solref_friction),
     ),
-    rows("pair_solimp", 5, "impedance of an explicit pair's contacts by MuJoCo's law", "", |m, f| {
-        each_pair(m, f, |p| &mut p.softness.solimp)
-    }),
-    rows("pair_stiffness", 1, "stiffness of an explicit pair's contacts; infinity is rigid", "N/m", |m, f| {
-        each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.stiffness))
-    }),
-    rows("pair_damping", 1, "damping of an explicit pair's contacts", "N s/m", |m, f| {
-        each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.damping))
-    }),
+    rows("pair_solimp", 5, "impedance of an explicit pair's contacts by MuJoCo's law", "", each!(pairs, softness.solimp)),
+    rows("pair_stiffness", 1, "stiffness of an explicit pair's contacts; infinity is rigid", "N/m", each!(pairs, spring.stiffness)),
+    rows("pair_damping", 1, "damping of an explicit pair's contacts", "N s/m", each!(pairs, spring.damping)),
     rows("geom_size", 3, "radius, half length; or half sizes; or semi-axes; 0 where the shape has no number", "m", |m, f| {
-        m.geoms.iter_mut().for_each(|g| size(g, f));
+        m.geoms.iter_mut().for_each(|g| size(g, f))
     }),
-    rows("geom_pos", 3, "position in the body's frame", "m", |m, f| each_geom(m, f, |g| &mut g.pos)),
-    rows("geom_quat", 4, "orientation in the body's frame", "", |m, f| each_geom(m, f, |g| &mut g.quat)),
-    rows("geom_condim", 1, "rows of a contact", "", |m, f| m.geoms.iter_mut().for_each(|g| whole(&mut g.condim, f))),
+    rows("geom_pos", 3, "position in the body's frame", "m", each!(geoms, pos)),
+    rows("geom_quat", 4, "orientation in the body's frame", "", each!(geoms, quat)),
+    rows("geom_condim", 1, "rows of a contact", "", each!(geoms, condim)),
     rows("geom_concave", 1, "whether a mesh collides as its triangles (1) or as its convex hull (0)", "", |m, f| {
         m.geoms.iter_mut().for_each(|g| match &mut g.shape {
-            Shape::Mesh { concave, .. } => flag(concave, f),
-            _ => flag(&mut false, f),
+            Shape::Mesh { concave, .. } => concave.visit(f),
+            _ => false.visit(f),
         });
     }),
-    rows("jnt_stiffness", 1, "spring stiffness", "N/m or N m/rad", |m, f| m.joints.iter_mut().for_each(|j| f(&mut j.stiffness))),
-    rows("jnt_range", 2, "lowest and highest position", "m or rad", |m, f| m.joints.iter_mut().for_each(|j| bounds(&mut j.range, f))),
-    rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces", "N or N m", |m, f| {
-        m.joints.iter_mut().for_each(|j| bounds(&mut j.actuator_force_range, f));
-    }),
-    rows("jnt_velocity_limit", 1, "highest speed that the source allows, not enforced; infinity is none", "rad/s or m/s", |m, f| {
-        m.joints.iter_mut().for_each(|j| bound(&mut j.velocity_limit, f));
-    }),
-    rows("jnt_solref", 2, "reference acceleration of limits by MuJoCo's law", "", |m, f| {
-        each_joint(m, f, |j| &mut j.limit_softness.solref)
-    }),
-    rows("jnt_solimp", 5, "impedance of limits by MuJoCo's law", "", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solimp)),
-    rows("dof_damping", 1, "viscous damping", "N s/m or N m s/rad", |m, f| each_dof(m, f, |j| &mut j.damping)),
-    rows("dof_armature", 1, "added inertia", "kg or kg m^2", |m, f| each_dof(m, f, |j| &mut j.armature)),
-    rows("dof_frictionloss", 1, "dry friction", "N or N m", |m, f| each_dof(m, f, |j| &mut j.frictionloss)),
-    rows("dof_solref", 2, "reference acceleration of dry friction by MuJoCo's law", "", |m, f| {
-        each_dofs(m, f, |j| &mut j.friction_softness.solref)
-    }),
-    rows("dof_solimp", 5, "impedance of dry friction by MuJoCo's law", "", |m, f| each_dofs(m, f, |j| &mut j.friction_softness.solimp)),
-    rows("tendon_range", 2, "lowest and highest length", "", |m, f| m.tendons.iter_mut().for_each(|t| bounds(&mut t.range, f))),
-    rows("tendon_stiffness", 1, "spring stiffness", "", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.stiffness))),
-    rows("tendon_lengthspring", 2, "lengths between which the spring is slack", "", |m, f| each_tendon(m, f, |t| &mut t.spring_length)),
-    rows("tendon_damping", 1, "viscous damping", "", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.damping))),
-    rows("tendon_armature", 1, "added inertia", "", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.armature))),
-    rows("tendon_frictionloss", 1, "dry friction", "N", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.frictionloss))),
-    rows("eq_active0", 1, "1 for an equality that acts, else 0", "", |m, f| m.equalities.iter_mut().for_each(|e| flag(&mut e.active, f))),
+    rows("jnt_stiffness", 1, "spring stiffness", "N/m or N m/rad", each!(joints, stiffness)),
+    rows("jnt_range", 2, "lowest and highest position", "m or rad", each!(joints, range)),
+    rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces", "N or N m", each!(joints, actuator_force_range)),
+    rows(
+        "jnt_velocity_limit",
+        1,
+        "highest speed that the source allows, not enforced; infinity is none",
+        "rad/s or m/s",
+        each!(joints, velocity_limit),
+    ),
+    rows("jnt_solref", 2, "reference acceleration of limits by MuJoCo's law", "", each!(joints, limit_softness.solref)),
+    rows("jnt_solimp", 5, "impedance of limits by MuJoCo's law", "", each!(joints, limit_softness.solimp)),
+    rows("dof_damping", 1, "viscous damping", "N s/m or N m s/rad", each_dof!(damping)),
+    rows("dof_armature", 1, "added inertia", "kg or kg m^2", each_dof!(armature)),
+    rows("dof_frictionloss", 1, "dry friction", "N or N m", each_dof!(frictionloss)),
+    rows("dof_solref", 2, "reference acceleration of dry friction by MuJoCo's law", "", each_dof!(friction_softness.solref)),
+    rows("dof_solimp", 5, "impedance of dry friction by MuJoCo's law", "", each_dof!(friction_softness.solimp)),
+    rows("tendon_range", 2, "lowest and highest length", "", each!(tendons, range)),
+    rows("tendon_stiffness", 1, "spring stiffness", "", each!(tendons, stiffness)),
+    rows("tendon_lengthspring", 2, "lengths between which the spring is slack", "", each!(tendons, spring_length)),
+    rows("tendon_damping", 1, "viscous damping", "", each!(tendons, damping)),
+    rows("tendon_armature", 1, "added inertia", "", each!(tendons, armature)),
+    rows("tendon_frictionloss", 1, "dry friction", "N", each!(tendons, frictionloss)),
+    rows("eq_active0", 1, "1 for an equality that acts, else 0", "", each!(equalities, active)),
     rows("eq_data", 11, "anchors, pose and torquescale, or polynomial, as MuJoCo lays them out", "", |m, f| {
-        for equality in &mut m.equalities {
-            let mut data = equality.data();
-            data.iter_mut().for_each(&mut *f);
-            equality.set_data(&data);
-        }
+        m.equalities.iter_mut().for_each(|equality| equality.visit_data(f))
     }),
-    rows("eq_solref", 2, "reference acceleration of equalities by MuJoCo's law", "", |m, f| {
-        each_equality(m, f, |e| &mut e.softness.solref)
-    }),
-    rows("eq_solimp", 5, "impedance of equalities by MuJoCo's law", "", |m, f| each_equality(m, f, |e| &mut e.softness.solimp)),
-    rows("eq_stiffness", 1, "infinity for a hard equality, else a spring's", "", |m, f| {
-        m.equalities.iter_mut().for_each(|e| f(&mut e.stiffness))
-    }),
-    rows("eq_damping", 1, "damping beside the spring of a soft equality", "", |m, f| {
-        m.equalities.iter_mut().for_each(|e| f(&mut e.damping))
-    }),
-    scalar("impratio", "ratio of the impedance of friction to that of normal forces by MuJoCo's law", "", |m, f| f(&mut m.soft.impratio)),
-    scalar("noslip_iterations", "sweeps at the most that take the slip out of friction by MuJoCo's law", "", |m, f| {
-        whole(&mut m.soft.noslip.iterations, f);
-    }),
-    scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", "", |m, f| f(&mut m.soft.noslip.tolerance)),
+    rows("eq_solref", 2, "reference acceleration of equalities by MuJoCo's law", "", each!(equalities, softness.solref)),
+    rows("eq_solimp", 5, "impedance of equalities by MuJoCo's law", "", each!(equalities, softness.solimp)),
+    rows("eq_stiffness", 1, "infinity for a hard equality, else a spring's", "", each!(equalities, stiffness)),
+    rows("eq_damping", 1, "damping beside the spring of a soft equality", "", each!(equalities, damping)),
+    scalar("impratio", "ratio of the impedance of friction to that of normal forces by MuJoCo's law", "", only!(soft.impratio)),
+    scalar("noslip_iterations", "sweeps at the most that take the slip out of friction by MuJoCo's law", "", only!(soft.noslip.iterations)),
+    scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", "", only!(soft.noslip.tolerance)),
     rows("actuator_gear", GEAR, "scale of length, velocity and force, in column 0; force and torque on a site", "", actuator_fields::gear),
-    rows(
-        "actuator_gainprm",
-        PARAMETERS,
-        "parameters of the gain: constant, per length, per velocity; others are 0",
-        "",
-        actuator_fields::gain,
-    ),
-    rows(
-        "actuator_biasprm",
-        PARAMETERS,
-        "parameters of the bias: constant, per length, per velocity; others are 0",
-        "",
-        actuator_fields::bias,
-    ),
-    rows("actuator_ctrlrange", 2, "bounds of the control", "", |m, f| m.actuators.iter_mut().for_each(|a| bounds(&mut a.ctrl_range, f))),
-    rows("actuator_forcerange", 2, "bounds of the force", "N or N m", |m, f| {
-        m.actuators.iter_mut().for_each(|a| bounds(&mut a.force_range, f));
+    rows("actuator_gainprm", PARAMETERS, "parameters of the gain: constant, per length, per velocity; others are 0", "", |m, f| {
+        actuator_fields::parameters(m, f, |a| &mut a.gain[..a.force_model.gain.width()])
     }),
+    rows("actuator_biasprm", PARAMETERS, "parameters of the bias: constant, per length, per velocity; others are 0", "", |m, f| {
+        actuator_fields::parameters(m, f, |a| &mut a.bias[..a.force_model.bias.width()])
+    }),
+    rows("actuator_ctrlrange", 2, "bounds of the control", "", each!(actuators, ctrl_range)),
+    rows("actuator_forcerange", 2, "bounds of the force", "N or N m", each!(actuators, force_range)),
 ];
 
 /// Fields that change the inverse weights of MuJoCo's contact law, which must then be recomputed.
 const MOVES_WEIGHTS: [&str; 8] = ["qpos0", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "dof_armature"];
 
-fn each_body(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) -> &mut [f64]) {
-    model.bodies.iter_mut().flat_map(get).for_each(f);
-}
-
-fn each_geom(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Geom) -> &mut [f64]) {
-    model.geoms.iter_mut().flat_map(get).for_each(f);
-}
-
-fn each_pair(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Pair) -> &mut [f64]) {
-    model.pairs.iter_mut().flat_map(get).for_each(f);
-}
-
-fn each_joint(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
-    model.joints.iter_mut().flat_map(get).for_each(f);
-}
-
-fn each_equality(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Equality) -> &mut [f64]) {
-    model.equalities.iter_mut().flat_map(get).for_each(f);
-}
-
-fn each_tendon(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Tendon) -> &mut [f64]) {
-    model.tendons.iter_mut().flat_map(get).for_each(f);
-}
-
-/// Calls `f` for the values that `get` returns for each joint, once for each degree of freedom of the joint. The degrees of freedom share
-/// these values, so that the values that `f` writes last remain.
-fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
-    for joint in &mut model.joints {
-        let now = get(joint).to_vec();
-        for _ in 0..joint.kind.nv() {
-            let mut values = now.clone();
-            values.iter_mut().for_each(&mut *f);
-            get(joint).copy_from_slice(&values);
-        }
-    }
-}
-
-/// Calls `f` for the value that `get` returns for each joint, once for each degree of freedom of the joint. The degrees of freedom share
-/// this value, so that the value that `f` writes last remains.
-fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
-    for joint in &mut model.joints {
-        let now = *get(joint);
-        for _ in 0..joint.kind.nv() {
-            let mut value = now;
-            f(&mut value);
-            *get(joint) = value;
-        }
-    }
-}
-
 /// Calls `f` for each of the three sizes of a geom, which `f` may change. If a size changes, the semi-axes of the geom's fluid model change
 /// too.
 fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
     let before = geom.semi_axes();
-    let [mut none, mut nor] = [0.0; 2];
+    let [mut x, mut y, mut z] = [0.0; 3];
     let numbers: [&mut f64; 3] = match &mut geom.shape {
-        Shape::Sphere { radius } => [radius, &mut none, &mut nor],
-        Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length } => [radius, half_length, &mut none],
+        Shape::Sphere { radius } => [radius, &mut y, &mut z],
+        Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length } => [radius, half_length, &mut z],
         Shape::Ellipsoid { radii: [a, b, c] } | Shape::Box { half: [a, b, c] } => [a, b, c],
-        Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. } => {
-            (0..3).for_each(|_| f(&mut 0.0));
-            return;
-        }
+        Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. } => [&mut x, &mut y, &mut z],
     };
     numbers.into_iter().for_each(f);
     let after = geom.semi_axes();
     if let (Some(medium), Some(axes), true) = (&mut geom.fluid, after, before != after) {
         medium.axes = axes;
     }
-}
-
-/// Calls `f` for the two ends of a range, which `f` may change. A missing range has the ends -inf and inf.
-fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
-    const NONE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-    let mut ends = range.unwrap_or(NONE);
-    ends.iter_mut().for_each(f);
-    *range = (ends != NONE).then_some(ends);
-}
-
-/// Calls `f` for a limit, which `f` may change. A missing limit is infinity.
-fn bound(limit: &mut Option<f64>, f: &mut dyn FnMut(&mut f64)) {
-    let mut value = limit.unwrap_or(f64::INFINITY);
-    f(&mut value);
-    *limit = (value != f64::INFINITY).then_some(value);
-}
-
-/// Calls `f` for an integer, which `f` may change. The new value is clamped to the range of the integer type.
-fn whole<T: Copy + Into<f64> + Saturates>(number: &mut T, f: &mut dyn FnMut(&mut f64)) {
-    let mut value = (*number).into();
-    f(&mut value);
-    *number = T::saturated(value);
-}
-
-/// Conversion of a number to an integer type, clamped to its range.
-trait Saturates {
-    fn saturated(value: f64) -> Self;
-}
-
-impl Saturates for u8 {
-    fn saturated(value: f64) -> Self {
-        value as Self
-    }
-}
-
-impl Saturates for u32 {
-    fn saturated(value: f64) -> Self {
-        value as Self
-    }
-}
-
-/// Calls `f` for a flag as the number 0 or 1, which `f` may change. Any new value other than 0 sets the flag.
-fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
-    let mut value = f64::from(u8::from(*set));
-    f(&mut value);
-    *set = value != 0.0;
 }
 
 impl Field {
@@ -431,26 +384,18 @@ pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> R
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
     let held = field.read_in(model);
     // A zero may change its sign, because nothing depends on it.
-    match (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits()) {
-        Some(k) => Err(actuator_fields::unread(model, field.name, k, values[k]).unwrap_or_else(|| {
-            ModelError::invalid(
-                field.place(),
-                format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]),
-                if field.name == "eq_data" {
-                    "give 0 where the kind of equality has no number"
-                } else if field.name.starts_with("dof_") {
-                    "give all degrees of freedom of a ball or free joint the same value"
-                } else if field.name == "geom_concave" {
-                    "give 0 or 1, and 1 only to meshes"
-                } else if field.name == "geom_size" {
-                    "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius"
-                } else {
-                    "give whole numbers in range"
-                },
-            )
-        })),
-        None => Ok(()),
-    }
+    let wrong = (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits());
+    let Some(k) = wrong else { return Ok(()) };
+    let remedy = match field.name {
+        "eq_data" => "give 0 where the kind of equality has no number",
+        name if name.starts_with("dof_") => "give all degrees of freedom of a ball or free joint the same value",
+        "geom_concave" => "give 0 or 1, and 1 only to meshes",
+        "geom_size" => "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius",
+        _ => "give whole numbers in range",
+    };
+    let what = format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]);
+    let unread = actuator_fields::unread(model, field.name, k, values[k]);
+    Err(unread.unwrap_or_else(|| ModelError::invalid(field.place(), what, remedy)))
 }
 
 #[cfg(test)]

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 /// Shape of a geom, in the axes of the geom's frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Shape {
     /// Half space z <= 0.
+    #[default]
     Plane,
     /// Ball about the origin.
     Sphere {

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::finish::{check_inertia, check_parameters};
 use crate::replace::{find, write};
 use crate::replaced_geom_fields::ReplacedGeomFields;
 use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
@@ -128,9 +129,9 @@ impl<'a> Variants<'a> {
             given.extend(values.map(|values| (field.name, values)));
         }
         self.replaced_fields.check(&given)?;
-        self.model.check_parameters()?;
+        check_parameters(&self.model)?;
         same_structure(self.base, &self.model)?;
-        self.model.check_inertia()?;
+        check_inertia(&self.model)?;
         Ok(&self.model)
     }
 }

@@ -1,21 +1,42 @@
 //! Elements of a model by name or index, with attributes named as in MuJoCo.
 
-mod lookup;
-mod values;
-
-pub(crate) use lookup::Kind;
-
+use numpy::IntoPyArray;
+use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::{PyIndexError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
+use pyo3::types::PyString;
+use stepper_core::Precision;
+use stepper_core::model::{Activation, JointKind, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission};
 
-/// Declares a Python class for each kind of element, such as `Body`, with a read-only attribute for each field. The doc comment of a field
-/// becomes the documentation of the attribute.
+use crate::array::{array, described, read_only};
+use crate::model::Model;
+
+/// Declares each kind of element, such as `Body`. It is a Python class with a read-only attribute for each field. `Model` has a method that
+/// gives an element, and one that gives the names of all. Doc comments of fields and methods become their documentation.
+///
+/// The closure before the fields names the converter of values, the model, the element and its index, and computes what fields share.
 macro_rules! elements {
-    ($($(#[$doc:meta])* $class:ident { $($(#[$what:meta])* $field:ident,)* })*) => {
+    ($(
+        $(#[$doc:meta])*
+        $class:ident, |$v:ident, $model:ident, $element:ident, $i:ident| { $($shared:tt)* } { $($(#[$what:meta])* $field:ident: $value:expr,)* }
+        $(#[$of:meta])*
+        lookup $kind:ident in $list:ident;
+        $(#[$all:meta])*
+        names $names:ident;
+    )*) => {
         $(
             $(#[$doc])*
             #[pyclass(module = "stepper._stepper", frozen, get_all)]
             pub(crate) struct $class {
                 $($(#[$what])* $field: Py<PyAny>,)*
+            }
+
+            impl $class {
+                fn of(py: Python<'_>, $model: &Core, $i: usize) -> PyResult<Self> {
+                    let ($v, $element) = (Values { py }, &$model.$list[$i]);
+                    $($shared)*
+                    Ok(Self { $($field: $value?,)* })
+                }
             }
 
             #[pymethods]
@@ -30,6 +51,43 @@ macro_rules! elements {
             }
         )*
 
+        #[pymethods]
+        impl Model {
+            $(
+                $(#[$of])*
+                fn $kind(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<$class> {
+                    $class::of(py, &self.core, Kind::$class.find(&self.core, key)?)
+                }
+
+                $(#[$all])*
+                #[getter]
+                fn $names(&self) -> Vec<&str> {
+                    Kind::$class.names(&self.core)
+                }
+            )*
+        }
+
+        /// Kinds of elements that have names.
+        #[derive(Clone, Copy)]
+        pub(crate) enum Kind {
+            $($class,)*
+        }
+
+        impl Kind {
+            const fn word(self) -> &'static str {
+                match self {
+                    $(Self::$class => stringify!($kind),)*
+                }
+            }
+
+            /// Names of all elements of this kind, in order. The name of an unnamed element is empty.
+            fn names(self, model: &Core) -> Vec<&str> {
+                match self {
+                    $(Self::$class => model.$list.iter().map(|element| element.name.as_str()).collect(),)*
+                }
+            }
+        }
+
         /// Adds the classes of elements to the Python module.
         pub(crate) fn add_classes(module: &Bound<'_, PyModule>) -> PyResult<()> {
             $(module.add_class::<$class>()?;)*
@@ -40,241 +98,416 @@ macro_rules! elements {
 
 elements! {
     /// Body of a model.
-    Body {
+    Body, |v, model, body, i| {
+        let (jntadr, jntnum) = span(model.joints.iter().map(|j| j.body == i));
+        let (geomadr, geomnum) = span(model.geoms.iter().map(|g| g.body == i));
+        let own = usize::try_from(jntadr).map_or(0..0, |first| first..first + jntnum);
+        let mocapid = if body.mocap { model.bodies[..i].iter().filter(|b| b.mocap).count() as i64 } else { -1 };
+    } {
         /// Index of the body; 0 is the world.
-        id,
+        id: v.of(i),
         /// Name of the body; may be empty.
-        name,
+        name: v.of(&body.name),
         /// Index of the parent body; 0 for the world.
-        parentid,
+        parentid: v.of(body.parent),
         /// Mass of the body, kg.
-        mass,
+        mass: v.of(body.mass),
         /// Principal moments of inertia, kg m^2: (3,).
-        inertia,
+        inertia: v.row(&body.inertia, "body_inertia"),
         /// Position of the body in the parent's frame, m: (3,).
-        pos,
+        pos: v.row(&body.pos, "body_pos"),
         /// Orientation of the body in the parent's frame, quaternion (w, x, y, z): (4,).
-        quat,
+        quat: v.row(&body.quat, "body_quat"),
         /// Centre of mass in the body's frame, m: (3,).
-        ipos,
+        ipos: v.row(&body.ipos, "body_ipos"),
         /// Orientation of the principal axes in the body's frame, quaternion (w, x, y, z): (4,).
-        iquat,
+        iquat: v.row(&body.iquat, "body_iquat"),
         /// Row in `mocap_pos` and `mocap_quat`; -1 for bodies that are not mocap bodies.
-        mocapid,
+        mocapid: v.of(mocapid),
         /// Index of the body's first joint; -1 for a body without joints.
-        jntadr,
+        jntadr: v.of(jntadr),
         /// Number of the body's joints.
-        jntnum,
+        jntnum: v.of(jntnum),
         /// Address of the body's first degree of freedom in qvel; -1 for a body without degrees of freedom.
-        dofadr,
+        dofadr: v.of(own.clone().next().map_or(-1, |j| model.joint_addresses()[j].1 as i64)),
         /// Number of the body's degrees of freedom.
-        dofnum,
+        dofnum: v.of(own.map(|j| model.joints[j].kind.nv()).sum::<usize>()),
         /// Index of the body's first geom; -1 for a body without geoms.
-        geomadr,
+        geomadr: v.of(geomadr),
         /// Number of the body's geoms.
-        geomnum,
+        geomnum: v.of(geomnum),
     }
+    /// Body by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no body of that name; the message has similar names.
+    ///     IndexError: The model has no body of that index.
+    lookup body in bodies;
+    /// Names of the bodies in order. The name of an unnamed body is empty.
+    names body_names;
 
     /// Joint of a model.
-    Joint {
+    Joint, |v, model, joint, i| {
+        let (qposadr, dofadr) = model.joint_addresses()[i];
+        let kind = match joint.kind {
+            JointKind::Free => "free",
+            JointKind::Ball => "ball",
+            JointKind::Slide => "slide",
+            JointKind::Hinge => "hinge",
+        };
+    } {
         /// Index of the joint.
-        id,
+        id: v.of(i),
         /// Name of the joint; may be empty.
-        name,
+        name: v.of(&joint.name),
         /// Type: "free", "ball", "slide" or "hinge".
-        r#type,
+        r#type: v.of(kind),
         /// Index of the body that the joint moves.
-        bodyid,
+        bodyid: v.of(joint.body),
         /// Address of the joint's first coordinate in qpos.
-        qposadr,
+        qposadr: v.of(qposadr),
         /// Address of the joint's first degree of freedom in qvel.
-        dofadr,
+        dofadr: v.of(dofadr),
         /// Number of the joint's coordinates in qpos.
-        nq,
+        nq: v.of(joint.kind.nq()),
         /// Number of the joint's degrees of freedom in qvel.
-        nv,
+        nv: v.of(joint.kind.nv()),
         /// Whether the joint position has bounds.
-        limited,
+        limited: v.of(joint.range.is_some()),
         /// Lowest and highest joint position, m or rad: (2,). A missing bound is infinite.
-        range,
+        range: v.bounds(joint.range, "jnt_range"),
         /// Anchor of the joint in the body's frame, m: (3,).
-        pos,
+        pos: v.row(&joint.pos, "jnt_pos"),
         /// Unit axis of a slide or hinge in the body's frame: (3,).
-        axis,
+        axis: v.row(&joint.axis, "jnt_axis"),
         /// Stiffness of the joint spring, N/m or N m/rad.
-        stiffness,
+        stiffness: v.of(joint.stiffness),
         /// Viscous damping of the joint, N s/m or N m s/rad.
-        damping,
+        damping: v.of(joint.damping),
         /// Armature of the joint (added inertia), kg or kg m^2.
-        armature,
+        armature: v.of(joint.armature),
         /// Dry friction of the joint (frictionloss), N or N m.
-        frictionloss,
+        frictionloss: v.of(joint.frictionloss),
         /// Speed limit of the joint in the source, rad/s or m/s; infinite if the source has no limit. The simulation does not enforce it.
-        velocity_limit,
+        velocity_limit: v.of(joint.velocity_limit.unwrap_or(f64::INFINITY)),
     }
+    /// Joint by name or index (negative from the end): `model.joint("hip").qposadr`.
+    ///
+    /// Raises:
+    ///     KeyError: The model has no joint of that name; the message has similar names.
+    ///     IndexError: The model has no joint of that index.
+    lookup joint in joints;
+    /// Names of the joints in order. The name of an unnamed joint is empty.
+    names joint_names;
 
     /// Geom of a model.
-    Geom {
+    Geom, |v, model, geom, i| {
+        let sizes = model.field("geom_size").expect("a field of every model").1;
+    } {
         /// Index of the geom.
-        id,
+        id: v.of(i),
         /// Name of the geom; may be empty.
-        name,
+        name: v.of(&geom.name),
         /// Index of the body to which the geom belongs.
-        bodyid,
+        bodyid: v.of(geom.body),
         /// Type: "plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield".
-        r#type,
+        r#type: v.of(if let Shape::HeightField { .. } = geom.shape { "hfield" } else { geom.shape.name() }),
         /// Sizes of the geom, m: (3,). They are radius and half length, half sizes, or semi-axes; unused entries are 0.
-        size,
+        size: v.row(&sizes[3 * i..3 * i + 3], "geom_size"),
         /// Position of the geom in the body's frame, m: (3,).
-        pos,
+        pos: v.row(&geom.pos, "geom_pos"),
         /// Orientation of the geom in the body's frame, quaternion (w, x, y, z): (4,).
-        quat,
+        quat: v.row(&geom.quat, "geom_quat"),
         /// Bit mask: two geoms may collide if the contype of one has a common bit with the conaffinity of the other.
-        contype,
+        contype: v.of(geom.contype),
         /// Bit mask: this geom may collide with geoms whose contype has a common bit with it.
-        conaffinity,
+        conaffinity: v.of(geom.conaffinity),
         /// Dimension of the geom's contacts: 1, 3, 4 or 6, as in MuJoCo.
-        condim,
+        condim: v.of(geom.condim),
         /// Priority of the geom: a contact uses the friction and condim of its geom with the higher priority.
-        priority,
+        priority: v.of(geom.priority),
         /// Sliding (1), torsional (m) and rolling (m) friction of the geom: (3,).
-        friction,
+        friction: v.row(&geom.friction, "geom_friction"),
         /// Newton's coefficient of restitution, 0 to 1.
-        restitution,
+        restitution: v.of(geom.restitution),
         /// Distance from the geom at which a contact begins to push, m.
-        margin,
+        margin: v.of(geom.margin),
         /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
-        gap,
+        gap: v.of(geom.gap),
     }
+    /// Geom by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no geom of that name; the message has similar names.
+    ///     IndexError: The model has no geom of that index.
+    lookup geom in geoms;
+    /// Names of the geoms in order. The name of an unnamed geom is empty.
+    names geom_names;
 
     /// Explicit pair of geoms of a model. The geoms collide independent of filters, with the parameters of the pair.
-    Pair {
+    Pair, |v, model, pair, i| {
+    } {
         /// Index of the pair.
-        id,
+        id: v.of(i),
         /// Name of the pair; may be empty.
-        name,
+        name: v.of(&pair.name),
         /// Index of the first geom.
-        geom1,
+        geom1: v.of(pair.geoms[0]),
         /// Index of the second geom.
-        geom2,
+        geom2: v.of(pair.geoms[1]),
         /// Dimension of the pair's contacts: 1, 3, 4 or 6, as in MuJoCo.
-        dim,
+        dim: v.of(pair.condim),
         /// Sliding (1), torsional (m) and rolling (m) friction of the pair: (3,).
-        friction,
+        friction: v.row(&pair.friction, "pair_friction"),
         /// Newton's coefficient of restitution, 0 to 1.
-        restitution,
+        restitution: v.of(pair.restitution),
         /// Distance between the geoms at which a contact begins to push, m.
-        margin,
+        margin: v.of(pair.margin),
         /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
-        gap,
+        gap: v.of(pair.gap),
     }
+    /// Explicit pair of geoms by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no pair of that name; the message has similar names.
+    ///     IndexError: The model has no pair of that index.
+    lookup pair in pairs;
+    /// Names of the explicit pairs of geoms in order. The name of an unnamed pair is empty.
+    names pair_names;
 
     /// Site of a model.
-    Site {
+    Site, |v, model, site, i| {
+    } {
         /// Index of the site.
-        id,
+        id: v.of(i),
         /// Name of the site; may be empty.
-        name,
+        name: v.of(&site.name),
         /// Index of the body to which the site belongs.
-        bodyid,
+        bodyid: v.of(site.body),
         /// Type: "sphere", "capsule", "cylinder", "ellipsoid" or "box".
-        r#type,
+        r#type: v.of(site.shape.name()),
         /// Position of the site in the body's frame, m: (3,).
-        pos,
+        pos: v.row(&site.pos, "site_pos"),
         /// Orientation of the site in the body's frame, quaternion (w, x, y, z): (4,).
-        quat,
+        quat: v.row(&site.quat, "site_quat"),
     }
+    /// Site by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no site of that name; the message has similar names.
+    ///     IndexError: The model has no site of that index.
+    lookup site in sites;
+    /// Names of the sites in order. The name of an unnamed site is empty.
+    names site_names;
 
     /// Actuator of a model.
-    Actuator {
+    Actuator, |v, model, actuator, i| {
+        let (trntype, trnid) = match actuator.transmission {
+            Transmission::Joint(j) => ("joint", j),
+            Transmission::Tendon(t) => ("tendon", t),
+            Transmission::Site { site, .. } => ("site", site),
+        };
+        let has_activation = |a: &stepper_core::model::Actuator| a.activation != Activation::None;
+        let before = model.actuators[..i].iter().filter(|a| has_activation(a)).count() as i64;
+    } {
         /// Index of the actuator, and of its control in ctrl.
-        id,
+        id: v.of(i),
         /// Name of the actuator; may be empty.
-        name,
+        name: v.of(&actuator.name),
         /// Kind of element on which the actuator acts: "joint", "tendon" or "site".
-        trntype,
+        trntype: v.of(trntype),
         /// Index of the joint, tendon or site on which the actuator acts.
-        trnid,
+        trnid: v.of(trnid),
         /// Address of the actuator's activation in act; -1 if the actuator has no activation.
-        actadr,
+        actadr: v.of(if has_activation(actuator) { before } else { -1 }),
         /// Lowest and highest control: (2,). A missing bound is infinite.
-        ctrlrange,
+        ctrlrange: v.bounds(actuator.ctrl_range, "actuator_ctrlrange"),
         /// Lowest and highest force, N or N m: (2,). A missing bound is infinite.
-        forcerange,
+        forcerange: v.bounds(actuator.force_range, "actuator_forcerange"),
         /// Lowest and highest activation: (2,). A missing bound is infinite.
-        actrange,
+        actrange: v.bounds(actuator.act_range, "actuator_actrange"),
         /// Gear: (6,). For a joint or tendon, entry 0 scales length, velocity and force. For a site, the entries are force and torque per
         /// unit of actuator force.
-        gear,
+        gear: v.row(&actuator.gear_row(), "actuator_gear"),
         /// Type of the gain: "fixed", "affine", "dcmotor" or "pid".
-        gaintype,
+        gaintype: v.of(actuator.force_model.gain.word()),
         /// Parameters of the gain: (10,). For the types "fixed" and "affine" they begin with constant, factor of length and factor of
         /// velocity. Unused entries are 0.
-        gainprm,
+        gainprm: v.row(&actuator.gain_row(), "actuator_gainprm"),
         /// Type of the bias: "none", "affine" or "dcmotor".
-        biastype,
+        biastype: v.of(actuator.force_model.bias.word()),
         /// Parameters of the bias: (10,). For the type "affine" they begin with constant, factor of length and factor of velocity. Unused
         /// entries are 0.
-        biasprm,
+        biasprm: v.row(&actuator.bias_row(), "actuator_biasprm"),
     }
+    /// Actuator by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no actuator of that name; the message has similar names.
+    ///     IndexError: The model has no actuator of that index.
+    lookup actuator in actuators;
+    /// Names of the actuators in order. The name of an unnamed actuator is empty.
+    names actuator_names;
 
     /// Sensor of a model.
-    Sensor {
+    Sensor, |v, model, sensor, i| {
+    } {
         /// Index of the sensor.
-        id,
+        id: v.of(i),
         /// Name of the sensor; may be empty.
-        name,
+        name: v.of(&sensor.name),
         /// Type of the sensor as in MJCF, such as "gyro".
-        r#type,
+        r#type: v.of(sensor.word()),
         /// Address of the sensor's first reading in sensordata.
-        adr,
+        adr: v.of(model.sensor_addresses()[i]),
         /// Number of readings of the sensor.
-        dim,
+        dim: v.of(sensor.dim(&model.sensors)),
         /// Standard deviation of the sensor noise in the source file, `noise` in MJCF.
-        noise,
+        noise: v.of(sensor.noise),
         /// Largest magnitude of a reading in the source file, `cutoff` in MJCF; 0 if readings have no limit.
-        cutoff,
+        cutoff: v.of(sensor.cutoff),
     }
+    /// Sensor by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no sensor of that name; the message has similar names.
+    ///     IndexError: The model has no sensor of that index.
+    lookup sensor in sensors;
+    /// Names of the sensors in order. The name of an unnamed sensor is empty.
+    names sensor_names;
 
     /// Fixed tendon of a model, whose length is a linear combination of joint positions.
-    Tendon {
+    Tendon, |v, model, tendon, i| {
+        let joints: Vec<i64> = tendon.joints.iter().map(|&(j, _)| j as i64).collect();
+        let jntid = read_only(joints.into_pyarray(v.py).into_any(), "tendon_jntid")?;
+        let coefficients: Vec<f64> = tendon.joints.iter().map(|&(_, c)| c).collect();
+    } {
         /// Index of the tendon.
-        id,
+        id: v.of(i),
         /// Name of the tendon; may be empty.
-        name,
+        name: v.of(&tendon.name),
         /// Indices of the joints of the tendon: (n,) int64.
-        jntid,
+        jntid: v.of(jntid),
         /// Coefficients of the joints in the tendon length: (n,).
-        coef,
+        coef: v.row(&coefficients, "tendon_coef"),
         /// Whether the tendon length has bounds.
-        limited,
+        limited: v.of(tendon.range.is_some()),
         /// Lowest and highest tendon length, m or rad: (2,). A missing bound is infinite.
-        range,
+        range: v.bounds(tendon.range, "tendon_range"),
         /// Stiffness of the tendon spring, N per unit of tendon length (m or rad).
-        stiffness,
+        stiffness: v.of(tendon.stiffness),
         /// Viscous damping of the tendon, N s per unit of tendon length (m or rad).
-        damping,
+        damping: v.of(tendon.damping),
         /// Added inertia of the tendon, N s^2 per unit of tendon length (m or rad).
-        armature,
+        armature: v.of(tendon.armature),
         /// Dry friction of the tendon, N.
-        frictionloss,
+        frictionloss: v.of(tendon.frictionloss),
     }
+    /// Fixed tendon by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no tendon of that name; the message has similar names.
+    ///     IndexError: The model has no tendon of that index.
+    lookup tendon in tendons;
+    /// Names of the fixed tendons in order. The name of an unnamed tendon is empty.
+    names tendon_names;
 
     /// Keyframe of a model: a named state for `Stepper.reset(keyframe=)`.
-    Keyframe {
+    Keyframe, |v, model, key, i| {
+    } {
         /// Index of the keyframe.
-        id,
+        id: v.of(i),
         /// Name of the keyframe; may be empty.
-        name,
+        name: v.of(&key.name),
         /// Time of the keyframe, s.
-        time,
+        time: v.of(key.time),
         /// Configuration of the keyframe: (nq,).
-        qpos,
+        qpos: v.row(&key.qpos, "key_qpos"),
         /// Velocity of the keyframe: (nv,).
-        qvel,
+        qvel: v.row(&key.qvel, "key_qvel"),
         /// Activations of the keyframe: (na,).
-        act,
+        act: v.row(&key.act, "key_act"),
         /// Controls of the keyframe: (nu,).
-        ctrl,
+        ctrl: v.row(&key.ctrl, "key_ctrl"),
+    }
+    /// Keyframe by name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: The model has no keyframe of that name; the message has similar names.
+    ///     IndexError: The model has no keyframe of that index.
+    lookup keyframe in keyframes;
+    /// Names of the keyframes in order. The name of an unnamed keyframe is empty.
+    names keyframe_names;
+}
+
+impl Model {
+    /// Keyframe from its name or index in a Python argument.
+    pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<CoreKeyframe> {
+        let all = &self.core.keyframes;
+        if all.is_empty() && given.is_instance_of::<PyString>() {
+            let given = given.str().map_or_else(|_| String::new(), |text| text.to_string());
+            return Err(PyKeyError::new_err(format!("no keyframe \"{given}\": this model has none; give reset(qpos=..., qvel=...)")));
+        }
+        match Kind::Keyframe.find(&self.core, given) {
+            Ok(index) => Ok(all[index].clone()),
+            // An index out of range raises the same error as an unknown name.
+            Err(error) if error.is_instance_of::<PyIndexError>(given.py()) => {
+                let known = all.iter().enumerate().map(|(i, k)| if k.name.is_empty() { i.to_string() } else { k.name.clone() });
+                Err(PyKeyError::new_err(format!("no keyframe {given}, there are: {}", known.collect::<Vec<_>>().join(", "))))
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+impl Kind {
+    /// Index of the element of this kind that a name or an index selects. Negative indices count from the end.
+    pub(crate) fn find(self, model: &Core, given: &Bound<'_, PyAny>) -> PyResult<usize> {
+        let (word, names) = (self.word(), self.names(model));
+        if let Ok(name) = given.extract::<String>() {
+            if let Some(index) = names.iter().position(|known| *known == name && !name.is_empty()) {
+                return Ok(index);
+            }
+            let text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, name, names))?.extract()?;
+            return Err(PyKeyError::new_err(text));
+        }
+        let index = given.py().import("operator")?.call_method1("index", (given,));
+        let index = index
+            .map_err(|_| PyTypeError::new_err(format!("{word}, if it is no name, is {}, must be a whole number", described(given))))?;
+        let n = names.len() as isize;
+        let at = index.extract::<isize>().ok().map(|i| if i < 0 { i.saturating_add(n) } else { i });
+        match at {
+            Some(at) if (0..n).contains(&at) => Ok(at as usize),
+            _ => Err(PyIndexError::new_err(format!("{word} is {index}, must be below {n}"))),
+        }
+    }
+}
+
+/// Converter of model values to Python objects.
+#[derive(Clone, Copy)]
+struct Values<'py> {
+    py: Python<'py>,
+}
+
+impl<'py> Values<'py> {
+    fn of(self, value: impl IntoPyObject<'py>) -> PyResult<Py<PyAny>> {
+        value.into_py_any(self.py)
+    }
+
+    /// Read-only NumPy array with the numbers of one element in the model field `field`.
+    fn row(self, numbers: &[f64], field: &str) -> PyResult<Py<PyAny>> {
+        Ok(read_only(array(self.py, &[numbers.len()], numbers.to_vec(), Precision::F64)?, field)?.unbind())
+    }
+
+    fn bounds(self, range: Option<[f64; 2]>, field: &str) -> PyResult<Py<PyAny>> {
+        self.row(&range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]), field)
+    }
+}
+
+/// Index of the first true value of an iterator, and number of true values. If no value is true, the index is -1.
+fn span(mut among: impl Iterator<Item = bool>) -> (i64, usize) {
+    match among.by_ref().position(|is| is) {
+        Some(first) => (first as i64, 1 + among.filter(|&is| is).count()),
+        None => (-1, 0),
     }
 }

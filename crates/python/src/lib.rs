@@ -8,6 +8,7 @@ mod derived_arrays;
 mod device_models;
 mod elements;
 mod error;
+mod getters;
 mod model;
 mod options;
 mod phrases;

@@ -7,17 +7,17 @@ use std::sync::Arc;
 
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyString, PyTuple, PyType};
+use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyTuple, PyType};
 use serde::de::DeserializeOwned;
 use stepper_core::analysis::contact_stiffness::{EquivalentSpring, equivalent_springs};
 use stepper_core::analysis::overlaps;
-use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
+use stepper_core::model::{Description, Field, HeightField, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
 use stepper_core::{Integrator, Options, Parameter, Precision};
 
 use crate::array::{array, assign_attribute, check_shape, check_shape_of, hint, read_only, readonly, unknown_field, whole};
 use crate::configurations;
-use crate::elements::{self, Kind};
 use crate::error::{ModelError, to_py, value_error};
+use crate::getters::getters;
 use crate::phrases::in_python;
 
 /// Immutable model of a scene: bodies, joints, geoms, actuators, sensors.
@@ -121,24 +121,6 @@ impl Model {
     fn named(&self, overlap: &Overlap) -> (String, String, f64) {
         let [a, b] = overlap.geoms.map(|g| self.core.geom_label_with_body(g));
         (a, b, overlap.depth)
-    }
-
-    /// Keyframe from its name or index in a Python argument.
-    pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<Keyframe> {
-        let all = &self.core.keyframes;
-        if all.is_empty() && given.is_instance_of::<PyString>() {
-            let given = given.str().map_or_else(|_| String::new(), |text| text.to_string());
-            return Err(PyKeyError::new_err(format!("no keyframe \"{given}\": this model has none; give reset(qpos=..., qvel=...)")));
-        }
-        match Kind::Keyframe.find(&self.core, given) {
-            Ok(index) => Ok(all[index].clone()),
-            // An index out of range raises the same error as an unknown name.
-            Err(error) if error.is_instance_of::<PyIndexError>(given.py()) => {
-                let known = all.iter().enumerate().map(|(i, k)| if k.name.is_empty() { i.to_string() } else { k.name.clone() });
-                Err(PyKeyError::new_err(format!("no keyframe {given}, there are: {}", known.collect::<Vec<_>>().join(", "))))
-            }
-            Err(error) => Err(error),
-        }
     }
 }
 
@@ -293,87 +275,6 @@ impl Model {
         Ok(table)
     }
 
-    /// Body by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no body of that name; the message has similar names.
-    ///     IndexError: The model has no body of that index.
-    fn body(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Body> {
-        elements::Body::of(py, &self.core, Kind::Body.find(&self.core, key)?)
-    }
-
-    /// Joint by name or index (negative from the end): `model.joint("hip").qposadr`.
-    ///
-    /// Raises:
-    ///     KeyError: The model has no joint of that name; the message has similar names.
-    ///     IndexError: The model has no joint of that index.
-    fn joint(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Joint> {
-        elements::Joint::of(py, &self.core, Kind::Joint.find(&self.core, key)?)
-    }
-
-    /// Geom by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no geom of that name; the message has similar names.
-    ///     IndexError: The model has no geom of that index.
-    fn geom(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Geom> {
-        elements::Geom::of(py, &self.core, Kind::Geom.find(&self.core, key)?)
-    }
-
-    /// Explicit pair of geoms by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no pair of that name; the message has similar names.
-    ///     IndexError: The model has no pair of that index.
-    fn pair(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Pair> {
-        elements::Pair::of(py, &self.core, Kind::Pair.find(&self.core, key)?)
-    }
-
-    /// Site by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no site of that name; the message has similar names.
-    ///     IndexError: The model has no site of that index.
-    fn site(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Site> {
-        elements::Site::of(py, &self.core, Kind::Site.find(&self.core, key)?)
-    }
-
-    /// Actuator by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no actuator of that name; the message has similar names.
-    ///     IndexError: The model has no actuator of that index.
-    fn actuator(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Actuator> {
-        elements::Actuator::of(py, &self.core, Kind::Actuator.find(&self.core, key)?)
-    }
-
-    /// Sensor by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no sensor of that name; the message has similar names.
-    ///     IndexError: The model has no sensor of that index.
-    fn sensor(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Sensor> {
-        elements::Sensor::of(py, &self.core, Kind::Sensor.find(&self.core, key)?)
-    }
-
-    /// Fixed tendon by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no tendon of that name; the message has similar names.
-    ///     IndexError: The model has no tendon of that index.
-    fn tendon(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Tendon> {
-        elements::Tendon::of(py, &self.core, Kind::Tendon.find(&self.core, key)?)
-    }
-
-    /// Keyframe by name or index (negative from the end).
-    ///
-    /// Raises:
-    ///     KeyError: The model has no keyframe of that name; the message has similar names.
-    ///     IndexError: The model has no keyframe of that index.
-    fn keyframe(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Keyframe> {
-        elements::Keyframe::of(py, &self.core, Kind::Keyframe.find(&self.core, key)?)
-    }
-
     /// Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos with dt = 1.
     ///
     /// Args:
@@ -448,141 +349,10 @@ impl Model {
         asked.transpose().map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
-    /// Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
-    /// Each is a line of text.
-    #[getter]
-    fn deviations(&self) -> Vec<String> {
-        self.core.deviations(false).into_iter().map(in_python).collect()
-    }
-
-    /// Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. They have the format of
-    /// `overlaps()`.
-    #[getter]
-    fn excluded_overlaps(&self) -> Vec<(String, String, f64)> {
-        self.core.excluded_overlaps.iter().map(|overlap| self.named(overlap)).collect()
-    }
-
-    /// Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
-    ///
-    /// The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the
-    /// mesh encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface.
-    #[getter]
-    fn wide_hulls(&self) -> Vec<(usize, f64)> {
-        self.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect()
-    }
-
     /// Name of the scene; may be empty.
     #[getter]
     fn name(&self) -> &str {
         &self.core.name
-    }
-
-    /// Number of position coordinates, the length of qpos.
-    #[getter]
-    fn nq(&self) -> usize {
-        self.core.nq()
-    }
-
-    /// Number of degrees of freedom, the length of qvel.
-    #[getter]
-    fn nv(&self) -> usize {
-        self.core.nv()
-    }
-
-    /// Number of controls.
-    #[getter]
-    fn nu(&self) -> usize {
-        self.core.nu()
-    }
-
-    /// Number of actuator activations.
-    #[getter]
-    fn na(&self) -> usize {
-        self.core.na()
-    }
-
-    /// Number of bodies, including the world, which is body 0.
-    #[getter]
-    fn nbody(&self) -> usize {
-        self.core.bodies.len()
-    }
-
-    /// Number of joints.
-    #[getter]
-    fn njnt(&self) -> usize {
-        self.core.joints.len()
-    }
-
-    /// Number of sites.
-    #[getter]
-    fn nsite(&self) -> usize {
-        self.core.sites.len()
-    }
-
-    /// Number of geoms.
-    #[getter]
-    fn ngeom(&self) -> usize {
-        self.core.geoms.len()
-    }
-
-    /// Number of explicit pairs of geoms.
-    #[getter]
-    fn npair(&self) -> usize {
-        self.core.pairs.len()
-    }
-
-    /// Number of readings of all sensors.
-    #[getter]
-    fn nsensordata(&self) -> usize {
-        self.core.nsensordata()
-    }
-
-    /// Names of the bodies in order. The name of an unnamed body is empty.
-    #[getter]
-    fn body_names(&self) -> Vec<&str> {
-        Kind::Body.names(&self.core)
-    }
-
-    /// Names of the joints in order. The name of an unnamed joint is empty.
-    #[getter]
-    fn joint_names(&self) -> Vec<&str> {
-        Kind::Joint.names(&self.core)
-    }
-
-    /// Names of the geoms in order. The name of an unnamed geom is empty.
-    #[getter]
-    fn geom_names(&self) -> Vec<&str> {
-        Kind::Geom.names(&self.core)
-    }
-
-    /// Names of the explicit pairs of geoms in order. The name of an unnamed pair is empty.
-    #[getter]
-    fn pair_names(&self) -> Vec<&str> {
-        Kind::Pair.names(&self.core)
-    }
-
-    /// Names of the actuators in order. The name of an unnamed actuator is empty.
-    #[getter]
-    fn actuator_names(&self) -> Vec<&str> {
-        Kind::Actuator.names(&self.core)
-    }
-
-    /// Names of the sensors in order. The name of an unnamed sensor is empty.
-    #[getter]
-    fn sensor_names(&self) -> Vec<&str> {
-        Kind::Sensor.names(&self.core)
-    }
-
-    /// Names of the sites in order. The name of an unnamed site is empty.
-    #[getter]
-    fn site_names(&self) -> Vec<&str> {
-        Kind::Site.names(&self.core)
-    }
-
-    /// Names of the fixed tendons in order. The name of an unnamed tendon is empty.
-    #[getter]
-    fn tendon_names(&self) -> Vec<&str> {
-        Kind::Tendon.names(&self.core)
     }
 
     /// Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and
@@ -604,22 +374,10 @@ impl Model {
         self.core.sensors.iter().zip(self.core.sensor_addresses()).map(one).collect()
     }
 
-    /// Names of the keyframes in order. The name of an unnamed keyframe is empty.
-    #[getter]
-    fn keyframe_names(&self) -> Vec<&str> {
-        Kind::Keyframe.names(&self.core)
-    }
-
     /// Elements of the source file that this model omits, as tuples (kind of element, name, reason).
     #[getter]
     fn omitted(&self) -> Vec<(&str, &str, &str)> {
         self.core.omitted.iter().map(|o| (o.kind.as_str(), o.name.as_str(), o.reason.as_str())).collect()
-    }
-
-    /// SHA-256 of the model, in hexadecimal.
-    #[getter]
-    fn digest(&self) -> String {
-        self.core.digest().iter().map(|b| format!("{b:02x}")).collect()
     }
 
     fn __eq__(&self, other: &Self) -> bool {
@@ -636,6 +394,46 @@ impl Model {
     }
 
     fn __repr__(&self) -> String {
-        format!("<stepper.Model \"{}\": nq {}, nv {}, nu {}, {} bodies>", self.core.name, self.nq(), self.nv(), self.nu(), self.nbody())
+        let core = &self.core;
+        format!("<stepper.Model \"{}\": nq {}, nv {}, nu {}, {} bodies>", core.name, core.nq(), core.nv(), core.nu(), core.bodies.len())
     }
+}
+
+getters! { Model, |slf, _py| (PyRef<'py, Self>) -> usize;
+    /// Number of position coordinates, the length of qpos.
+    nq: slf.core.nq(),
+    /// Number of degrees of freedom, the length of qvel.
+    nv: slf.core.nv(),
+    /// Number of controls.
+    nu: slf.core.nu(),
+    /// Number of actuator activations.
+    na: slf.core.na(),
+    /// Number of bodies, including the world, which is body 0.
+    nbody: slf.core.bodies.len(),
+    /// Number of joints.
+    njnt: slf.core.joints.len(),
+    /// Number of sites.
+    nsite: slf.core.sites.len(),
+    /// Number of geoms.
+    ngeom: slf.core.geoms.len(),
+    /// Number of explicit pairs of geoms.
+    npair: slf.core.pairs.len(),
+    /// Number of readings of all sensors.
+    nsensordata: slf.core.nsensordata(),
+}
+
+getters! { Model, |slf, _py| (PyRef<'py, Self>);
+    /// Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
+    /// Each is a line of text.
+    deviations -> Vec<String> { slf.core.deviations(false).into_iter().map(in_python).collect() }
+    /// Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. They have the format of
+    /// `overlaps()`.
+    excluded_overlaps -> Vec<(String, String, f64)> { slf.core.excluded_overlaps.iter().map(|overlap| slf.named(overlap)).collect() }
+    /// Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
+    ///
+    /// The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the
+    /// mesh encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface.
+    wide_hulls -> Vec<(usize, f64)> { slf.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect() }
+    /// SHA-256 of the model, in hexadecimal.
+    digest -> String { slf.core.digest().iter().map(|b| format!("{b:02x}")).collect() }
 }

@@ -25,9 +25,11 @@ impl<'py> Given<'_, 'py> {
         value.extract().map_err(|_| Self::wrong(name, &value, "a number"))
     }
 
-    fn word(&self, name: &str) -> PyResult<String> {
+    fn choice<T: Copy>(&self, name: &str, known: &[(&str, T)]) -> PyResult<T> {
         let value = self.value(name)?;
-        value.extract().map_err(|_| Self::wrong(name, &value, "a string"))
+        let word: String = value.extract().map_err(|_| Self::wrong(name, &value, "a string"))?;
+        let found = known.iter().find(|(known, _)| *known == word).map(|(_, choice)| *choice);
+        found.ok_or_else(|| unknown(name, &word, &known.iter().map(|(known, _)| *known).collect::<Vec<_>>().join(", ")))
     }
 
     fn count(&self, name: &str) -> PyResult<u32> {
@@ -44,41 +46,18 @@ impl<'py> Given<'_, 'py> {
 /// Settings of the step for the core, from a `stepper.Options` object.
 pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     let given = Given(given);
-    let solver = match given.word("solver")?.as_str() {
-        "auto" => Solver::Auto,
-        "pgs" => Solver::Pgs,
-        "newton" => Solver::Newton,
-        other => return Err(unknown("solver", other, "auto, pgs, newton")),
-    };
-    let contact = match given.word("contact")?.as_str() {
-        "hard" => ContactLaw::Hard,
-        "mujoco" => ContactLaw::Mujoco,
-        other => return Err(unknown("contact", other, "hard, mujoco")),
-    };
-    let integrator = match given.optional("integrator", Given::word)?.as_deref() {
-        None => None,
-        Some("euler") => Some(Integrator::Euler),
-        Some("midpoint") => Some(Integrator::Midpoint),
-        Some("implicit") => Some(Integrator::Implicit),
-        Some("implicitfast") => Some(Integrator::ImplicitFast),
-        Some("discrete") => Some(Integrator::Discrete),
-        Some("rk4") => Some(Integrator::Rk4),
-        Some(other) => return Err(unknown("integrator", other, "euler, midpoint, implicit, implicitfast, discrete, rk4")),
-    };
-    let stabilization = match given.word("stabilization")?.as_str() {
-        "baumgarte" => Stabilization::Baumgarte,
-        "split" => Stabilization::Split,
-        "none" => Stabilization::None,
-        other => return Err(unknown("stabilization", other, "baumgarte, split, none")),
-    };
+    let integrators =
+        [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::ImplicitFast, Integrator::Discrete, Integrator::Rk4];
+    let integrators = integrators.map(|integrator| (integrator.name(), integrator));
+    let stabilizations = [("baumgarte", Stabilization::Baumgarte), ("split", Stabilization::Split), ("none", Stabilization::None)];
     let options = Options {
         timestep: given.optional("timestep", Given::number)?,
-        contact,
-        integrator,
-        solver,
+        contact: given.choice("contact", &[("hard", ContactLaw::Hard), ("mujoco", ContactLaw::Mujoco)])?,
+        integrator: given.optional("integrator", |given, name| given.choice(name, &integrators))?,
+        solver: given.choice("solver", &[("auto", Solver::Auto), ("pgs", Solver::Pgs), ("newton", Solver::Newton)])?,
         iterations: given.count("iterations")?,
         tolerance: given.optional("tolerance", Given::number)?,
-        stabilization,
+        stabilization: given.choice("stabilization", &stabilizations)?,
         baumgarte: given.number("baumgarte")?,
         slop: given.number("slop")?,
         max_correction_speed: given.number("max_correction_speed")?,

@@ -32,6 +32,7 @@ use crate::array::{assign_attribute, check_shape_of, described, hint, read_only,
 use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
+use crate::getters::getters;
 use crate::model::Model;
 use crate::options::settings;
 use crate::selection::{Numbers, Selection};
@@ -124,11 +125,14 @@ fn precision_name(precision: Precision) -> &'static str {
     }
 }
 
+/// Borrow of a stepper by a method, which is an error while another thread uses the stepper.
+pub(crate) struct Borrowed<B>(B);
+
 /// Shared borrow of a stepper for reading. The borrow fails while another thread steps the stepper.
-pub(crate) struct Reading<'py>(PyRef<'py, Stepper>);
+pub(crate) type Reading<'py> = Borrowed<PyRef<'py, Stepper>>;
 
 /// Exclusive borrow of a stepper for writing. The borrow fails while another thread uses the stepper.
-pub(crate) struct Writing<'py>(PyRefMut<'py, Stepper>);
+pub(crate) type Writing<'py> = Borrowed<PyRefMut<'py, Stepper>>;
 
 impl<'py> TryFrom<&Bound<'py, Stepper>> for Reading<'py> {
     type Error = PyErr;
@@ -146,7 +150,7 @@ impl<'py> TryFrom<&Bound<'py, Stepper>> for Writing<'py> {
     }
 }
 
-impl Deref for Reading<'_> {
+impl<B: Deref<Target = Stepper>> Deref for Borrowed<B> {
     type Target = Stepper;
 
     fn deref(&self) -> &Stepper {
@@ -154,15 +158,7 @@ impl Deref for Reading<'_> {
     }
 }
 
-impl Deref for Writing<'_> {
-    type Target = Stepper;
-
-    fn deref(&self) -> &Stepper {
-        &self.0
-    }
-}
-
-impl DerefMut for Writing<'_> {
+impl<B: DerefMut<Target = Stepper>> DerefMut for Borrowed<B> {
     fn deref_mut(&mut self) -> &mut Stepper {
         &mut self.0
     }
@@ -236,60 +232,6 @@ impl Stepper {
         })
     }
 
-    /// Model of the scene.
-    #[getter]
-    fn model(slf: Reading<'_>, py: Python<'_>) -> Py<Model> {
-        slf.model.clone_ref(py)
-    }
-
-    /// Settings of the step, as given at construction.
-    #[getter]
-    fn options(slf: Reading<'_>, py: Python<'_>) -> Py<PyAny> {
-        slf.options.clone_ref(py)
-    }
-
-    /// Number of environments. None means a single environment, whose arrays do not have the leading axis.
-    #[getter]
-    pub(crate) fn num_envs(slf: Reading<'_>) -> Option<usize> {
-        slf.batched.then(|| slf.n())
-    }
-
-    /// Current time step, s.
-    #[getter]
-    fn timestep(slf: Reading<'_>) -> f64 {
-        slf.simulation.timestep()
-    }
-
-    /// Current tolerance of the solver: it stops at this residual, m/s.
-    #[getter]
-    fn tolerance(slf: Reading<'_>) -> f64 {
-        slf.simulation.tolerance()
-    }
-
-    /// Floating-point precision: "f64" or "f32".
-    #[getter]
-    fn precision(slf: Reading<'_>) -> &'static str {
-        precision_name(slf.simulation.precision())
-    }
-
-    /// Number of threads; 0 uses all processors of this process.
-    #[getter]
-    fn threads(slf: Reading<'_>) -> usize {
-        slf.threads
-    }
-
-    /// Seed of the random sensor errors.
-    #[getter]
-    fn seed(slf: Reading<'_>) -> u64 {
-        slf.seed
-    }
-
-    /// Actuator model given at construction. None means ideal actuators. `randomized` has later changes by `randomize`.
-    #[getter]
-    fn actuators(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
-        slf.actuators.as_ref().map(|a| a.clone_ref(py))
-    }
-
     fn __getattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
         Err(hint(slf, "no_attribute", name)?)
     }
@@ -302,4 +244,30 @@ impl Stepper {
         let envs = if slf.batched { format!("{} environments", slf.n()) } else { "one environment".into() };
         format!("<stepper.Stepper: {envs} of \"{}\", {} s>", slf.simulation.model().name, slf.simulation.timestep())
     }
+}
+
+getters! { Stepper, |slf, _py| (Reading<'_>);
+    /// Number of environments. None means a single environment, whose arrays do not have the leading axis.
+    num_envs -> Option<usize> { slf.batched.then(|| slf.n()) }
+    /// Current time step, s.
+    timestep -> f64 { slf.simulation.timestep() }
+    /// Current tolerance of the solver: it stops at this residual, m/s.
+    tolerance -> f64 { slf.simulation.tolerance() }
+    /// Floating-point precision: "f64" or "f32".
+    precision -> &'static str { precision_name(slf.simulation.precision()) }
+    /// Number of threads; 0 uses all processors of this process.
+    threads -> usize { slf.threads }
+    /// Seed of the random sensor errors.
+    seed -> u64 { slf.seed }
+}
+
+getters! { Stepper, |slf, py| (Reading<'_>);
+    /// Model of the scene.
+    model -> Py<Model> { slf.model.clone_ref(py) }
+    /// Settings of the step, as given at construction.
+    options -> Py<PyAny> { slf.options.clone_ref(py) }
+    /// Actuator model given at construction. None means ideal actuators. `randomized` has later changes by `randomize`.
+    actuators -> Option<Py<PyAny>> { slf.actuators.as_ref().map(|a| a.clone_ref(py)) }
+    /// Sensor model given at construction. None means ideal sensors.
+    sensors -> Option<Py<PyAny>> { slf.sensors.as_ref().map(|s| s.clone_ref(py)) }
 }

@@ -20,19 +20,14 @@ pub(super) struct BoundedForce<R: Real> {
     before: R,
     /// Inertia that the actuator moves.
     effective_inertia: EffectiveInertia<R>,
-    /// Lanes whose active bound is a force limit.
-    at_limit: R::Mask,
-    /// Lanes whose active bound is the torque-speed curve of the motor.
-    on_curve: R::Mask,
-    /// Lanes whose active bound is the upper limit or the upper side of the curve.
-    at_upper: R::Mask,
+    /// Active bound, see [`active_bound`].
+    active: [R::Mask; 3],
 }
 
 impl<R: Real> Default for BoundedForce<R> {
     fn default() -> Self {
-        let never = R::Mask::splat(false);
-        let effective_inertia = EffectiveInertia::default();
-        Self { affine: (R::zero(), R::zero()), before: R::zero(), effective_inertia, at_limit: never, on_curve: never, at_upper: never }
+        let (affine, effective_inertia) = ((R::zero(), R::zero()), EffectiveInertia::default());
+        Self { affine, before: R::zero(), effective_inertia, active: [R::Mask::splat(false); 3] }
     }
 }
 
@@ -52,11 +47,11 @@ impl<R: Real> BoundedForce<R> {
     /// [`ActuatorForces::guess_active_bounds`]: crate::actuation::forces::ActuatorForces::guess_active_bounds
     #[inline(always)]
     pub(super) fn set_bound_for_guess(&mut self, dynamics: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
-        let never = R::Mask::splat(false);
-        (self.at_limit, self.on_curve, self.at_upper) = (never, never, never);
         let is_explicit = self.affine.1.eq(R::zero());
-        let [at_limit, curve, upper] = active_bound(dynamics, numbers, self.affine.0, self.before);
-        (self.at_limit, self.on_curve, self.at_upper) = (at_limit.and(is_explicit), curve.and(is_explicit), upper.and(is_explicit));
+        let found = active_bound(dynamics, numbers, self.affine.0, self.before);
+        for (active, found) in self.active.iter_mut().zip(found) {
+            *active = found.and(is_explicit);
+        }
     }
 
     /// Updates the active bound (force limit or torque-speed curve) to that of a step with the mean acceleration `acceleration` of the
@@ -69,12 +64,13 @@ impl<R: Real> BoundedForce<R> {
         weights: ImplicitWeights<R>,
         acceleration: R,
     ) -> R::Mask {
-        let [at_limit, curve, upper] =
-            active_bound(dynamics, numbers, self.affine.0 - self.affine.1 * acceleration, self.before + weights.damping * acceleration);
-        // Lanes in which two masks have the same bit.
-        let same = |a: R::Mask, b: R::Mask| a.and(b).or(a.or(b).not());
-        let changed = same(at_limit, self.at_limit).and(same(curve, self.on_curve)).and(same(upper, self.at_upper)).not();
-        (self.at_limit, self.on_curve, self.at_upper) = (at_limit, curve, upper);
+        let force = self.affine.0 - self.affine.1 * acceleration;
+        let found = active_bound(dynamics, numbers, force, self.before + weights.damping * acceleration);
+        let mut changed = R::Mask::splat(false);
+        for (active, found) in self.active.iter_mut().zip(found) {
+            changed = changed.or(found.and_not(*active)).or(active.and_not(found));
+            *active = found;
+        }
         changed
     }
 
@@ -93,25 +89,25 @@ impl<R: Real> BoundedForce<R> {
     /// Copies the active bounds of `other` in the lanes `lanes`.
     #[inline(always)]
     pub(super) fn copy_active_bounds(&mut self, other: &Self, lanes: R::Mask) {
-        let new = |now: R::Mask, before: R::Mask| now.and(lanes).or(before.and_not(lanes));
-        (self.at_limit, self.on_curve, self.at_upper) =
-            (new(other.at_limit, self.at_limit), new(other.on_curve, self.on_curve), new(other.at_upper, self.at_upper));
+        for (active, other) in self.active.iter_mut().zip(other.active) {
+            *active = other.and(lanes).or(active.and_not(lanes));
+        }
     }
 
     /// Lanes in which a bound is active: a force limit or the torque-speed curve.
     #[inline(always)]
     pub(super) fn is_saturated(&self) -> R::Mask {
-        self.at_limit.or(self.on_curve)
+        let [at_limit, on_curve, _] = self.active;
+        at_limit.or(on_curve)
     }
 
     /// Explicit part of the force with the present active bound, N or N m, and its added inertia, kg or kg m^2.
     #[inline(always)]
     pub(super) fn force(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> (R, R) {
-        let limit = R::select(self.at_upper, numbers.limits[1], numbers.limits[0]);
-        let curve = R::select(self.at_upper, numbers.stall, -numbers.stall) - numbers.back_emf * self.before;
-        let force = R::select(self.on_curve, curve, R::select(self.at_limit, limit, self.affine.0));
-        let added_inertia = R::select(self.at_limit, R::zero(), self.affine.1);
-        (force, R::select(self.on_curve, self.curve_added_inertia(numbers, weights), added_inertia))
+        let [at_limit, on_curve, _] = self.active;
+        let added_inertia = R::select(at_limit, R::zero(), self.affine.1);
+        let force = bounded(self.active, numbers, self.affine.0, self.before);
+        (force, R::select(on_curve, self.curve_added_inertia(numbers, weights), added_inertia))
     }
 }
 
@@ -143,28 +139,22 @@ fn active_bound<R: Real>(
     [at_limit, curve, upper]
 }
 
-/// Lanes in which a force limit or the torque-speed curve reduces the force at a velocity.
+/// Force with the active bound `active`, at the velocity `velocity`.
 #[inline(always)]
-pub(crate) fn exceeds_limits<R: Real>(
-    dynamics: &CompiledActuatorDynamics<R::Scalar>,
-    numbers: &ActuatorDynamics<R>,
-    force: R,
-    velocity: R,
-) -> R::Mask {
-    let [at_limit, curve, _] = active_bound(dynamics, numbers, force, velocity);
-    at_limit.or(curve)
+fn bounded<R: Real>([at_limit, on_curve, at_upper]: [R::Mask; 3], numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> R {
+    let limit = R::select(at_upper, numbers.limits[1], numbers.limits[0]);
+    let edge = R::select(at_upper, numbers.stall, -numbers.stall) - numbers.back_emf * velocity;
+    R::select(on_curve, edge, R::select(at_limit, limit, force))
 }
 
-/// Force of an actuator, clamped to its limits and to the torque-speed curve of its motor.
+/// Force of an actuator, clamped to its limits and to the torque-speed curve of its motor, and the lanes in which they reduce it.
 #[inline(always)]
 pub(crate) fn clamp_to_limits<R: Real>(
     dynamics: &CompiledActuatorDynamics<R::Scalar>,
     numbers: &ActuatorDynamics<R>,
     force: R,
     velocity: R,
-) -> R {
-    let [at_limit, curve, upper] = active_bound(dynamics, numbers, force, velocity);
-    let limit = R::select(upper, numbers.limits[1], numbers.limits[0]);
-    let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.back_emf * velocity;
-    R::select(curve, edge, R::select(at_limit, limit, force))
+) -> (R, R::Mask) {
+    let active @ [at_limit, on_curve, _] = active_bound(dynamics, numbers, force, velocity);
+    (bounded(active, numbers, force, velocity), at_limit.or(on_curve))
 }

@@ -224,15 +224,12 @@ impl<R: Real> ActuatorForces<R> {
     /// Computes the inertia that each servo moves, and the change of the servo's velocity by `impulse`, the constraint impulses of the last
     /// step. `inertia` is the diagonal of the mass matrix.
     pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R], impulse: &[R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for k in 0..compiled.servos.len() {
-                    self.effective_inertias[k] =
-                        self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], [inertia, impulse]);
-                }
-            },
-        )
+        vectorize!(R, {
+            for k in 0..compiled.servos.len() {
+                self.effective_inertias[k] =
+                    self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], [inertia, impulse]);
+            }
+        })
     }
 
     /// Inertia that an actuator moves. For several degrees of freedom, the damping rate is a mean, weighted by their inverse inertias.
@@ -256,12 +253,6 @@ impl<R: Real> ActuatorForces<R> {
         let moves = mobility.gt(R::zero());
         let damping_rate = R::select(moves, damping_rate / R::select(moves, mobility, R::one()), R::zero());
         EffectiveInertia { damping_rate, ..sum }
-    }
-
-    /// Inertia that the servo with number `servo` moves.
-    #[inline(always)]
-    pub(crate) fn effective_inertia_at(&self, servo: usize) -> EffectiveInertia<R> {
-        self.effective_inertias[servo]
     }
 
     /// Stores the explicit part `force` and the added inertia of a servo. In the lanes `fixed` it stores the assumed constant force
@@ -469,19 +460,16 @@ impl<R: Real> ActuatorForces<R> {
         dv: &[R],
         may_change: bool,
     ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.set_bounds_by_trial(
-                    compiled,
-                    actuator_dynamics,
-                    implicit,
-                    may_change,
-                    #[inline(always)]
-                    |forces, servo| forces.project(&compiled.actuators[compiled.servos[servo].actuator], dv),
-                )
-            },
-        )
+        vectorize!(R, {
+            self.set_bounds_by_trial(
+                compiled,
+                actuator_dynamics,
+                implicit,
+                may_change,
+                #[inline(always)]
+                |forces, servo| forces.project(&compiled.actuators[compiled.servos[servo].actuator], dv),
+            )
+        })
     }
 
     /// Makes a trial of all servos, and sets the assumed active bounds to those of the trial. `dv_of` returns the change of an actuator's

@@ -21,24 +21,21 @@ impl<R: Real> ActuatorForces<R> {
         actuator_dynamics: &[ActuatorDynamics<R>],
         expected: Option<(ImplicitServos<R>, &[R])>,
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.losses.fill(zero());
-                for (a, actuator) in compiled.actuators.iter().enumerate() {
-                    let Some(dynamics) = &actuator.dynamics else { continue };
-                    let Some((row, arm)) = dynamics.losses else { continue };
-                    let force = match (expected, actuator.servo) {
-                        (Some((implicit, acc)), Some(servo)) if compiled.servos_are_bounded => {
-                            self.expected_servo_force(compiled, actuator_dynamics, implicit, servo, acc)
-                        }
-                        _ => self.force[a],
-                    };
-                    let loss = losses(&actuator_dynamics[dynamics.index], R::splat(arm), force);
-                    self.losses[row] = add(self.losses[row], loss);
-                }
-            },
-        )
+        vectorize!(R, {
+            self.losses.fill(zero());
+            for (a, actuator) in compiled.actuators.iter().enumerate() {
+                let Some(dynamics) = &actuator.dynamics else { continue };
+                let Some((row, arm)) = dynamics.losses else { continue };
+                let force = match (expected, actuator.servo) {
+                    (Some((implicit, acc)), Some(servo)) if compiled.servos_are_bounded => {
+                        self.expected_servo_force(compiled, actuator_dynamics, implicit, servo, acc)
+                    }
+                    _ => self.force[a],
+                };
+                let loss = losses(&actuator_dynamics[dynamics.index], R::splat(arm), force);
+                self.losses[row] = add(self.losses[row], loss);
+            }
+        })
     }
 
     /// Subtracts the friction losses of actuator dynamics in a step from the actuator forces.
@@ -46,29 +43,26 @@ impl<R: Real> ActuatorForces<R> {
     /// The losses follow from the impulses of the dry friction rows, which `scalar_impulse` has after those of the limits. `h` is the time
     /// step, s.
     pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], scalar_impulse: &[R], h: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (a, actuator) in compiled.actuators.iter().enumerate() {
-                    let Some(dynamics) = &actuator.dynamics else { continue };
-                    let Some((row, arm)) = dynamics.losses else { continue };
-                    let arm = R::splat(arm);
-                    let friction = scalar_impulse[compiled.limits.len() + row] / h;
-                    // Several losses may share a row. Each gets its fraction of the row's force.
-                    let backwards = friction.gt(R::zero());
-                    let [own, all] = [losses(&actuator_dynamics[dynamics.index], arm, self.force[a]), self.losses[row]].map(
-                        #[inline(always)]
-                        |x: [R; 2]| R::select(backwards, x[1], x[0]),
-                    );
-                    let whole = all + compiled.params.friction(row);
-                    let there = whole.gt(R::zero());
-                    let share = R::select(there, own / R::select(there, whole, R::one()), R::zero());
-                    let lost = friction * share;
-                    self.force[a] += lost / arm;
-                    self.without_springs[compiled.frictions[row].dof] += lost;
-                }
-            },
-        )
+        vectorize!(R, {
+            for (a, actuator) in compiled.actuators.iter().enumerate() {
+                let Some(dynamics) = &actuator.dynamics else { continue };
+                let Some((row, arm)) = dynamics.losses else { continue };
+                let arm = R::splat(arm);
+                let friction = scalar_impulse[compiled.limits.len() + row] / h;
+                // Several losses may share a row. Each gets its fraction of the row's force.
+                let backwards = friction.gt(R::zero());
+                let [own, all] = [losses(&actuator_dynamics[dynamics.index], arm, self.force[a]), self.losses[row]].map(
+                    #[inline(always)]
+                    |x: [R; 2]| R::select(backwards, x[1], x[0]),
+                );
+                let whole = all + compiled.params.friction(row);
+                let there = whole.gt(R::zero());
+                let share = R::select(there, own / R::select(there, whole, R::one()), R::zero());
+                let lost = friction * share;
+                self.force[a] += lost / arm;
+                self.without_springs[compiled.frictions[row].dof] += lost;
+            }
+        })
     }
 }
 

@@ -10,7 +10,8 @@ use crate::actuation::affine_force::{ActuatorDynamics, within};
 use crate::actuation::memory::Memory;
 use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
-use crate::model::actuator_spec::ActuatorSpec;
+use crate::math::vectorize::vectorize;
+use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 
 /// Parameter of an actuator model, which may differ between environments. The variants have the order of the rows in the parameter table.
 #[derive(Clone, Copy)]
@@ -150,28 +151,20 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// A lag after a continuous servo passes on only a fraction of the servo's change within a step. The gains of the servo are therefore
     /// multiplied by this fraction. Here it is the fraction at the end of a step; [`Self::advance`] uses the mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for pipeline in &self.pipelines {
-                    let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
-                    let table = &self.tables[group][pipeline.table * R::LANES..];
-                    let number = |n: Parameter| get::<R>(table, n as usize);
-                    actuator_dynamics[dynamics.index] = ActuatorDynamics {
-                        slope: R::zero(),
-                        rate: R::zero(),
-                        limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
-                        stall: number(Parameter::Stall),
-                        back_emf: number(Parameter::BackEmf),
-                        efficiency: number(Parameter::Efficiency),
-                        friction: number(Parameter::Friction),
-                    };
-                    if dynamics.servo {
-                        pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
-                    }
+        vectorize!(R, {
+            for pipeline in &self.pipelines {
+                let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
+                let table = &self.tables[group][pipeline.table * R::LANES..];
+                actuator_dynamics[dynamics.index] = dynamics_of(
+                    [R::zero(); 2],
+                    #[inline(always)]
+                    |n| get(table, n as usize),
+                );
+                if dynamics.servo {
+                    pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
                 }
-            },
-        )
+            }
+        })
     }
 
     /// Parameters of the actuator dynamics of all actuators in one lane.
@@ -181,15 +174,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
             let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
             let number = |n: Parameter| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
             let share = if dynamics.servo { 1.0 - number(Parameter::Decay) } else { 0.0 };
-            actuator_dynamics[dynamics.index] = ActuatorDynamics {
-                slope: -share * number(Parameter::Kp),
-                rate: -share * number(Parameter::Kd),
-                limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
-                stall: number(Parameter::Stall),
-                back_emf: number(Parameter::BackEmf),
-                efficiency: number(Parameter::Efficiency),
-                friction: number(Parameter::Friction),
-            };
+            actuator_dynamics[dynamics.index] = dynamics_of([-share * number(Parameter::Kp), -share * number(Parameter::Kd)], number);
         }
         actuator_dynamics
     }
@@ -211,38 +196,35 @@ impl<S: Scalar> ActuatorPipelines<S> {
         memory: &mut Memory<S>,
         (ctrl, actuator_dynamics): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut valid = alive;
-                for &u in given {
-                    valid = valid.and(u.is_finite());
+        vectorize!(R, {
+            let mut valid = alive;
+            for &u in given {
+                valid = valid.and(u.is_finite());
+            }
+            // Lanes that get their first control since a reset. It fills their delay lines and lags.
+            let start = valid.and(R::Mask::from_bits(memory.waiting));
+            memory.waiting &= !valid.bits();
+            ctrl.copy_from_slice(given);
+            for pipeline in &self.pipelines {
+                let table = &self.tables[group][pipeline.table * R::LANES..];
+                let actuator = &compiled.actuators[pipeline.actuator];
+                let mut u = within(given[pipeline.actuator], actuator.ctrl_range);
+                if pipeline.delay_samples > 0 {
+                    u = pipeline.delayed(table, u, valid, start, memory);
                 }
-                // Lanes that get their first control since a reset. It fills their delay lines and lags.
-                let start = valid.and(R::Mask::from_bits(memory.waiting));
-                memory.waiting &= !valid.bits();
-                ctrl.copy_from_slice(given);
-                for pipeline in &self.pipelines {
-                    let table = &self.tables[group][pipeline.table * R::LANES..];
-                    let actuator = &compiled.actuators[pipeline.actuator];
-                    let mut u = within(given[pipeline.actuator], actuator.ctrl_range);
-                    if pipeline.delay_samples > 0 {
-                        u = pipeline.delayed(table, u, valid, start, memory);
+                u = match pipeline.servo {
+                    Servo::None => u,
+                    servo => pipeline.follow(servo, table, actuator, u, [q, v], [valid, start], h, &mut memory.numbers),
+                };
+                if pipeline.lagged {
+                    u = pipeline.lag(table, actuator, u, [q, v], [valid, start], &mut memory.numbers);
+                    if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
+                        pipeline.set_gains(table, Parameter::Mean, &mut actuator_dynamics[dynamics.index]);
                     }
-                    u = match pipeline.servo {
-                        Servo::None => u,
-                        servo => pipeline.follow(servo, table, actuator, u, [q, v], [valid, start], h, &mut memory.numbers),
-                    };
-                    if pipeline.lagged {
-                        u = pipeline.lag(table, actuator, u, [q, v], [valid, start], &mut memory.numbers);
-                        if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
-                            pipeline.set_gains(table, Parameter::Mean, &mut actuator_dynamics[dynamics.index]);
-                        }
-                    }
-                    ctrl[pipeline.actuator] = R::select(valid, u, R::of(f64::NAN));
                 }
-            },
-        )
+                ctrl[pipeline.actuator] = R::select(valid, u, R::of(f64::NAN));
+            }
+        })
     }
 
     /// Writes the outputs that the pipelines have at the end of a step to `ctrl` and `actuator_dynamics`, and stores the controls in the
@@ -254,31 +236,37 @@ impl<S: Scalar> ActuatorPipelines<S> {
         memory: &mut Memory<S>,
         (ctrl, actuator_dynamics): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for pipeline in self.pipelines.iter().filter(|c| c.lagged) {
-                    let table = &self.tables[group][pipeline.table * R::LANES..];
-                    let effort: R = get(&memory.numbers, pipeline.lag_at());
-                    ctrl[pipeline.actuator] = effort;
-                    // With a continuous servo, the stored output of the lag is that at the beginning of the step.
-                    if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
-                        let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
-                        ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
-                        pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
-                    }
+        vectorize!(R, {
+            for pipeline in self.pipelines.iter().filter(|c| c.lagged) {
+                let table = &self.tables[group][pipeline.table * R::LANES..];
+                let effort: R = get(&memory.numbers, pipeline.lag_at());
+                ctrl[pipeline.actuator] = effort;
+                // With a continuous servo, the stored output of the lag is that at the beginning of the step.
+                if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
+                    let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
+                    ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
+                    pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
                 }
-                for (i, u) in ctrl.iter().enumerate() {
-                    u.store(&mut memory.applied[i * R::LANES..]);
-                }
-            },
-        )
+            }
+            for (i, u) in ctrl.iter().enumerate() {
+                u.store(&mut memory.applied[i * R::LANES..]);
+            }
+        })
     }
 }
 
-/// Whether any of the numbers is nonzero.
-pub(crate) fn any_nonzero(numbers: &[f64]) -> bool {
-    numbers.iter().any(|&x| x != 0.0)
+/// Parameters of an actuator's dynamics with the gains `slope` and `rate`, from the parameter table that `number` reads.
+#[inline(always)]
+fn dynamics_of<T>([slope, rate]: [T; 2], number: impl Fn(Parameter) -> T) -> ActuatorDynamics<T> {
+    ActuatorDynamics {
+        slope,
+        rate,
+        limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
+        stall: number(Parameter::Stall),
+        back_emf: number(Parameter::BackEmf),
+        efficiency: number(Parameter::Efficiency),
+        friction: number(Parameter::Friction),
+    }
 }
 
 /// Whole and fractional part of a delay in steps. With `staircase`, for sampled servos, the delay is rounded up to whole steps.
@@ -359,10 +347,6 @@ impl ActuatorPipeline {
         self.memory + self.delay_samples
     }
 
-    fn integral_at(&self) -> usize {
-        self.lag_at() + 2 * usize::from(self.lagged)
-    }
-
     /// Sets the gains of a continuous servo. A lag multiplies them by one minus the parameter `left`, the fraction that remains
     /// ([`Parameter::Decay`]).
     #[inline(always)]
@@ -424,7 +408,7 @@ impl ActuatorPipeline {
         numbers: &mut [R::Scalar],
     ) -> R {
         let number = |n: Parameter| get::<R>(table, n as usize);
-        let at = self.integral_at();
+        let at = self.lag_at() + 2 * usize::from(self.lagged);
         // Lanes in which the servo computes a new effort.
         let mut due = valid;
         if servo == Servo::Sampled {

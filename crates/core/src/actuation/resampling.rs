@@ -3,8 +3,7 @@
 //! A spec ([`ActuatorSpec`]) describes one actuator as a sequence of stages, such as servo, lag and limits. The stages of a spec and the
 //! length of its delay line cannot change after compilation. The parameters of the stages can.
 
-use crate::actuation::pipeline::any_nonzero;
-use crate::model::actuator_spec::ActuatorSpec;
+use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 use crate::model::{ActuatorError, DeviceError, Model, label};
 
 /// Actuator models of a simulation: specs as the user gave them, and per-environment specs.
@@ -54,7 +53,7 @@ impl ActuatorModels {
     /// Memory of the specs, bytes.
     pub fn bytes(&self) -> usize {
         let mut drawn = self.drawn.clone();
-        drawn.iter_mut().flatten().flatten().flat_map(ActuatorSpec::numbers).map(|x| size_of_val(&x[..])).sum()
+        drawn.iter_mut().flatten().flatten().flat_map(numbers).map(|x| size_of_val(&x[..])).sum()
     }
 
     /// Computes new parameters of actuator models for the environments `envs`, and checks them. This object does not change.
@@ -75,7 +74,7 @@ impl ActuatorModels {
         if envs.is_empty() || (given.is_none() && self.drawn.is_none()) {
             return Ok(ResampledActuators { envs: vec![], specs: vec![None; self.made.len()], drawn: self.drawn.clone() });
         }
-        let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| made.of(envs))).collect();
+        let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| of_environments(made, envs))).collect();
         let mut specs = given.map_or_else(as_made, <[_]>::to_vec);
         let wrong = |i: usize, error| ActuatorError { actuator: label(&model.actuators[i].name, i), error };
         let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
@@ -91,8 +90,8 @@ impl ActuatorModels {
                     if let (Some(range), None) = (folded.actuators[i].force_range, self.model.actuators[i].force_range) {
                         spec.narrow(range);
                     }
-                    spec.fits(made, envs.len(), num_envs, h).map_err(|error| wrong(i, error))?;
-                    drawn.assign(given, envs, num_envs);
+                    check_fit(spec, made, envs.len(), num_envs, h).map_err(|error| wrong(i, error))?;
+                    assign(drawn, given, envs, num_envs);
                 }
                 _ if spec.is_none() => {}
                 _ => return Err(wrong(i, DeviceError::MadeWithoutDynamics)),
@@ -107,99 +106,86 @@ impl ActuatorModels {
     }
 }
 
-/// Parameters of a spec that can differ between environments.
-trait OwnNumbers: Sized {
-    /// All parameter lists of the spec, in an order that depends only on its stages.
-    fn numbers(&mut self) -> Vec<&mut Vec<f64>>;
-
-    /// Spec with the parameters of only the environments `envs`.
-    fn of(&self, envs: &[usize]) -> Self;
-
-    /// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list of `given` has one value for
-    /// all these environments, or one value for each.
-    fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize);
-
-    /// Checks that this spec has the same stages as `made`, and valid parameters for `n` of the `num_envs` environments. `h` is the time
-    /// step, s.
-    fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError>;
+/// All parameter lists of the spec, in an order that depends only on its stages.
+fn numbers(spec: &mut ActuatorSpec) -> Vec<&mut Vec<f64>> {
+    let mut all = vec![&mut spec.delay, &mut spec.delay_steps, &mut spec.lag, &mut spec.low, &mut spec.high, &mut spec.friction];
+    if let Some(s) = &mut spec.servo {
+        all.extend([&mut s.kp, &mut s.ki, &mut s.kd, &mut s.integral_limit, &mut s.period]);
+    }
+    if let Some(m) = &mut spec.motor {
+        all.extend([&mut m.stall_torque, &mut m.no_load_speed, &mut m.efficiency]);
+    }
+    all
 }
 
-impl OwnNumbers for ActuatorSpec {
-    fn numbers(&mut self) -> Vec<&mut Vec<f64>> {
-        let mut all = vec![&mut self.delay, &mut self.delay_steps, &mut self.lag, &mut self.low, &mut self.high, &mut self.friction];
-        if let Some(s) = &mut self.servo {
-            all.extend([&mut s.kp, &mut s.ki, &mut s.kd, &mut s.integral_limit, &mut s.period]);
-        }
-        if let Some(m) = &mut self.motor {
-            all.extend([&mut m.stall_torque, &mut m.no_load_speed, &mut m.efficiency]);
-        }
-        all
+/// Spec with the parameters of only the environments `envs`.
+fn of_environments(spec: &ActuatorSpec, envs: &[usize]) -> ActuatorSpec {
+    let mut own = spec.clone();
+    for x in numbers(&mut own).into_iter().filter(|x| x.len() > 1) {
+        *x = envs.iter().map(|&env| x[env]).collect();
     }
+    own
+}
 
-    fn of(&self, envs: &[usize]) -> Self {
-        let mut own = self.clone();
-        for x in own.numbers().into_iter().filter(|x| x.len() > 1) {
-            *x = envs.iter().map(|&env| x[env]).collect();
+/// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list of `given` has one value for
+/// all these environments, or one value for each.
+fn assign(spec: &mut ActuatorSpec, given: &mut ActuatorSpec, envs: &[usize], num_envs: usize) {
+    for (own, given) in numbers(spec).into_iter().zip(numbers(given)) {
+        if given.is_empty() || (given.len() == 1 && *own == *given) {
+            continue;
         }
-        own
+        if given.len() == 1 && envs.len() == num_envs {
+            own.clone_from(given);
+            continue;
+        }
+        if own.len() == 1 {
+            *own = own.repeat(num_envs);
+        }
+        envs.iter().enumerate().for_each(|(k, &env)| own[env] = given[k % given.len()]);
     }
+}
 
-    fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize) {
-        for (own, given) in self.numbers().into_iter().zip(given.numbers()) {
-            if given.is_empty() || (given.len() == 1 && *own == *given) {
-                continue;
-            }
-            if given.len() == 1 && envs.len() == num_envs {
-                own.clone_from(given);
-                continue;
-            }
-            if own.len() == 1 {
-                *own = own.repeat(num_envs);
-            }
-            envs.iter().enumerate().for_each(|(k, &env)| own[env] = given[k % given.len()]);
+/// Checks that a spec has the same stages as `made`, and valid parameters for `n` of the `num_envs` environments. `h` is the time
+/// step, s.
+fn check_fit(spec: &ActuatorSpec, made: &ActuatorSpec, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError> {
+    let sampled = |t: &ActuatorSpec| t.servo.as_ref().is_some_and(|s| !s.period.is_empty());
+    for (name, here, there) in [
+        ("servo", spec.servo.is_some(), made.servo.is_some()),
+        ("motor", spec.motor.is_some(), made.motor.is_some()),
+        ("period", sampled(spec), sampled(made)),
+        ("stall_torque", spec.curve().is_some(), made.curve().is_some()),
+    ] {
+        match (here, there) {
+            (true, false) => return Err(DeviceError::MadeWithout { name }),
+            (false, true) => return Err(DeviceError::MadeWith { name }),
+            _ => {}
         }
     }
-
-    fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError> {
-        let sampled = |t: &Self| t.servo.as_ref().is_some_and(|s| !s.period.is_empty());
+    if let (Some(own), Some(made)) = (&spec.motor, &made.motor) {
+        let control = |voltage: bool| if voltage { "\"voltage\"" } else { "\"torque\"" }.to_owned();
         for (name, here, there) in [
-            ("servo", self.servo.is_some(), made.servo.is_some()),
-            ("motor", self.motor.is_some(), made.motor.is_some()),
-            ("period", sampled(self), sampled(made)),
-            ("stall_torque", self.curve().is_some(), made.curve().is_some()),
+            ("control", control(own.voltage), control(made.voltage)),
+            ("gear", own.gear.to_string(), made.gear.to_string()),
+            ("rotor_inertia", own.rotor_inertia.to_string(), made.rotor_inertia.to_string()),
         ] {
-            match (here, there) {
-                (true, false) => return Err(DeviceError::MadeWithout { name }),
-                (false, true) => return Err(DeviceError::MadeWith { name }),
-                _ => {}
+            if here != there {
+                return Err(DeviceError::Shared { name, found: here, must: there });
             }
         }
-        if let (Some(own), Some(made)) = (&self.motor, &made.motor) {
-            let control = |voltage: bool| if voltage { "\"voltage\"" } else { "\"torque\"" }.to_owned();
-            for (name, here, there) in [
-                ("control", control(own.voltage), control(made.voltage)),
-                ("gear", own.gear.to_string(), made.gear.to_string()),
-                ("rotor_inertia", own.rotor_inertia.to_string(), made.rotor_inertia.to_string()),
-            ] {
-                if here != there {
-                    return Err(DeviceError::Shared { name, found: here, must: there });
-                }
-            }
-        }
-        let friction = if any_nonzero(&self.friction) { "friction" } else { "efficiency" };
-        for (name, here, there) in [
-            ("lag", any_nonzero(&self.lag), any_nonzero(&made.lag)),
-            ("limits", self.is_limited(), made.is_limited()),
-            (friction, self.loses(), made.loses()),
-        ] {
-            if here && !there {
-                return Err(DeviceError::MadeWithout { name });
-            }
-        }
-        let (longest, room) = (self.longest(n, h), made.longest(num_envs, h));
-        if longest > room {
-            return Err(DeviceError::LineTooShort { longest, room, timestep: h });
-        }
-        Ok(())
     }
+    let friction = if any_nonzero(&spec.friction) { "friction" } else { "efficiency" };
+    for (name, here, there) in [
+        ("lag", any_nonzero(&spec.lag), any_nonzero(&made.lag)),
+        ("limits", spec.is_limited(), made.is_limited()),
+        (friction, spec.loses(), made.loses()),
+    ] {
+        if here && !there {
+            return Err(DeviceError::MadeWithout { name });
+        }
+    }
+    let (longest, room) = (spec.longest(n, h), made.longest(num_envs, h));
+    if longest > room {
+        return Err(DeviceError::LineTooShort { longest, room, timestep: h });
+    }
+    Ok(())
 }

@@ -16,19 +16,16 @@ impl<R: Real> ActuatorForces<R> {
         if self.lengths.is_empty() {
             return;
         }
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for actuator in &compiled.actuators {
-                    let Some(wrench) = &actuator.site_wrench else { continue };
-                    self.lengths[wrench.index] = place(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
-                    if wrench.reference.is_some() {
-                        let ahead = self.project(actuator, v) * time;
-                        self.lengths[wrench.index] += ahead;
-                    }
+        vectorize!(R, {
+            for actuator in &compiled.actuators {
+                let Some(wrench) = &actuator.site_wrench else { continue };
+                self.lengths[wrench.index] = place(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
+                if wrench.reference.is_some() {
+                    let ahead = self.project(actuator, v) * time;
+                    self.lengths[wrench.index] += ahead;
                 }
-            },
-        )
+            }
+        })
     }
 
     /// Projection a . x of a generalized vector `x` onto an actuator's moment a.
@@ -69,18 +66,12 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Length of the actuator with index `actuator` at the configuration `q`, multiplied by its gear.
     pub fn length(&self, compiled: &LaneModel<R>, actuator: usize, q: &[R]) -> R {
-        R::vectorize(
-            #[inline(always)]
-            || self.length_of(&compiled.actuators[actuator], q),
-        )
+        vectorize!(R, self.length_of(&compiled.actuators[actuator], q))
     }
 
     /// Time derivative of the length of the actuator with index `actuator` at the velocity `v`.
     pub fn rate(&self, compiled: &LaneModel<R>, actuator: usize, v: &[R]) -> R {
-        R::vectorize(
-            #[inline(always)]
-            || self.project(&compiled.actuators[actuator], v),
-        )
+        vectorize!(R, self.project(&compiled.actuators[actuator], v))
     }
 }
 

@@ -7,7 +7,7 @@ use crate::model::Model;
 /// Spring and damper that are equivalent to the contacts of two geoms with MuJoCo's contact law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EquivalentSpring {
-    /// Indices of the geoms in the model, in the order of [`GeomPair`](crate::model::GeomPair).
+    /// Indices of the geoms in the model, the simpler shape first.
     pub geoms: [usize; 2],
     /// Normal force per depth at rest, N/m, at two depths: at first touch, and at the depth at which the impedance reaches its final value.
     pub stiffness: [f64; 2],

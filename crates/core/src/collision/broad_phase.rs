@@ -104,21 +104,16 @@ impl Broad {
         for e in 0..self.cells.len() {
             let (key, a) = self.cells[e];
             // The rest of the same cell, and the next cell along z.
-            self.visit_run(a, e + 1, key + 1, lane);
+            visit(&self.balls, &self.cells, &mut self.found_pairs, a, e + 1, key + 1, lane);
             for (start, (dx, dy)) in starts.iter_mut().zip(ROWS) {
                 // In each neighbouring row, three cells can hold a ball that touches this one.
                 let first = key.wrapping_add_signed((dx << (2 * BITS)) + (dy << BITS) - 1);
                 while self.cells.get(*start).is_some_and(|c| c.0 < first) {
                     *start += 1;
                 }
-                let from = *start;
-                visit(&self.balls, &self.cells, &mut self.found_pairs, a, from, first + 2, lane);
+                visit(&self.balls, &self.cells, &mut self.found_pairs, a, *start, first + 2, lane);
             }
         }
-    }
-
-    fn visit_run(&mut self, a: u32, from: usize, last: u64, lane: u64) {
-        visit(&self.balls, &self.cells, &mut self.found_pairs, a, from, last, lane);
     }
 
     /// Tests each ball that has no cell against all others.

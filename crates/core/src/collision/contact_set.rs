@@ -4,7 +4,7 @@
 use stepper_geometry::pairs::{ContactPoint, DISTANCE_ROUNDINGS};
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::math::lanes::MAX_LANES;
+use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 
 /// Change of a unit tangent, as a vector, above which the tangent that [`contact_frame`] chooses counts as having jumped. Between the
@@ -61,29 +61,18 @@ impl<R: Real> Slot<R> {
     /// Copies lane `l` of the slot `from` to this slot, except the tangent and the impulse.
     #[inline(always)]
     fn copy_lane(&mut self, from: &Self, l: usize) {
-        self.point.distance.set_lane(l, from.point.distance.lane(l));
-        for i in 0..3 {
-            self.point.pos[i].set_lane(l, from.point.pos[i].lane(l));
-            self.point.normal[i].set_lane(l, from.point.normal[i].lane(l));
-        }
-        self.mu.set_lane(l, from.mu.lane(l));
-        self.restitution.set_lane(l, from.restitution.lane(l));
-        self.set_over_face(l, from.over_face);
+        self.set_lane(l, &from.point, from.mu, from.restitution, from.over_face);
     }
 
-    /// Sets the bit of lane `l` of `self.over_face` to that of `over_face`.
+    /// Sets lane `l` of everything except the tangent and the impulse to the lane of `point` and the other values.
     #[inline(always)]
-    fn set_over_face(&mut self, l: usize, over_face: u32) {
+    fn set_lane(&mut self, l: usize, point: &ContactPoint<R>, mu: R, restitution: R, over_face: u32) {
+        self.point.distance.set_lane(l, point.distance.lane(l));
+        copy_lane(&mut self.point.pos, &point.pos, l);
+        copy_lane(&mut self.point.normal, &point.normal, l);
+        self.mu.set_lane(l, mu.lane(l));
+        self.restitution.set_lane(l, restitution.lane(l));
         self.over_face = self.over_face & !(1 << l) | over_face & 1 << l;
-    }
-
-    /// Copies the tangent and the impulse in lane `l` from the slot `from`.
-    #[inline(always)]
-    fn copy_solution(&mut self, from: &Self, l: usize) {
-        for i in 0..3 {
-            self.tangent[i].set_lane(l, from.tangent[i].lane(l));
-            self.impulse[i].set_lane(l, from.impulse[i].lane(l));
-        }
     }
 }
 
@@ -162,25 +151,14 @@ impl<R: Real> Contacts<R> {
     /// The caller adds pairs in ascending order. The features of a pair may have any order; this function sorts them.
     #[inline(always)]
     pub fn push(&mut self, [bits, over_face]: [u32; 2], id: ContactId, point: &ContactPoint<R>, mu: R, restitution: R) {
-        let mut rest = bits;
-        while rest != 0 {
-            let l = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
+        for l in each_of(bits) {
             if self.count[l] == self.data.len() {
                 self.full |= 1 << l;
                 continue;
             }
             let k = self.open_slot(l, id);
             self.ids[k][l] = id;
-            let slot = &mut self.data[k];
-            slot.point.distance.set_lane(l, point.distance.lane(l));
-            for i in 0..3 {
-                slot.point.pos[i].set_lane(l, point.pos[i].lane(l));
-                slot.point.normal[i].set_lane(l, point.normal[i].lane(l));
-            }
-            slot.mu.set_lane(l, mu.lane(l));
-            slot.restitution.set_lane(l, restitution.lane(l));
-            slot.set_over_face(l, over_face);
+            self.data[k].set_lane(l, point, mu, restitution, over_face);
         }
     }
 
@@ -207,10 +185,11 @@ impl<R: Real> Contacts<R> {
                 self.ids[to][l] = self.ids[from][l];
                 let (before, after) = self.data.split_at_mut(from);
                 before[to].copy_lane(&after[0], l);
-                before[to].copy_solution(&after[0], l);
+                copy_lane(&mut before[to].tangent, &after[0].tangent, l);
+                copy_lane(&mut before[to].impulse, &after[0].impulse, l);
                 if !self.torque.is_empty() {
                     let (before, after) = self.torque.split_at_mut(from);
-                    (0..3).for_each(|i| before[to][i].set_lane(l, after[0][i].lane(l)));
+                    copy_lane(&mut before[to], &after[0], l);
                 }
             }
             to += 1;
@@ -230,33 +209,27 @@ impl<R: Real> Contacts<R> {
         if !R::Scalar::IS_SINGLE {
             return;
         }
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let rounding_at_a_metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
-                for k in 0..self.slots() {
-                    let point = &mut self.data[k].point;
-                    let rounding = point.rounding();
-                    let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
-                    let small = point.distance.lt(rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero()));
-                    point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
-                }
-            },
-        )
+        vectorize!(R, {
+            let rounding_at_a_metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
+            for k in 0..self.slots() {
+                let point = &mut self.data[k].point;
+                let rounding = point.rounding();
+                let allows_for_angles = (rounding + rounding_at_a_metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
+                let small = point.distance.lt(rounding + R::select(allows_for_angles, rounding_at_a_metre, R::zero()));
+                point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
+            }
+        })
     }
 
     /// Chooses the tangents of every contact from its normal, and sets all impulses to 0.
     pub fn choose_tangents(&mut self) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for k in 0..self.slots() {
-                    self.data[k].tangent = contact_frame(self.data[k].point.normal)[1];
-                    self.data[k].impulse = zero();
-                }
-                self.torque.iter_mut().for_each(|torque| *torque = zero());
-            },
-        )
+        vectorize!(R, {
+            for k in 0..self.slots() {
+                self.data[k].tangent = contact_frame(self.data[k].point.normal)[1];
+                self.data[k].impulse = zero();
+            }
+            self.torque.iter_mut().for_each(|torque| *torque = zero());
+        })
     }
 
     /// Chooses the tangents of every contact from its normal, and starts each contact from its impulse in `last`, the contacts of the
@@ -267,39 +240,36 @@ impl<R: Real> Contacts<R> {
         if self.slots() == 0 {
             return;
         }
-        R::vectorize(
-            #[inline(always)]
-            || {
-                // The old impulses become vectors in world coordinates.
-                for k in 0..last.slots() {
-                    let slot = &mut last.data[k];
-                    let [n, t1, t2] = contact_frame(slot.point.normal);
-                    let [x, a, b] = slot.impulse;
-                    slot.impulse = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
-                    if let Some(torque) = last.torque.get_mut(k) {
-                        let [x, a, b] = *torque;
-                        *torque = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
-                    }
+        vectorize!(R, {
+            // The old impulses become vectors in world coordinates.
+            for k in 0..last.slots() {
+                let slot = &mut last.data[k];
+                let [n, t1, t2] = contact_frame(slot.point.normal);
+                let [x, a, b] = slot.impulse;
+                slot.impulse = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
+                if let Some(torque) = last.torque.get_mut(k) {
+                    let [x, a, b] = *torque;
+                    *torque = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
                 }
-                for k in 0..self.slots() {
-                    self.data[k].impulse = zero();
+            }
+            for k in 0..self.slots() {
+                self.data[k].impulse = zero();
+            }
+            self.torque.iter_mut().for_each(|torque| *torque = zero());
+            for l in 0..R::LANES {
+                self.match_lane(last, l);
+            }
+            // The copied impulses become components along the new normal and tangents.
+            for k in 0..self.slots() {
+                let slot = &mut self.data[k];
+                let axes = contact_frame(slot.point.normal);
+                slot.tangent = axes[1];
+                slot.impulse = [dot(axes[0], slot.impulse), dot(axes[1], slot.impulse), dot(axes[2], slot.impulse)];
+                if let Some(torque) = self.torque.get_mut(k) {
+                    *torque = [dot(axes[0], *torque), dot(axes[1], *torque), dot(axes[2], *torque)];
                 }
-                self.torque.iter_mut().for_each(|torque| *torque = zero());
-                for l in 0..R::LANES {
-                    self.match_lane(last, l);
-                }
-                // The copied impulses become components along the new normal and tangents.
-                for k in 0..self.slots() {
-                    let slot = &mut self.data[k];
-                    let axes = contact_frame(slot.point.normal);
-                    slot.tangent = axes[1];
-                    slot.impulse = [dot(axes[0], slot.impulse), dot(axes[1], slot.impulse), dot(axes[2], slot.impulse)];
-                    if let Some(torque) = self.torque.get_mut(k) {
-                        *torque = [dot(axes[0], *torque), dot(axes[1], *torque), dot(axes[2], *torque)];
-                    }
-                }
-            },
-        )
+            }
+        })
     }
 
     /// Removes jumps of the tangents relative to `solved`, the contacts of a nearby state.
@@ -308,26 +278,21 @@ impl<R: Real> Contacts<R> {
     /// tangent of the same contact in `solved`, projected on the present tangent plane. Other tangents do not change, because target
     /// velocities may depend on them.
     pub(crate) fn follow_tangents(&mut self, solved: &Self) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for k in 0..self.slots() {
-                    let own = self.data[k].tangent;
-                    let mut tangent = own;
-                    for l in 0..R::LANES {
-                        if let Some(at) = solved.find(l, k, self.ids[k][l]).filter(|_| k < self.count[l]) {
-                            for (to, from) in tangent.iter_mut().zip(&solved.data[at].tangent) {
-                                to.set_lane(l, from.lane(l));
-                            }
-                        }
+        vectorize!(R, {
+            for k in 0..self.slots() {
+                let own = self.data[k].tangent;
+                let mut tangent = own;
+                for l in 0..R::LANES {
+                    if let Some(at) = solved.find(l, k, self.ids[k][l]).filter(|_| k < self.count[l]) {
+                        copy_lane(&mut tangent, &solved.data[at].tangent, l);
                     }
-                    let n = self.data[k].point.normal;
-                    let flat = add_scaled(tangent, n, -dot(tangent, n));
-                    let jumped = norm(sub(own, tangent)).gt(R::of(TANGENT_JUMP));
-                    self.data[k].tangent = select(jumped, scale(flat, R::one() / norm(flat)), own);
                 }
-            },
-        )
+                let n = self.data[k].point.normal;
+                let flat = add_scaled(tangent, n, -dot(tangent, n));
+                let jumped = norm(sub(own, tangent)).gt(R::of(TANGENT_JUMP));
+                self.data[k].tangent = select(jumped, scale(flat, R::one() / norm(flat)), own);
+            }
+        })
     }
 
     /// Index of the slot of the contact `id` in lane `l`; `None` if the lane does not have it. The search begins at slot `k`, the most
@@ -348,13 +313,9 @@ impl<R: Real> Contacts<R> {
                 old += 1;
             }
             if old < last.count[l] && last.ids[old][l] == id {
-                for i in 0..3 {
-                    self.data[k].impulse[i].set_lane(l, last.data[old].impulse[i].lane(l));
-                }
+                copy_lane(&mut self.data[k].impulse, &last.data[old].impulse, l);
                 if let Some(torque) = self.torque.get_mut(k) {
-                    for i in 0..3 {
-                        torque[i].set_lane(l, last.torque[old][i].lane(l));
-                    }
+                    copy_lane(torque, &last.torque[old], l);
                 }
             }
         }
@@ -384,6 +345,14 @@ impl Iterator for SlotPairs<'_> {
         same &= self.rest;
         self.rest &= !same;
         Some((pair, same))
+    }
+}
+
+/// Copies lane `l` of the vector `from` to the vector `to`.
+#[inline(always)]
+fn copy_lane<R: Real>(to: &mut V3<R>, from: &V3<R>, l: usize) {
+    for i in 0..3 {
+        to[i].set_lane(l, from[i].lane(l));
     }
 }
 

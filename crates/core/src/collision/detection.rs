@@ -147,7 +147,8 @@ impl<R: Real> CollisionWorkspace<R> {
     /// Updates the poses of geoms that are fixed to the world, which may differ between environments.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.poses.place_static(compiled, i);
+            self.poses.pos[i] = compiled.params.geom_pos(i);
+            self.poses.update_ball(compiled, i);
         }
         self.statics.update_tree(compiled, &self.poses.pos, &self.poses.mat);
     }
@@ -167,14 +168,11 @@ impl<R: Real> CollisionWorkspace<R> {
             let Self { poses, statics, slack, may_tunnel, .. } = self;
             may_tunnel.fill(false);
             if checks_passing {
-                R::vectorize(
-                    #[inline(always)]
-                    || {
-                        for m in &compiled.static_pairs.moving {
-                            may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, poses.passing_displacement[m.geom]).and(alive).any();
-                        }
-                    },
-                );
+                vectorize!(R, {
+                    for m in &compiled.static_pairs.moving {
+                        may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, poses.passing_displacement[m.geom]).and(alive).any();
+                    }
+                });
             }
             statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (displacements(poses)[g] + *slack, may_tunnel[g]));
             // For geoms that may tunnel, the search has found too many pairs. Listed pairs are tested here, dynamic pairs when they are
@@ -293,12 +291,6 @@ impl<R: Real> GeomPoses<R> {
         let [[ax, ay, az, a], [bx, by, bz, b]] = pair.geoms.map(|g| self.balls[g]);
         let (apart, reach) = (sub([bx, by, bz], [ax, ay, az]), a + slack + R::splat(pair.margin) + b);
         dot(apart, apart).lt(reach * reach)
-    }
-
-    /// Sets the pose of geom `i`, which is fixed to the world, from the parameters of the model.
-    fn place_static(&mut self, compiled: &LaneModel<R>, i: usize) {
-        self.pos[i] = compiled.params.geom_pos(i);
-        self.update_ball(compiled, i);
     }
 
     /// Updates `passing_displacement` and `passing_velocity`, for motion at the generalized velocity `v` during `time` seconds. The stored

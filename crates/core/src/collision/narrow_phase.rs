@@ -29,30 +29,23 @@ impl<R: Real> Scene<'_, R> {
         workspace: &mut NarrowWorkspace,
         contacts: &mut Contacts<R>,
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || match pair.kernel {
-                Kernel::PlaneSphere => self.plane_sphere(index, pair, near, contacts),
-                Kernel::PlaneCapsule => self.plane_capsule(index, pair, near, contacts),
-                Kernel::PlaneBox => self.plane_box(index, pair, near, contacts),
-                Kernel::PlaneCylinder => self.plane_cylinder(index, pair, near, contacts),
-                Kernel::PlaneEllipsoid => self.plane_ellipsoid(index, pair, near, contacts),
-                Kernel::SphereBox => self.sphere_box(index, pair, near, contacts),
-                Kernel::SphereCylinder => self.sphere_cylinder(index, pair, near, contacts),
-                Kernel::SphereEllipsoid => self.sphere_ellipsoid(index, pair, near, contacts),
-                Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
-                Kernel::Segments => self.segments(index, pair, near, contacts),
-                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, workspace, contacts),
-            },
-        )
-    }
-
-    #[inline(always)]
-    fn plane_sphere(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let radius = self.compiled.params.geom_size(b)[0];
-        let point = plane_sphere(self.poses.pos[a], column(&self.poses.mat[a], 2), self.poses.pos[b], radius);
-        self.add_point(index, 0, pair, near, point, contacts);
+        vectorize!(R, {
+            let ([a, b], poses, params) = (pair.geoms, self.poses, &self.compiled.params);
+            let point = match pair.kernel {
+                Kernel::PlaneSphere => plane_sphere(poses.pos[a], column(&poses.mat[a], 2), poses.pos[b], params.geom_size(b)[0]),
+                Kernel::PlaneEllipsoid => plane_ellipsoid(poses.pos[a], column(&poses.mat[a], 2), &self.ellipsoid(b)),
+                Kernel::SphereCylinder => sphere_cylinder(poses.pos[a], params.geom_size(a)[0], &self.cylinder(b)),
+                Kernel::SphereEllipsoid => sphere_ellipsoid(poses.pos[a], params.geom_size(a)[0], &self.ellipsoid(b)),
+                Kernel::PlaneCapsule => return self.plane_capsule(index, pair, near, contacts),
+                Kernel::PlaneBox => return self.plane_box(index, pair, near, contacts),
+                Kernel::PlaneCylinder => return self.plane_cylinder(index, pair, near, contacts),
+                Kernel::SphereBox => return self.sphere_box(index, pair, near, contacts),
+                Kernel::CapsuleBox => return self.capsule_box(index, pair, near, contacts),
+                Kernel::Segments => return self.segments(index, pair, near, contacts),
+                Kernel::Convex | Kernel::Surface => return self.convex(index, pair, near, workspace, contacts),
+            };
+            self.add_point(index, 0, pair, near, point, contacts);
+        })
     }
 
     #[inline(always)]
@@ -96,13 +89,6 @@ impl<R: Real> Scene<'_, R> {
     }
 
     #[inline(always)]
-    fn plane_ellipsoid(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &self.ellipsoid(b));
-        self.add_point(index, 0, pair, near, point, contacts);
-    }
-
-    #[inline(always)]
     fn sphere_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let cuboid = self.cuboid(b);
@@ -121,20 +107,6 @@ impl<R: Real> Scene<'_, R> {
         let along = dot(velocity, point.normal);
         let displacement = (dot(velocity, velocity) - along * along).max(R::zero()).sqrt() * (self.h + self.h);
         displacement.lt(clearance)
-    }
-
-    #[inline(always)]
-    fn sphere_cylinder(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let point = sphere_cylinder(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.cylinder(b));
-        self.add_point(index, 0, pair, near, point, contacts);
-    }
-
-    #[inline(always)]
-    fn sphere_ellipsoid(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let point = sphere_ellipsoid(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.ellipsoid(b));
-        self.add_point(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
@@ -358,23 +330,20 @@ impl<R: Real> Scene<'_, R> {
         mut point: ContactPoint<R>,
         contacts: &mut Contacts<R>,
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                point.distance -= R::splat(pair.margin);
-                // `search_displacement` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch.
-                let [a, b] = pair.geoms;
-                let near = near.and(point.distance.lt(self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack));
-                if near.none() {
-                    return;
-                }
-                let closing = self.closing_speed(pair.geoms, &point);
-                let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
-                let id = ContactId::new(index, feature);
-                let params = self.compiled.contact(index);
-                contacts.push([touching, over_face].map(Mask::bits), id, &point, params.mu, params.restitution);
-            },
-        )
+        vectorize!(R, {
+            point.distance -= R::splat(pair.margin);
+            // `search_displacement` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch.
+            let [a, b] = pair.geoms;
+            let near = near.and(point.distance.lt(self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack));
+            if near.none() {
+                return;
+            }
+            let closing = self.closing_speed(pair.geoms, &point);
+            let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
+            let id = ContactId::new(index, feature);
+            let params = self.compiled.contact(index);
+            contacts.push([touching, over_face].map(Mask::bits), id, &point, params.mu, params.restitution);
+        })
     }
 
     /// Speed at which the gap of a contact decreases at the free velocity of the step, m/s. It is zero where the gap grows.

@@ -4,12 +4,13 @@
 //! all lanes although its geoms are near each other in only one lane. In this module an item is a pair in one lane, and a register holds
 //! as many items as it has lanes. Lanes of a register do not affect each other, so that the contacts have the same bits.
 
-use stepper_geometry::pairs::ContactPoint;
+use stepper_geometry::pairs::{ContactPoint, Cuboid};
 use stepper_real::{Real, Scalar};
 
-use crate::compile::{CompiledPair, Kernel};
+use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::lanes::{MAX_LANES, each_of};
-use crate::math::spatial::array_of;
+use crate::math::spatial::{M3, V3};
+use crate::math::vectorize::array;
 
 /// Item: a packed pair, which is a pair of a ball or capsule with a box in one lane.
 #[derive(Clone, Copy, Debug)]
@@ -39,7 +40,7 @@ pub(super) struct Found<S> {
 }
 
 /// Items (pairs in one lane) of one kernel, and their contact points. Both are in the order of the pairs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Queue<S> {
     pub(super) items: Vec<Item<S>>,
     pub(super) found_points: Vec<Found<S>>,
@@ -49,17 +50,10 @@ pub(super) struct Queue<S> {
 }
 
 /// Packed pairs: pairs of balls or capsules with boxes that are near each other in at most half of the lanes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct PackedPairs<S> {
     pub(super) balls: Queue<S>,
     pub(super) capsules: Queue<S>,
-}
-
-impl<S> Default for PackedPairs<S> {
-    fn default() -> Self {
-        let queue = || Queue { items: vec![], found_points: vec![], taken: 0 };
-        Self { balls: queue(), capsules: queue() }
-    }
 }
 
 impl<S: Scalar> PackedPairs<S> {
@@ -94,10 +88,34 @@ impl<S: Scalar> PackedPairs<S> {
     }
 }
 
+/// Values of each item in registers, such as `gather!(items, |item| pos[item.geoms[0]])`. The closure returns the values of an item in all
+/// lanes. See [`gather_lanes`].
+macro_rules! gather {
+    ($items:expr, |$item:pat_param| $numbers:expr) => {
+        $crate::collision::packed_pairs::gather_lanes(
+            $items,
+            #[inline(always)]
+            |$item| $numbers,
+        )
+    };
+}
+
+pub(super) use gather;
+
+/// Boxes of the items, which are their second geoms. `pos` and `mat` are the poses of all geoms.
+#[inline(always)]
+pub(super) fn gather_boxes<R: Real>(compiled: &LaneModel<R>, pos: &[V3<R>], mat: &[M3<R>], items: &[Item<R::Scalar>]) -> Cuboid<R> {
+    Cuboid {
+        centre: gather!(items, |item| pos[item.geoms[1]]),
+        mat: gather!(items, |item| mat[item.geoms[1]]),
+        half: gather!(items, |item| compiled.params.geom_size(item.geoms[1])),
+    }
+}
+
 /// Gathers N values per item in registers. `of` returns the values of an item in all lanes, from which the function reads the item's lane.
 /// Item k is in lane k of the result.
 #[inline(always)]
-pub(super) fn gather<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: impl Fn(&Item<R::Scalar>) -> [R; N]) -> [R; N] {
+pub(super) fn gather_lanes<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: impl Fn(&Item<R::Scalar>) -> [R; N]) -> [R; N] {
     let mut rows = [[R::Scalar::ZERO; MAX_LANES]; N];
     for (place, item) in items.iter().enumerate() {
         let numbers = of(item);
@@ -105,10 +123,7 @@ pub(super) fn gather<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: imp
             rows[k][place] = numbers[k].lane(item.lane);
         }
     }
-    array_of(
-        #[inline(always)]
-        |k| R::load(&rows[k]),
-    )
+    array!(|k| R::load(&rows[k]))
 }
 
 /// Gathers one scalar of each item in a register. Item k is in lane k of the result.

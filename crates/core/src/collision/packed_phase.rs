@@ -1,11 +1,11 @@
 //! Narrow phase of packed pairs: balls and capsules that are near boxes in few lanes, see [`PackedPairs`].
 
-use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, face_clearance, sphere_box};
+use stepper_geometry::pairs::{ContactPoint, Segment, capsule_box, face_clearance, sphere_box};
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::Scene;
-use crate::collision::packed_pairs::{Found, Item, PackedPairs, Queue, gather, gather_scalars};
+use crate::collision::packed_pairs::{Found, Item, PackedPairs, Queue, gather, gather_boxes, gather_scalars};
 use crate::compile::CompiledPair;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -14,50 +14,30 @@ impl<R: Real> Scene<'_, R> {
     /// Finds the contact points of all packed pairs, and stores them in `packed`.
     #[inline(never)]
     pub(crate) fn test_packed(&self, packed: &mut PackedPairs<R::Scalar>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Queue { items, found_points: found, .. } = &mut packed.balls;
-                for items in items.chunks(R::LANES) {
-                    let [radius] = gather(
-                        items,
-                        #[inline(always)]
-                        |item| [self.compiled.params.geom_size(item.geoms[0])[0]],
-                    );
-                    let centre = gather(
-                        items,
-                        #[inline(always)]
-                        |item| self.poses.pos[item.geoms[0]],
-                    );
-                    let cuboid = self.gather_box(items);
-                    let point = sphere_box(centre, radius, &cuboid);
-                    self.keep(items, &[point], [R::Mask::splat(true)], face_clearance(centre, &cuboid), found);
-                }
-                let Queue { items, found_points: found, .. } = &mut packed.capsules;
-                for items in items.chunks(R::LANES) {
-                    let [radius, half_length] = gather(
-                        items,
-                        #[inline(always)]
-                        |item| {
-                            let [radius, half_length, _] = self.compiled.params.geom_size(item.geoms[0]);
-                            [radius, half_length]
-                        },
-                    );
-                    let centre = gather(
-                        items,
-                        #[inline(always)]
-                        |item| self.poses.pos[item.geoms[0]],
-                    );
-                    let axis = gather(
-                        items,
-                        #[inline(always)]
-                        |item| column(&self.poses.mat[item.geoms[0]], 2),
-                    );
-                    let (points, exist) = capsule_box(&Segment { centre, axis, half_length, radius }, &self.gather_box(items));
-                    self.keep(items, &points, exist, R::zero(), found);
-                }
-            },
-        );
+        vectorize!(R, {
+            let Queue { items, found_points: found, .. } = &mut packed.balls;
+            for items in items.chunks(R::LANES) {
+                let [radius] = gather!(items, |item| [self.compiled.params.geom_size(item.geoms[0])[0]]);
+                let centre = gather!(items, |item| self.poses.pos[item.geoms[0]]);
+                let cuboid = gather_boxes(self.compiled, &self.poses.pos, &self.poses.mat, items);
+                let point = sphere_box(centre, radius, &cuboid);
+                self.keep(items, &[point], [R::Mask::splat(true)], face_clearance(centre, &cuboid), found);
+            }
+            let Queue { items, found_points: found, .. } = &mut packed.capsules;
+            for items in items.chunks(R::LANES) {
+                let [radius, half_length] = gather!(items, |item| {
+                    let [radius, half_length, _] = self.compiled.params.geom_size(item.geoms[0]);
+                    [radius, half_length]
+                });
+                let centre = gather!(items, |item| self.poses.pos[item.geoms[0]]);
+                let axis = gather!(items, |item| column(&self.poses.mat[item.geoms[0]], 2));
+                let (points, exist) = capsule_box(
+                    &Segment { centre, axis, half_length, radius },
+                    &gather_boxes(self.compiled, &self.poses.pos, &self.poses.mat, items),
+                );
+                self.keep(items, &points, exist, R::zero(), found);
+            }
+        });
     }
 
     /// Adds the contact points of a packed pair, which [`Scene::test_packed`] found, to `contacts`. Returns false if the pair is not
@@ -95,27 +75,6 @@ impl<R: Real> Scene<'_, R> {
         true
     }
 
-    #[inline(always)]
-    fn gather_box(&self, items: &[Item<R::Scalar>]) -> Cuboid<R> {
-        Cuboid {
-            centre: gather(
-                items,
-                #[inline(always)]
-                |item| self.poses.pos[item.geoms[1]],
-            ),
-            mat: gather(
-                items,
-                #[inline(always)]
-                |item| self.poses.mat[item.geoms[1]],
-            ),
-            half: gather(
-                items,
-                #[inline(always)]
-                |item| self.compiled.params.geom_size(item.geoms[1]),
-            ),
-        }
-    }
-
     /// Appends the contact points of `items` that can touch within two steps to `found`. Items without a contact point add nothing.
     /// `clearance` is [`Found::clearance`] of each item, m.
     #[inline(always)]
@@ -132,14 +91,10 @@ impl<R: Real> Scene<'_, R> {
             #[inline(always)]
             |item| item.margin,
         );
-        let [reach] = gather(
-            items,
-            #[inline(always)]
-            |item| {
-                let [a, b] = item.geoms;
-                [self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack]
-            },
-        );
+        let [reach] = gather!(items, |item| {
+            let [a, b] = item.geoms;
+            [self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack]
+        });
         let mut near = [0; N];
         for feature in 0..N {
             near[feature] = exist[feature].and((points[feature].distance - margin).lt(reach)).bits();

@@ -6,7 +6,7 @@
 use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere_box};
 use stepper_real::{Mask, Real};
 
-use crate::collision::packed_pairs::{Item, gather, gather_scalars};
+use crate::collision::packed_pairs::{Item, gather, gather_boxes, gather_scalars};
 use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, Touch, find_touch};
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::spatial::*;
@@ -58,67 +58,22 @@ impl<R: Real> PackedSweep<R> {
         let Path { compiled, kinematics, start, .. } = *path;
         let frame = |item: &Item<R::Scalar>| compiled.geoms[item.geoms[0]].frame;
         let of_ball = |item: &Item<R::Scalar>| item.geoms[0];
-        let of_box = |item: &Item<R::Scalar>| item.geoms[1];
-        let motion = gather(
-            items,
-            #[inline(always)]
-            |item| swept.velocity_of(frame(item)),
-        );
-        let origin = gather(
-            items,
-            #[inline(always)]
-            |item| kinematics.pos[frame(item)],
-        );
-        let motion_origin = gather(
-            items,
-            #[inline(always)]
-            |item| kinematics.origin[compiled.links[frame(item) - 1].tree],
-        );
-        let [radius, half_length, bounding_radius] = gather(
-            items,
-            #[inline(always)]
-            |item| {
-                let [radius, half_length, _] = compiled.params.geom_size(of_ball(item));
-                [radius, half_length, compiled.params.bounding_radius(of_ball(item))]
-            },
-        );
-        let [slack, time] = gather(
-            items,
-            #[inline(always)]
-            |_| [path.slack, path.time],
-        );
+        let motion = gather!(items, |item| swept.poses.search_velocity[frame(item) - 1]);
+        let origin = gather!(items, |item| kinematics.pos[frame(item)]);
+        let motion_origin = gather!(items, |item| kinematics.origin[compiled.links[frame(item) - 1].tree]);
+        let [radius, half_length, bounding_radius] = gather!(items, |item| {
+            let [radius, half_length, _] = compiled.params.geom_size(of_ball(item));
+            [radius, half_length, compiled.params.bounding_radius(of_ball(item))]
+        });
+        let [slack, time] = gather!(items, |_| [path.slack, path.time]);
         Self {
             kernel,
-            pos: gather(
-                items,
-                #[inline(always)]
-                |item| start.pos[of_ball(item)],
-            ),
-            axis: gather(
-                items,
-                #[inline(always)]
-                |item| column(&start.mat[of_ball(item)], 2),
-            ),
+            pos: gather!(items, |item| start.pos[of_ball(item)]),
+            axis: gather!(items, |item| column(&start.mat[of_ball(item)], 2)),
             radius,
             half_length,
             bounding_radius,
-            cuboid: Cuboid {
-                centre: gather(
-                    items,
-                    #[inline(always)]
-                    |item| start.pos[of_box(item)],
-                ),
-                mat: gather(
-                    items,
-                    #[inline(always)]
-                    |item| start.mat[of_box(item)],
-                ),
-                half: gather(
-                    items,
-                    #[inline(always)]
-                    |item| compiled.params.geom_size(of_box(item)),
-                ),
-            },
+            cuboid: gather_boxes(compiled, &start.pos, &start.mat, items),
             origin,
             angular_velocity: angular(&motion),
             velocity: velocity_at(&motion, sub(origin, motion_origin)),
@@ -137,10 +92,10 @@ impl<R: Real> PackedSweep<R> {
     /// First touch of each of the items `items` on its path, see [`find_touch`]. `gap` has the distances at the start of the paths.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
-        let end = self.gap_at(self.time, items);
-        let rotates = self.exceeds_max_rotation();
+        // Items in which a body rotates too far, so that the search is invalid.
+        let rotates = (norm(self.angular_velocity) * self.time).gt(R::of(MAX_ROTATION));
         find_touch(
-            [gap, end],
+            gap,
             self.time,
             items,
             rotates,
@@ -148,12 +103,6 @@ impl<R: Real> PackedSweep<R> {
             #[inline(always)]
             |time, items| self.gap_at(time, items),
         )
-    }
-
-    /// Items in which a body rotates by more than [`MAX_ROTATION`] on the path, so that the search is invalid.
-    #[inline(always)]
-    fn exceeds_max_rotation(&self) -> R::Mask {
-        (norm(self.angular_velocity) * self.time).gt(R::of(MAX_ROTATION))
     }
 
     /// Smallest distance between the geoms of each of the items `items`, and its time derivative, at `time` seconds along the path.

@@ -102,17 +102,14 @@ impl<R: Real> StaticSearch<R> {
         displacement: impl Fn(usize) -> (R, bool),
     ) {
         self.found_pairs.clear();
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.update_boxes(compiled, poses, displacement);
-                for lane in each_of(alive) {
-                    for group in 0..self.groups.len() {
-                        self.visit_tree(&compiled.static_pairs, group, lane);
-                    }
+        vectorize!(R, {
+            self.update_boxes(compiled, poses, displacement);
+            for lane in each_of(alive) {
+                for group in 0..self.groups.len() {
+                    self.visit_tree(&compiled.static_pairs, group, lane);
                 }
-            },
-        );
+            }
+        });
         self.found_pairs.sort_unstable();
         merge_lanes(&self.found_pairs, |index| index as u32, &mut self.pairs);
     }
@@ -140,7 +137,11 @@ impl<R: Real> StaticSearch<R> {
                         self.boxes[(lane * 6 + k) * row + m] = x;
                     }
                 }
-                *whole = if m == range.start { own } else { union_of_lanes(whole, &own) };
+                *whole = array!(|k| match k {
+                    _ if m == range.start => own[k],
+                    0..3 => whole[k].min(own[k]),
+                    _ => whole[k].max(own[k]),
+                });
             }
         }
     }
@@ -148,7 +149,8 @@ impl<R: Real> StaticSearch<R> {
     /// Searches the tree with the box of group number `group` in lane `lane`, and adds the overlapping pairs to `found_pairs`.
     #[inline(always)]
     fn visit_tree(&mut self, pairs: &StaticPairs, group: usize, lane: usize) {
-        let whole: Bounds<R::Scalar> = lane_of(&self.groups[group], lane);
+        let groups = &self.groups[group];
+        let whole: Bounds<R::Scalar> = array!(|k| groups[k].lane(lane));
         let mut at = 0;
         while let Some(node) = pairs.nodes.get(at) {
             let own = &self.nodes[at];
@@ -207,20 +209,7 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>
     let centre = add(pos, centre);
     let sum = |v: V3<R>| v[0].abs() + v[1].abs() + v[2].abs();
     let reach = displacement + R::of(ROUNDING) * (sum(centre) + sum(half) + displacement);
-    array_of(
-        #[inline(always)]
-        |k| if k < 3 { centre[k] - (half[k] + reach) } else { centre[k - 3] + (half[k - 3] + reach) },
-    )
-}
-
-/// Box of one lane, from the boxes `own` of all lanes.
-#[inline(always)]
-fn lane_of<R: Real>(own: &Bounds<R>, lane: usize) -> Bounds<R::Scalar> {
-    let mut out = [R::Scalar::ZERO; 6];
-    for (x, lanes) in out.iter_mut().zip(own) {
-        *x = lanes.lane(lane);
-    }
-    out
+    array!(|k| if k < 3 { centre[k] - (half[k] + reach) } else { centre[k - 3] + (half[k - 3] + reach) })
 }
 
 /// Smallest box that contains the boxes of all lanes. All coordinates must be finite.
@@ -236,15 +225,6 @@ fn over_lanes<R: Real>(own: Bounds<R>) -> Bounds<R::Scalar> {
 fn union<S: Scalar>(a: &Bounds<S>, b: &Bounds<S>) -> Bounds<S> {
     let pick = |k: usize| if (k < 3) == (b[k] < a[k]) { b[k] } else { a[k] };
     std::array::from_fn(pick)
-}
-
-/// Smallest box that contains two boxes, in each lane.
-#[inline(always)]
-fn union_of_lanes<R: Real>(a: &Bounds<R>, b: &Bounds<R>) -> Bounds<R> {
-    array_of(
-        #[inline(always)]
-        |k| if k < 3 { a[k].min(b[k]) } else { a[k].max(b[k]) },
-    )
 }
 
 /// Merges the pairs `more` into `list`, whose first `count` entries are used. Both lists ascend, and `list` has space for all entries.

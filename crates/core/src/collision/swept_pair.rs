@@ -53,7 +53,7 @@ pub(crate) struct Gap<R> {
 #[derive(Clone, Debug)]
 pub(crate) struct SweptPair<R: Real> {
     /// Poses at the current time of the path. Only the poses of the tested pair are current.
-    poses: GeomPoses<R>,
+    pub(super) poses: GeomPoses<R>,
     narrow_phase: NarrowWorkspace,
     contacts: Contacts<R>,
 }
@@ -77,10 +77,9 @@ impl<R: Real> SweptPair<R> {
     /// First touch of the pair on its path in the lanes `lanes`, see [`find_touch`]. `gap` is the distance at the start of the path.
     #[inline(always)]
     pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
-        let end = self.gap_at(path, path.time, lanes);
         let rotates = self.exceeds_max_rotation(path);
         find_touch(
-            [gap, end],
+            gap,
             path.time,
             lanes,
             rotates,
@@ -88,12 +87,6 @@ impl<R: Real> SweptPair<R> {
             #[inline(always)]
             |time, lanes| self.gap_at(path, time, lanes),
         )
-    }
-
-    /// Spatial velocity of the link with frame number `frame`.
-    #[inline(always)]
-    pub(super) fn velocity_of(&self, frame: usize) -> V6<R> {
-        self.poses.search_velocity[frame - 1]
     }
 
     /// Lanes in which a body of the pair rotates by more than [`MAX_ROTATION`] on the path.
@@ -165,17 +158,18 @@ pub(crate) struct Touch<R: Real> {
 
 /// Searches a path of `end_time` seconds for a time at which the distance is below `-tolerance`, m, in the lanes `lanes`.
 ///
-/// The first argument has the distance and its rate at the start and at the end of the path; `gap_at` returns them at any time. In the
-/// lanes `rotates`, a body rotates too far for the search, and the result is a touch.
+/// `gap` has the distance and its rate at the start of the path; `gap_at` returns them at any time. In the lanes `rotates`, a body rotates
+/// too far for the search, and the result is a touch.
 #[inline(always)]
 pub(crate) fn find_touch<R: Real>(
-    [gap, end]: [Gap<R>; 2],
+    gap: Gap<R>,
     end_time: R,
     lanes: R::Mask,
     rotates: R::Mask,
     tolerance: R,
     mut gap_at: impl FnMut(R, R::Mask) -> Gap<R>,
 ) -> Touch<R> {
+    let end = gap_at(end_time, lanes);
     let (mut low, mut high, mut tangent) = (R::zero(), end_time, gap);
     let mut hits = lanes.and(end.distance.lt(-tolerance).or(rotates));
     // A distance that still decreases at the end of the path has its minimum there.

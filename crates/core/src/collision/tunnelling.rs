@@ -1,7 +1,5 @@
 //! Tunnelling check: finds the lanes in which the solved motion of a step may have carried one geom through another.
 
-use std::borrow::Cow;
-
 use stepper_geometry::{Narrow, Pose, Solid, SolidMotion};
 use stepper_real::{Mask, Real, Scalar};
 
@@ -46,10 +44,8 @@ pub fn may_have_passed<R: Real>(
     if step.is_free && collision.poses.moved_little(compiled, alive) {
         return R::Mask::splat(false);
     }
-    let [moved, beyond_search] = R::vectorize(
-        #[inline(always)]
-        || collision.poses.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack),
-    );
+    let [moved, beyond_search] =
+        vectorize!(R, collision.poses.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack));
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
@@ -61,29 +57,26 @@ pub fn may_have_passed<R: Real>(
         collision.find_dynamic(compiled, alive, |poses| &poses.passing_displacement);
     }
     let CollisionWorkspace { poses, near, near_count, broad, narrow_phase, .. } = collision;
-    let poses = &*poses;
-    let paths = Path { compiled, kinematics, poses, step, slack };
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut passed = R::Mask::splat(false);
-            if within_search {
-                for &(index, _) in &near[..*near_count] {
-                    passed = paths.test(&compiled.pairs[index as usize], alive, passed, &mut narrow_phase.narrow);
-                }
-            } else {
-                for pair in &compiled.pairs {
-                    passed = paths.test(pair, alive, passed, &mut narrow_phase.narrow);
-                }
+    let scene = Scene { compiled, kinematics, poses, h: step.h, slack, passing_time: step.h, checks_passing: false };
+    let paths = Path { scene, contacts_at_end: step.contacts_at_end };
+    vectorize!(R, {
+        let mut passed = R::Mask::splat(false);
+        if within_search {
+            for &(index, _) in &near[..*near_count] {
+                passed = paths.test(&compiled.pairs[index as usize], alive, passed, &mut narrow_phase.narrow);
             }
-            if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
-                for pair in broad.pairs.iter().filter_map(|p| dynamic_pairs.pair(p.0 as usize)) {
-                    passed = paths.test(&pair, alive, passed, &mut narrow_phase.narrow);
-                }
+        } else {
+            for pair in &compiled.pairs {
+                passed = paths.test(pair, alive, passed, &mut narrow_phase.narrow);
             }
-            passed
-        },
-    )
+        }
+        if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
+            for pair in broad.pairs.iter().filter_map(|p| dynamic_pairs.pair(p.0 as usize)) {
+                passed = paths.test(&pair, alive, passed, &mut narrow_phase.narrow);
+            }
+        }
+        passed
+    })
 }
 
 /// Relative displacement below which one geom of a pair cannot pass through the other, m: the pair's thickness, or four times that for a
@@ -100,18 +93,16 @@ fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Sca
 
 /// Inputs of the tunnelling check: paths of all geoms from the poses where contacts were found.
 struct Path<'a, R: Real> {
-    compiled: &'a LaneModel<R>,
-    kinematics: &'a Kinematics<R>,
-    poses: &'a GeomPoses<R>,
-    step: TakenStep<'a, R>,
-    slack: R,
+    scene: Scene<'a, R>,
+    /// See [`TakenStep::contacts_at_end`].
+    contacts_at_end: bool,
 }
 
 impl<R: Real> Path<'_, R> {
     /// Lanes of `passed`, together with the lanes of `alive` in which one geom of the pair may pass through the other.
     #[inline(always)]
     fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {
-        let suspected = self.poses.may_get_past(self.compiled, pair).and(alive).and_not(passed);
+        let suspected = self.scene.poses.may_get_past(self.scene.compiled, pair).and(alive).and_not(passed);
         if suspected.none() {
             return passed;
         }
@@ -124,25 +115,27 @@ impl<R: Real> Path<'_, R> {
     /// Limbs that move in the same direction have a small relative displacement.
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, narrow: &mut Narrow) -> R::Mask {
-        let (Self { compiled, kinematics, poses, step, slack }, [a, b]) = (self, pair.geoms);
-        let scene = Scene { compiled, kinematics, poses, h: step.h, slack: *slack, passing_time: step.h, checks_passing: false };
+        let (scene, [a, b]) = (&self.scene, pair.geoms);
         let displacement = scene.relative_displacement(a, b).min(scene.relative_displacement(b, a))
-            + poses.arc_deviation(compiled, a, step.h)
-            + poses.arc_deviation(compiled, b, step.h);
-        displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair, lanes, displacement, narrow)))
+            + scene.poses.arc_deviation(scene.compiled, a, scene.h)
+            + scene.poses.arc_deviation(scene.compiled, b, scene.h);
+        displacement.gt(min_displacement(scene.compiled, pair).max(scene.gap(pair, lanes, displacement, narrow)))
     }
 
     /// Lanes of `suspected` in which geom `a` may pass through geom `b` on its path. The function tests lane after lane, in f64.
     #[inline(never)]
     fn test_path(&self, [a, b]: [usize; 2], suspected: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let mut passed = R::Mask::splat(false);
-        let thickness = self.compiled.tunnelling_distance([a, b]);
+        if [a, b].iter().any(|&g| self.scene.compiled.geoms[g].solid.is_none()) {
+            return passed;
+        }
+        let thickness = self.scene.compiled.tunnelling_distance([a, b]);
         for lane in each_of(suspected.bits()) {
-            let (Some(first), Some(second)) = (self.solid(a, lane), self.solid(b, lane)) else { continue };
+            let (first, second) = (self.scene.solid_in(a, lane), self.scene.solid_in(b, lane));
             let motions = [self.motion_of(a, lane), self.motion_of(b, lane)];
-            let h = self.step.h.lane(lane).to_f64();
-            let times = if self.step.contacts_at_end { [-h, 0.0] } else { [0.0, h] };
-            let thickness = (thickness.lane(lane).to_f64()).max(self.slack.lane(lane).to_f64());
+            let h = self.scene.h.lane(lane).to_f64();
+            let times = if self.contacts_at_end { [-h, 0.0] } else { [0.0, h] };
+            let thickness = (thickness.lane(lane).to_f64()).max(self.scene.slack.lane(lane).to_f64());
             if narrow.may_pass([&first, &second], motions, times, thickness) {
                 passed = passed.or(R::Mask::from_bits(1 << lane));
             }
@@ -150,15 +143,9 @@ impl<R: Real> Path<'_, R> {
         passed
     }
 
-    /// Solid (collision shape) of a geom with its size in lane `lane`; `None` if the geom has none.
-    fn solid(&self, geom: usize, lane: usize) -> Option<Cow<'_, Solid>> {
-        let solid = self.compiled.geoms[geom].solid.as_ref()?;
-        Some(solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned))
-    }
-
     /// Motion of a geom in lane `lane` during the step.
     fn motion_of(&self, geom: usize, lane: usize) -> SolidMotion {
-        let Self { compiled, kinematics, poses, .. } = self;
+        let Scene { compiled, kinematics, poses, .. } = self.scene;
         let own = &compiled.geoms[geom];
         let (pos, mut mat) = (of_lane(&poses.pos[geom], lane), of_lane(&poses.mat[geom], lane));
         if !own.full_orientation {
@@ -186,12 +173,12 @@ impl<R: Real> Path<'_, R> {
 
     /// Linear velocity of the root link of a kinematic tree, m/s. Zero unless its first joint is free or a slide.
     fn velocity_of_root(&self, tree: usize) -> V3<R> {
-        let root = self.compiled.links.iter().position(|link| link.is_root && link.tree == tree);
+        let root = self.scene.compiled.links.iter().position(|link| link.is_root && link.tree == tree);
         let floats = |link: &usize| {
-            let first = self.compiled.links[*link].joints.start;
-            matches!(self.compiled.joints.get(first), Some(CompiledJoint { kind: JointKind::Free | JointKind::Slide, .. }))
+            let first = self.scene.compiled.links[*link].joints.start;
+            matches!(self.scene.compiled.joints.get(first), Some(CompiledJoint { kind: JointKind::Free | JointKind::Slide, .. }))
         };
-        root.filter(floats).map_or_else(zero, |link| linear(&self.poses.passing_velocity[link]))
+        root.filter(floats).map_or_else(zero, |link| linear(&self.scene.poses.passing_velocity[link]))
     }
 }
 
@@ -200,16 +187,13 @@ impl<R: Real> GeomPoses<R> {
     ///
     /// The test compares [`GeomPoses::search_displacement`], the displacement over two steps, with the whole radius.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut moved = R::Mask::splat(false);
-                for &g in &compiled.moving_geoms {
-                    moved = moved.or(self.search_displacement[g].gt(compiled.params.inscribed_radius(g)));
-                }
-                moved.and(alive).none()
-            },
-        )
+        vectorize!(R, {
+            let mut moved = R::Mask::splat(false);
+            for &g in &compiled.moving_geoms {
+                moved = moved.or(self.search_displacement[g].gt(compiled.params.inscribed_radius(g)));
+            }
+            moved.and(alive).none()
+        })
     }
 
     /// Updates `passing_displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.

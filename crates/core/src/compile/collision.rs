@@ -11,7 +11,7 @@ use stepper_real::{Real, Scalar};
 use crate::compile::equality::Spring;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::parameters::{ContactParams, Params};
-use crate::model::{ContactSpring, Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Shape};
+use crate::model::{ContactSpring, Filter, Geom, HeightField, Kernel, Mesh, Model, Pair, Shape};
 
 /// Geom that takes part in collision.
 #[derive(Clone, Debug)]
@@ -124,7 +124,7 @@ impl<S: Scalar> DynamicPairs<S> {
     pub fn pair(&self, index: usize) -> Option<CompiledPair<S>> {
         let [a, b] = self.members_of(index)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);
-        if self.filter.is_explicit(geoms) {
+        if self.filter.explicit_pair(geoms).is_some() {
             return None;
         }
         let shapes = geoms.map(|g| &self.shapes[g]);
@@ -134,7 +134,7 @@ impl<S: Scalar> DynamicPairs<S> {
 
     /// Collision parameters of the dynamic pair `index`, with the geoms as indices in the model. `None` if the two geoms do not
     /// collide.
-    pub(crate) fn geom_pair(&self, index: usize) -> Option<GeomPair> {
+    pub(crate) fn geom_pair(&self, index: usize) -> Option<Pair> {
         let [a, b] = self.members_of(index)?;
         self.filter.pair(self.filter.ordered([a.model_geom, b.model_geom]))
     }
@@ -283,7 +283,7 @@ fn number_of_pairs(n: usize) -> usize {
 /// `has_dynamic_pairs` marks the geoms whose pairs with each other are dynamic. Pairs of two geoms in `listed_moving` are listed even if
 /// `has_dynamic_pairs` marks both. Contacts are stored in the order of the pairs. Contacts with six constraint rows therefore fill the
 /// first slots of every lane.
-fn listed_pairs(model: &Model, filter: &Filter, has_dynamic_pairs: &[bool], listed_moving: &[usize]) -> Vec<GeomPair> {
+fn listed_pairs(model: &Model, filter: &Filter, has_dynamic_pairs: &[bool], listed_moving: &[usize]) -> Vec<Pair> {
     let all = 0..model.geoms.len();
     let one_outside = all
         .clone()
@@ -292,7 +292,7 @@ fn listed_pairs(model: &Model, filter: &Filter, has_dynamic_pairs: &[bool], list
     let both_move = (1..listed_moving.len()).flat_map(|k| listed_moving[..k].iter().map(move |&a| [a, listed_moving[k]]));
     let is_listed = |g| listed_moving.binary_search(&g).is_ok();
     let explicit = filter.explicit().filter(|&[a, b]| has_dynamic_pairs[a] && has_dynamic_pairs[b] && !(is_listed(a) && is_listed(b)));
-    let mut pairs: Vec<GeomPair> = one_outside.chain(both_move).chain(explicit).filter_map(|g| filter.pair(filter.ordered(g))).collect();
+    let mut pairs: Vec<Pair> = one_outside.chain(both_move).chain(explicit).filter_map(|g| filter.pair(filter.ordered(g))).collect();
     pairs.sort_by_key(|p| (p.condim <= 3, p.geoms));
     pairs
 }
@@ -312,7 +312,7 @@ pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
 }
 
 /// Compiled form of a pair, with the indices `geoms` of its geoms in the compiled model.
-fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
+fn pair_plan<S: Scalar>(pair: &Pair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
     let ContactSpring { stiffness, damping } = pair.spring;
     let [stiffness, damping, inertia] = [stiffness, damping, 0.0].map(S::from_f64);
     let spring = (!pair.spring.is_rigid()).then_some(Spring { stiffness, damping, inertia });

@@ -10,7 +10,7 @@ use crate::compile::parameters::{
     ActuatorParams, CompensationParams, ContactParams, DofParams, FluidParams, GeomParams, Inertial, ParameterRows, Params,
 };
 use crate::compile::passive::{FluidShape, inertia_box};
-use crate::model::{Body, Filter, GeomPair, Joint, JointKind, Model, Object};
+use crate::model::{Body, Filter, Joint, JointKind, Model, Object, Pair};
 
 impl<S: Scalar> ModelStructure<S> {
     /// Parameters of `model`, in the tables and order of this structure. `model` must be the model that was compiled, or a variant of it
@@ -88,7 +88,7 @@ impl<S: Scalar> Source<'_, S> {
     fn pairs(&self) -> impl Iterator<Item = ContactParams<f64>> {
         let filter = Filter::new(self.model);
         let index = |g: usize| self.structure.geoms[g].index;
-        let contact = move |p: GeomPair| {
+        let contact = move |p: Pair| {
             let [mu, torsion, rolling] = p.friction;
             let coefficient = |least_condim: u8, x: f64| if p.condim >= least_condim { x } else { 0.0 };
             ContactParams {

@@ -4,7 +4,7 @@ use stepper_real::{Real, Scalar};
 use stepper_solve::soft::{Cone, SlipEffort};
 
 use crate::compile::tree::scalars;
-use crate::model::{ContactSpring, GeomPair, MIN_VALUE, Softness};
+use crate::model::{ContactSpring, MIN_VALUE, Pair, Softness};
 
 /// Smallest and largest impedance (`mjMINIMP`, `mjMAXIMP`).
 const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];
@@ -252,7 +252,7 @@ impl LawMaker {
         SoftLaw { stiffness: S::default(), ..self.equality(softness, weight) }
     }
 
-    pub(super) fn contact<S: Scalar>(self, pair: &GeomPair, weight: f64) -> SoftContactLaw<S> {
+    pub(super) fn contact<S: Scalar>(self, pair: &Pair, weight: f64) -> SoftContactLaw<S> {
         if !pair.spring.is_rigid() {
             return self.spring_contact(pair);
         }
@@ -269,7 +269,7 @@ impl LawMaker {
     /// For the gap r, its velocities v and v+ before and after the step, and the time step h, the force is f = -K (r + h v+) - D v+. With
     /// the acceleration a = (v+ - v) / h, this equals R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. With an
     /// impedance of 1/2, the regularisation R equals the inverse weight of the row.
-    fn spring_contact<S: Scalar>(self, pair: &GeomPair) -> SoftContactLaw<S> {
+    fn spring_contact<S: Scalar>(self, pair: &Pair) -> SoftContactLaw<S> {
         let (ContactSpring { stiffness, damping }, h) = (pair.spring, self.timestep);
         let weight = 1.0 / (h * (h * stiffness + damping));
         let (of, zero) = (S::from_f64, S::default());
@@ -291,7 +291,7 @@ impl LawMaker {
 
 impl<S: Scalar> CompiledSoftness<S> {
     /// Constraint law of the contacts of a dynamic pair, which is not in the compiled model's list of pairs.
-    pub(crate) fn unlisted(&self, pair: &GeomPair) -> SoftContactLaw<S> {
+    pub(crate) fn unlisted(&self, pair: &Pair) -> SoftContactLaw<S> {
         let [a, b] = pair.geoms;
         self.maker.contact(pair, self.geom_weights[a] + self.geom_weights[b])
     }

@@ -57,10 +57,7 @@ impl<R: Real> Fluid<R> {
             self.drag[i] = secant(compiled, i, &self.before[i]);
             let sum = &mut self.composite[body.link];
             let added = at_origin(&self.drag[i], &mat, arm);
-            *sum = array_of(
-                #[inline(always)]
-                |k| add(sum[k], added[k]),
-            );
+            *sum = array!(|k| add(sum[k], added[k]));
         }
         for l in (0..compiled.links.len()).rev() {
             let link = &compiled.links[l];
@@ -75,10 +72,7 @@ impl<R: Real> Fluid<R> {
             }
             if !link.is_root {
                 let sum = &mut self.composite[link.parent - 1];
-                *sum = array_of(
-                    #[inline(always)]
-                    |k| add(sum[k], drag[k]),
-                );
+                *sum = array!(|k| add(sum[k], drag[k]));
             }
         }
     }
@@ -89,19 +83,14 @@ impl<R: Real> Fluid<R> {
         for (i, body) in compiled.fluid.iter().enumerate() {
             let (mat, arm) = place(compiled, kinematics, i);
             let v = local(compiled, &motion[body.link], &mat, arm);
-            let mut own = match &body.shape {
+            let own = match &body.shape {
                 FluidShape::Box => {
                     let drag = secant(compiled, i, &v);
-                    array_of(
-                        #[inline(always)]
-                        |k| -(drag[k] * v[k]),
-                    )
+                    array!(|k| -(drag[k] * v[k]))
                 }
                 FluidShape::Ellipsoid(e) => ellipsoid_force(e, &v),
             };
-            for k in 0..6 {
-                own[k] += self.drag[i][k] * (v[k] - self.before[i][k]);
-            }
+            let own = add(own, times(self.drag[i], sub(v, self.before[i])));
             let (torque, push) = (rotate(&mat, angular(&own)), rotate(&mat, linear(&own)));
             let wrench = spatial(add(torque, cross(arm, push)), push);
             force[body.link] = sub(force[body.link], wrench);
@@ -134,10 +123,7 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     match &compiled.fluid[i].shape {
         FluidShape::Box => {
             let FluidParams { viscous, quadratic: drag, .. } = compiled.params.fluid(i);
-            array_of(
-                #[inline(always)]
-                |k| viscous[k] + drag[k] * v[k].abs(),
-            )
+            array!(|k| viscous[k] + drag[k] * v[k].abs())
         }
         FluidShape::Ellipsoid(e) => {
             let [spin, slide] = ellipsoid_drag(e, v).0.map(|d| d * R::splat(e.share));
@@ -165,13 +151,10 @@ fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
 /// Product X diag(d) X^T of the matrix `x` and the diagonal `d`.
 #[inline(always)]
 fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
-    array_of(
-        #[inline(always)]
-        |k| {
-            let (i, j) = (k / 3, k % 3);
-            d[0] * x[3 * i] * x[3 * j] + d[1] * x[3 * i + 1] * x[3 * j + 1] + d[2] * x[3 * i + 2] * x[3 * j + 2]
-        },
-    )
+    array!(|k| {
+        let (i, j) = (k / 3, k % 3);
+        d[0] * x[3 * i] * x[3 * j] + d[1] * x[3 * i + 1] * x[3 * j + 1] + d[2] * x[3 * i + 2] * x[3 * j + 2]
+    })
 }
 
 /// Torque and force of the drag at the spatial velocity `motion`, with the opposite sign, so that they point along the velocity. The
@@ -217,15 +200,7 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     // Factor of the normal vector. A body with a projected area has a nonzero denominator.
     let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
     let share = R::select(there, inverse, R::zero());
-    Projection {
-        speed,
-        along,
-        area,
-        normal: array_of(
-            #[inline(always)]
-            |k| areas[k].square() * along[k] * share,
-        ),
-    }
+    Projection { speed, along, area, normal: array!(|k| areas[k].square() * along[k] * share) }
 }
 
 /// Drag of an ellipsoid divided by its velocity `v`: one factor for rotation and one for translation. Also returns the ellipsoid's
@@ -249,14 +224,8 @@ fn ellipsoid_force<R: Real>(e: &CompiledEllipsoid<R::Scalar>, motion: &V6<R>) ->
     let ([turning, sliding], projection) = ellipsoid_drag(e, motion);
     let (w, v) = (angular(motion), linear(motion));
     let (m, i): (V3<R>, V3<R>) = (splat(e.added_mass), splat(e.added_inertia));
-    let p: V3<R> = array_of(
-        #[inline(always)]
-        |k| m[k] * v[k],
-    );
-    let l: V3<R> = array_of(
-        #[inline(always)]
-        |k| i[k] * w[k],
-    );
+    let p: V3<R> = times(m, v);
+    let l: V3<R> = times(i, w);
     let mut torque = add(cross(p, v), cross(l, w));
     let mut force = add(cross(p, w), scale(cross(w, v), R::splat(e.magnus)));
     let circulation = scale(cross(projection.normal, projection.along), R::splat(e.kutta) * projection.speed);

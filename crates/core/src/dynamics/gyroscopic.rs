@@ -44,29 +44,26 @@ pub fn correct<R: Real>(
     [v, v_eval]: [&[R]; 2],
     v_free: &mut [R],
 ) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let [time_before, time_after] = times;
-            let h = time_before + time_after;
-            for spinner in &compiled.spinners {
-                let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
-                let at = spinner.dof;
-                let before = body.momentum(&take(v, at, spinner.kind), -time_before);
-                let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
-                let start = take(v_free, at, spinner.kind);
-                let old = take(v, at, spinner.kind);
-                let mut new = start;
-                for _ in 0..ITERATIONS {
-                    let mut change = sub(explicit, body.transport([&old, &new], before, time_after));
-                    solve(compiled, mass, spinner, &mut change);
-                    new = add(start, change);
-                }
-                let dofs = spinner.kind.nv();
-                v_free[at..at + dofs].copy_from_slice(&select(tumbles, new, start)[6 - dofs..]);
+    vectorize!(R, {
+        let [time_before, time_after] = times;
+        let h = time_before + time_after;
+        for spinner in &compiled.spinners {
+            let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
+            let at = spinner.dof;
+            let before = body.momentum(&take(v, at, spinner.kind), -time_before);
+            let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
+            let start = take(v_free, at, spinner.kind);
+            let old = take(v, at, spinner.kind);
+            let mut new = start;
+            for _ in 0..ITERATIONS {
+                let mut change = sub(explicit, body.transport([&old, &new], before, time_after));
+                solve(compiled, mass, spinner, &mut change);
+                new = add(start, change);
             }
-        },
-    )
+            let dofs = spinner.kind.nv();
+            v_free[at..at + dofs].copy_from_slice(&select(tumbles, new, start)[6 - dofs..]);
+        }
+    })
 }
 
 /// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies so that contact impulses change their
@@ -83,24 +80,21 @@ pub fn correct_spin<R: Real>(
     [v, after]: [&[R]; 2],
     v_free: &mut [R],
 ) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let [time_before, time_after] = halves;
-            for spinner in &compiled.spinners {
-                let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
-                let at = spinner.dof;
-                let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
-                let explicit = add_scaled(scale(body.gyroscopic(&old), times[0]), body.gyroscopic(&new), times[1]);
-                let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -time_before), time_after));
-                solve(compiled, mass, spinner, &mut change);
-                let dofs = spinner.kind.nv();
-                for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
-                    *v = R::select(tumbles, *v + *change, *v);
-                }
+    vectorize!(R, {
+        let [time_before, time_after] = halves;
+        for spinner in &compiled.spinners {
+            let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
+            let at = spinner.dof;
+            let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
+            let explicit = add_scaled(scale(body.gyroscopic(&old), times[0]), body.gyroscopic(&new), times[1]);
+            let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -time_before), time_after));
+            solve(compiled, mass, spinner, &mut change);
+            let dofs = spinner.kind.nv();
+            for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
+                *v = R::select(tumbles, *v + *change, *v);
             }
-        },
-    )
+        }
+    })
 }
 
 /// Velocity of the free or ball joint whose first degree of freedom is `at`. The linear part, in world axes, comes first and is zero for a

@@ -78,15 +78,16 @@ impl<R: Real> MassMatrix<R> {
     }
 
     /// Adds to M, for each servo with the moment a, its added inertia times a a^T. A moment may act on several branches of a kinematic
-    /// tree. The function then adds a diagonal upper bound of this matrix instead.
+    /// tree. The function then adds a diagonal upper bound of this matrix instead if `is_bounded`. Otherwise it leaves out entries whose
+    /// two degrees of freedom are on different branches.
     #[inline(always)]
-    pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
+    pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R], is_bounded: bool) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
-            let entries = if servo.bound.is_empty() { &servo.entries } else { &servo.bound };
+            let entries = if servo.bound.is_empty() || !is_bounded { &servo.entries } else { &servo.bound };
             for &(entry, coefficient) in entries {
                 self.entries[entry] += R::splat(coefficient) * added_inertia;
             }
-            if servo.spread.is_empty() {
+            if servo.spread.is_empty() || !is_bounded {
                 for &(entry, [a, b]) in &servo.products {
                     self.entries[entry] += arms[a] * arms[b] * added_inertia;
                 }
@@ -99,20 +100,6 @@ impl<R: Real> MassMatrix<R> {
                 for &(entry, arm) in &servo.spread {
                     self.entries[entry] += arms[arm].abs() * total * added_inertia;
                 }
-            }
-        }
-    }
-
-    /// Adds to M, for each servo with the moment a, its added inertia times a a^T. The function leaves out entries whose two degrees of
-    /// freedom are on different branches of a kinematic tree.
-    #[inline(always)]
-    pub fn add_servos_within_branches(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R]) {
-        for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
-            for &(entry, coefficient) in &servo.entries {
-                self.entries[entry] += R::splat(coefficient) * added_inertia;
-            }
-            for &(entry, [a, b]) in &servo.products {
-                self.entries[entry] += arms[a] * arms[b] * added_inertia;
             }
         }
     }

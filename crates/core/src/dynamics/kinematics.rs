@@ -48,26 +48,23 @@ impl<R: Real> Kinematics<R> {
 
     /// Updates all poses and axes to the configuration `q`. Mocap frames do not change.
     pub fn update(&mut self, compiled: &LaneModel<R>, q: &[R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.turn_all(compiled, q);
-                let mut hinge = 0;
-                for (l, link) in compiled.links.iter().enumerate() {
-                    let (pos, mat) = self.place(compiled, link, q, &mut hinge);
-                    self.pos[l + 1] = pos;
-                    self.mat[l + 1] = mat;
-                    if link.is_root {
-                        self.origin[link.tree] = pos;
-                    }
-                    let origin = self.origin[link.tree];
-                    self.refer_axes_to(compiled, link, origin);
-                    let Inertial { mass, com, inertia } = compiled.params.inertial(l);
-                    let com = sub(add(pos, rotate(&mat, com)), origin);
-                    self.inertia[l] = inertia_at(mass, inertia, &mat, com);
+        vectorize!(R, {
+            self.turn_all(compiled, q);
+            let mut hinge = 0;
+            for (l, link) in compiled.links.iter().enumerate() {
+                let (pos, mat) = self.place(compiled, link, q, &mut hinge);
+                self.pos[l + 1] = pos;
+                self.mat[l + 1] = mat;
+                if link.is_root {
+                    self.origin[link.tree] = pos;
                 }
-            },
-        )
+                let origin = self.origin[link.tree];
+                self.refer_axes_to(compiled, link, origin);
+                let Inertial { mass, com, inertia } = compiled.params.inertial(l);
+                let com = sub(add(pos, rotate(&mat, com)), origin);
+                self.inertia[l] = inertia_at(mass, inertia, &mat, com);
+            }
+        })
     }
 
     /// Computes the sines and cosines of all hinge angles. A separate loop lets the SIMD lanes also process several hinges of one
@@ -221,24 +218,21 @@ pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
 
 /// Computes q (+) factor d into `out`: the configuration after the displacement `d`, which has the coordinates of velocities (nv).
 pub fn displace<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for joint in &compiled.joints {
-                let (qa, va) = (joint.q, joint.v);
-                match joint.kind {
-                    JointKind::Free => {
-                        for k in 0..3 {
-                            out[qa + k] = q[qa + k] + d[va + k] * factor;
-                        }
-                        turn_quat(q, qa + 3, [d[va + 3], d[va + 4], d[va + 5]], factor, out);
+    vectorize!(R, {
+        for joint in &compiled.joints {
+            let (qa, va) = (joint.q, joint.v);
+            match joint.kind {
+                JointKind::Free => {
+                    for k in 0..3 {
+                        out[qa + k] = q[qa + k] + d[va + k] * factor;
                     }
-                    JointKind::Ball => turn_quat(q, qa, [d[va], d[va + 1], d[va + 2]], factor, out),
-                    JointKind::Slide | JointKind::Hinge => out[qa] = q[qa] + d[va] * factor,
+                    turn_quat(q, qa + 3, [d[va + 3], d[va + 4], d[va + 5]], factor, out);
                 }
+                JointKind::Ball => turn_quat(q, qa, [d[va], d[va + 1], d[va + 2]], factor, out),
+                JointKind::Slide | JointKind::Hinge => out[qa] = q[qa] + d[va] * factor,
             }
-        },
-    )
+        }
+    })
 }
 
 #[inline(always)]
@@ -249,16 +243,13 @@ fn turn_quat<R: Real>(q: &[R], at: usize, w: V3<R>, factor: R, out: &mut [R]) {
 
 /// Sum of the kinetic energies of the links, J. `velocities` are their spatial velocities.
 pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut sum = R::zero();
-            for (inertia, v) in kinematics.inertia.iter().zip(velocities) {
-                sum += dot6(apply_inertia(inertia, v), *v);
-            }
-            sum * R::of(0.5)
-        },
-    )
+    vectorize!(R, {
+        let mut sum = R::zero();
+        for (inertia, v) in kinematics.inertia.iter().zip(velocities) {
+            sum += dot6(apply_inertia(inertia, v), *v);
+        }
+        sum * R::of(0.5)
+    })
 }
 
 /// Lanes in which every entry of `x` is finite.
@@ -275,24 +266,18 @@ pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
 
 /// Computes out = x + rate * time, entry by entry.
 pub fn advance<R: Real>(x: &[R], rate: &[R], time: R, out: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for ((out, &x), &rate) in out.iter_mut().zip(x).zip(rate) {
-                *out = x + rate * time;
-            }
-        },
-    )
+    vectorize!(R, {
+        for ((out, &x), &rate) in out.iter_mut().zip(x).zip(rate) {
+            *out = x + rate * time;
+        }
+    })
 }
 
 /// Computes out = x + share * (end - x), entry by entry.
 pub fn blend<R: Real>(x: &[R], end: &[R], share: R, out: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for ((out, &x), &end) in out.iter_mut().zip(x).zip(end) {
-                *out = x + (end - x) * share;
-            }
-        },
-    )
+    vectorize!(R, {
+        for ((out, &x), &end) in out.iter_mut().zip(x).zip(end) {
+            *out = x + (end - x) * share;
+        }
+    })
 }

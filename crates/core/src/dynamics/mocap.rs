@@ -68,14 +68,11 @@ pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[Mocap
     if mocap_trajectories.is_empty() {
         return;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (k, (mocap, trajectory)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
-                kinematics.pos[mocap.frame] = add_scaled(trajectory.pos, linear(&trajectory.motion), time);
-                kinematics.mat[mocap.frame] = quat_to_mat(trajectory.quat_at(time));
-                kinematics.mocap_velocities[k] = trajectory.motion;
-            }
-        },
-    )
+    vectorize!(R, {
+        for (k, (mocap, trajectory)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
+            kinematics.pos[mocap.frame] = add_scaled(trajectory.pos, linear(&trajectory.motion), time);
+            kinematics.mat[mocap.frame] = quat_to_mat(trajectory.quat_at(time));
+            kinematics.mocap_velocities[k] = trajectory.motion;
+        }
+    })
 }

@@ -4,3 +4,4 @@ pub mod lanes;
 pub mod precision;
 pub mod random;
 pub mod spatial;
+pub(crate) mod vectorize;

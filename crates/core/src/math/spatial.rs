@@ -7,6 +7,8 @@ use stepper_real::Real;
 
 pub use stepper_geometry::linear_algebra::*;
 
+pub(crate) use crate::math::vectorize::{array, vectorize};
+
 /// Spatial motion (angular velocity, velocity at the reference point) or spatial force (moment about the reference point, force), in world
 /// axes.
 pub type V6<R> = [R; 6];

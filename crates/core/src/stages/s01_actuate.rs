@@ -4,7 +4,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{AffineForce, exceeds_range, within};
-use crate::actuation::force_limits::{clamp_to_limits, exceeds_limits};
+use crate::actuation::force_limits::clamp_to_limits;
 use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos};
 use crate::compile::{ActuatorParams, CompiledActuator, LaneModel, MotorControl};
 use crate::dynamics::kinematics::quat_at;
@@ -38,13 +38,9 @@ pub fn actuate<R: Real>(
                     actuator_forces.found_saturated[i] = exceeds_range(requested, actuator.force_range);
                     actuator_forces.force[i] = match &actuator.dynamics {
                         Some(dynamics) => {
-                            actuator_forces.found_saturated[i] = actuator_forces.found_saturated[i].or(exceeds_limits(
-                                dynamics,
-                                &at.actuator_dynamics[dynamics.index],
-                                force,
-                                R::zero(),
-                            ));
-                            clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero())
+                            let (clamped, is_reduced) = clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero());
+                            actuator_forces.found_saturated[i] = actuator_forces.found_saturated[i].or(is_reduced);
+                            clamped
                         }
                         None => force,
                     };
@@ -70,12 +66,12 @@ pub fn actuate<R: Real>(
                     }
                     (Some(ImplicitServos { weights, all: true, .. }), None) => {
                         let (force, added_inertia) =
-                            affine.explicit_part_and_added_inertia(&motion, actuator_forces.effective_inertia_at(k), weights);
+                            affine.explicit_part_and_added_inertia(&motion, actuator_forces.effective_inertias[k], weights);
                         actuator_forces.set_servo(i, k, force, added_inertia);
                     }
                     (None, Some(dynamics)) => {
                         actuator_forces.force[i] =
-                            clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity);
+                            clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity).0;
                     }
                     (_, None) => {
                         let requested = affine.force(&motion);
@@ -145,7 +141,7 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
     if let Some(dynamics) = &own.dynamics {
         let velocity = forces.project(own, at.v);
         let requested = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
-        at_bound = at_bound.or(exceeds_limits(dynamics, &at.actuator_dynamics[dynamics.index], requested, velocity));
+        at_bound = at_bound.or(clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], requested, velocity).1);
     }
     [slope, rate].map(
         #[inline(always)]

@@ -83,7 +83,7 @@ impl<R: Real> Smooth<R> {
 
     #[inline(always)]
     fn factor(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
-        self.mass.add_servos(compiled, implicit.servos, implicit.arms);
+        self.mass.add_servos(compiled, implicit.servos, implicit.arms, true);
         if !compiled.fluid.is_empty() {
             match implicit.drag_at {
                 Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.weights.damping, &mut self.mass.entries),
@@ -135,7 +135,7 @@ impl<R: Real> Smooth<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                self.mass.add_servos_within_branches(compiled, added_inertias, arms);
+                self.mass.add_servos(compiled, added_inertias, arms, false);
                 if !compiled.fluid.is_empty() {
                     self.fluid.linearise(compiled, kinematics, v, h, &mut self.mass.entries);
                     self.fluid.make_drag_explicit();

@@ -21,20 +21,8 @@ pub struct ActuatorBuilder {
 
 impl ActuatorBuilder {
     fn new(name: &str, target: &str, gain: [f64; 3], bias: [f64; 3]) -> Self {
-        let actuator = Actuator {
-            name: name.into(),
-            transmission: Transmission::Joint(0),
-            gear: 1.0,
-            delay: 0.0,
-            delay_holds: false,
-            ctrl_range: None,
-            force_range: None,
-            act_range: None,
-            activation: Activation::None,
-            gain,
-            bias,
-            force_model: ForceModel::of_parameters(&gain, &bias),
-        };
+        let force_model = ForceModel::of_parameters(&gain, &bias);
+        let actuator = Actuator { name: name.into(), gear: 1.0, gain, bias, force_model, ..Actuator::default() };
         Self { actuator, name: target.into(), target: Target::Joint }
     }
 
@@ -55,51 +43,6 @@ impl ActuatorBuilder {
         Self::new(name, joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv])
     }
 
-    /// Makes the actuator act on a tendon instead of a joint. The joint name that was given before is then the name of the tendon.
-    pub fn on_tendon(mut self) -> Self {
-        self.target = Target::Tendon;
-        self
-    }
-
-    /// Makes the actuator act on a site instead of a joint. The joint name that was given before is then the name of the site.
-    ///
-    /// `wrench` is force and torque per unit of actuator force, in the frame of the site. If `reference` names a second site, the wrench is
-    /// in the frame of that site, and the body of that site receives the reaction.
-    pub fn on_site(mut self, wrench: [f64; 6], reference: Option<&str>) -> Self {
-        self.target = Target::Site { reference: reference.map(Into::into), wrench };
-        self
-    }
-
-    /// Sets the gear, which scales the actuator's length, velocity and force.
-    pub fn gear(mut self, gear: f64) -> Self {
-        self.actuator.gear = gear;
-        self
-    }
-
-    /// Sets the delay of the control, s.
-    pub fn delay(mut self, delay: f64) -> Self {
-        self.actuator.delay = delay;
-        self
-    }
-
-    /// Sets the range to which the control is clamped.
-    pub fn ctrl_range(mut self, low: f64, high: f64) -> Self {
-        self.actuator.ctrl_range = Some([low, high]);
-        self
-    }
-
-    /// Sets the range to which the force is clamped, N or N m.
-    pub fn force_range(mut self, low: f64, high: f64) -> Self {
-        self.actuator.force_range = Some([low, high]);
-        self
-    }
-
-    /// Sets the dynamics between control and force.
-    pub fn activation(mut self, activation: Activation) -> Self {
-        self.actuator.activation = activation;
-        self
-    }
-
     pub(super) fn resolve(&self, model: &Description) -> Result<Actuator, ModelError> {
         let place = format!("actuator {:?}", self.actuator.name);
         let site = |name: &str| find(model.sites.iter().map(|s| &s.name), name, "site", &place);
@@ -113,4 +56,24 @@ impl ActuatorBuilder {
         };
         Ok(Actuator { transmission, ..self.actuator.clone() })
     }
+}
+
+setters! { ActuatorBuilder
+    /// Makes the actuator act on a site instead of a joint. The joint name that was given before is then the name of the site.
+    ///
+    /// `wrench` is force and torque per unit of actuator force, in the frame of the site. If `reference` names a second site, the wrench is
+    /// in the frame of that site, and the body of that site receives the reaction.
+    on_site(wrench: [f64; 6], reference: Option<&str>) { target = Target::Site { reference: reference.map(Into::into), wrench } }
+    /// Sets the gear, which scales the actuator's length, velocity and force.
+    gear(gear: f64) { actuator.gear = gear }
+    /// Sets the delay of the control, s.
+    delay(delay: f64) { actuator.delay = delay }
+    /// Sets the range to which the control is clamped.
+    ctrl_range(low: f64, high: f64) { actuator.ctrl_range = Some([low, high]) }
+    /// Sets the range to which the force is clamped, N or N m.
+    force_range(low: f64, high: f64) { actuator.force_range = Some([low, high]) }
+    /// Sets the dynamics between control and force.
+    activation(activation: Activation) { actuator.activation = activation }
+    /// Makes the actuator act on a tendon instead of a joint. The joint name that was given before is then the name of the tendon.
+    on_tendon() { target = Target::Tendon }
 }

@@ -16,36 +16,14 @@ pub struct BodyBuilder {
 impl BodyBuilder {
     /// Creates a builder of a body at the origin of its parent's frame. A body without joints is fixed to its parent.
     pub fn new(name: &str) -> Self {
-        let body = Body {
-            name: name.into(),
-            parent: WORLD,
-            pos: [0.0; 3],
-            quat: [1.0, 0.0, 0.0, 0.0],
-            mass: 0.0,
-            ipos: [0.0; 3],
-            iquat: [1.0, 0.0, 0.0, 0.0],
-            inertia: [0.0; 3],
-            mocap: false,
-            gravcomp: 0.0,
-        };
+        let unit = [1.0, 0.0, 0.0, 0.0];
+        let body = Body { name: name.into(), quat: unit, iquat: unit, ..Body::default() };
         Self { body, inertial: false, joints: vec![], geoms: vec![] }
     }
 
     /// Creates a builder of a body with a free joint of the same name. The body must be a child of the world.
     pub fn free(name: &str) -> Self {
         Self::new(name).joint(JointBuilder::free(name))
-    }
-
-    /// Sets the position in the parent's frame, m.
-    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
-        self.body.pos = pos.into();
-        self
-    }
-
-    /// Sets the orientation in the parent's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
-    pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
-        self.body.quat = quat.into().0;
-        self
     }
 
     /// Sets the pose in the parent's frame.
@@ -72,25 +50,6 @@ impl BodyBuilder {
         self
     }
 
-    /// Sets the orientation of the principal axes for [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion`
-    /// with the feature `nalgebra`.
-    pub fn inertial_quat(mut self, quat: impl Into<Orientation>) -> Self {
-        self.body.iquat = quat.into().0;
-        self
-    }
-
-    /// Makes the body a mocap body, whose pose the user sets. The body must be a child of the world and have no joints.
-    pub fn mocap(mut self) -> Self {
-        self.body.mocap = true;
-        self
-    }
-
-    /// Compensates the fraction `share` of the body's weight (`gravcomp`). A share of 1 compensates the whole weight.
-    pub fn gravcomp(mut self, share: f64) -> Self {
-        self.body.gravcomp = share;
-        self
-    }
-
     pub(super) fn add_to(&self, model: &mut Description, index: usize) {
         let mut body = self.body.clone();
         if !self.inertial && index != WORLD {
@@ -108,4 +67,18 @@ impl BodyBuilder {
         model.geoms.extend(self.geoms.iter().map(|g| Geom { body: index, ..g.geom.clone() }));
         model.bodies.push(body);
     }
+}
+
+setters! { BodyBuilder
+    /// Sets the position in the parent's frame, m.
+    pos(pos: impl Into<[f64; 3]>) { body.pos = pos.into() }
+    /// Sets the orientation in the parent's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
+    quat(quat: impl Into<Orientation>) { body.quat = quat.into().0 }
+    /// Sets the orientation of the principal axes for [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion`
+    /// with the feature `nalgebra`.
+    inertial_quat(quat: impl Into<Orientation>) { body.iquat = quat.into().0 }
+    /// Compensates the fraction `share` of the body's weight (`gravcomp`). A share of 1 compensates the whole weight.
+    gravcomp(share: f64) { body.gravcomp = share }
+    /// Makes the body a mocap body, whose pose the user sets. The body must be a child of the world and have no joints.
+    mocap() { body.mocap = true }
 }

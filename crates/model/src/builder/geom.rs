@@ -2,9 +2,8 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::builder::WORLD;
 use crate::orientation::Orientation;
-use crate::{ContactSpring, Description, Geom, MassProperties, Shape, Softness};
+use crate::{ContactSpring, Description, Geom, MassProperties, Shape};
 
 /// Density of a geom whose mass and density are not set, kg/m^3: the density of water.
 const DENSITY: f64 = 1000.0;
@@ -21,23 +20,14 @@ impl GeomBuilder {
     fn new(name: &str, shape: Shape) -> Self {
         let geom = Geom {
             name: name.into(),
-            body: WORLD,
             shape,
-            pos: [0.0; 3],
             quat: [1.0, 0.0, 0.0, 0.0],
             contype: 1,
             conaffinity: 1,
             condim: 3,
-            priority: 0,
             friction: [1.0, 0.005, 0.0001],
-            restitution: 0.0,
-            margin: 0.0,
-            gap: 0.0,
-            surface_velocity: [0.0; 6],
-            fluid: None,
-            softness: Softness::default(),
             solmix: 1.0,
-            spring: ContactSpring::default(),
+            ..Geom::default()
         };
         Self { geom, mass: None, density: DENSITY }
     }
@@ -90,28 +80,10 @@ impl GeomBuilder {
         Self::new(name, Shape::HeightField { asset: asset.into() }).mass(0.0)
     }
 
-    /// Sets the position in the body's frame, m.
-    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
-        self.geom.pos = pos.into();
-        self
-    }
-
-    /// Sets the orientation in the body's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
-    pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
-        self.geom.quat = quat.into().0;
-        self
-    }
-
     /// Sets the pose in the body's frame.
     #[cfg(feature = "nalgebra")]
     pub fn pose(self, pose: nalgebra::Isometry3<f64>) -> Self {
         self.pos(pose.translation.vector).quat(pose.rotation)
-    }
-
-    /// Sets the mass, kg. The value 0 makes a shape without mass.
-    pub fn mass(mut self, mass: f64) -> Self {
-        self.mass = Some(mass);
-        self
     }
 
     /// Sets the density, kg/m^3.
@@ -123,54 +95,6 @@ impl GeomBuilder {
     /// Sets the collision bit masks `contype` and `conaffinity`. A geom with (0, 0) collides with nothing, except in explicit pairs.
     pub fn masks(mut self, contype: u32, conaffinity: u32) -> Self {
         (self.geom.contype, self.geom.conaffinity) = (contype, conaffinity);
-        self
-    }
-
-    /// Sets the dimension of contacts: 1 for frictionless, 3 for sliding, 4 also for torsional, and 6 also for rolling friction.
-    pub fn condim(mut self, condim: u8) -> Self {
-        self.geom.condim = condim;
-        self
-    }
-
-    /// Sets the priority. A contact has the friction and condim of its geom with the higher priority.
-    pub fn priority(mut self, priority: i32) -> Self {
-        self.geom.priority = priority;
-        self
-    }
-
-    /// Sets the friction coefficients: sliding, torsional (m) and rolling (m).
-    pub fn friction(mut self, friction: [f64; 3]) -> Self {
-        self.geom.friction = friction;
-        self
-    }
-
-    /// Makes the surface compliant: `stiffness` in N/m, `damping` in N s/m.
-    pub fn spring(mut self, stiffness: f64, damping: f64) -> Self {
-        self.geom.spring = ContactSpring { stiffness, damping };
-        self
-    }
-
-    /// Sets Newton's coefficient of restitution, from 0 to 1.
-    pub fn restitution(mut self, restitution: f64) -> Self {
-        self.geom.restitution = restitution;
-        self
-    }
-
-    /// Sets the distance below which a contact pushes, m.
-    pub fn margin(mut self, margin: f64) -> Self {
-        self.geom.margin = margin;
-        self
-    }
-
-    /// Sets the distance beyond the margin up to which a contact is reported without pushing, m.
-    pub fn gap(mut self, gap: f64) -> Self {
-        self.geom.gap = gap;
-        self
-    }
-
-    /// Sets the velocity of the surface in contacts, as of a conveyor, in the geom's axes: linear at its origin (m/s), and angular (rad/s).
-    pub fn surface_velocity(mut self, velocity: [f64; 6]) -> Self {
-        self.geom.surface_velocity = velocity;
         self
     }
 
@@ -190,4 +114,29 @@ impl GeomBuilder {
         let quat = Quaternion::new(g.quat[0], g.quat[1], g.quat[2], g.quat[3]);
         solid.placed(g.pos.into(), UnitQuaternion::new_normalize(quat))
     }
+}
+
+setters! { GeomBuilder
+    /// Sets the position in the body's frame, m.
+    pos(pos: impl Into<[f64; 3]>) { geom.pos = pos.into() }
+    /// Sets the orientation in the body's frame: quaternion [w, x, y, z], or nalgebra's `UnitQuaternion` with the feature `nalgebra`.
+    quat(quat: impl Into<Orientation>) { geom.quat = quat.into().0 }
+    /// Sets the mass, kg. The value 0 makes a shape without mass.
+    mass(mass: f64) { mass = Some(mass) }
+    /// Sets the dimension of contacts: 1 for frictionless, 3 for sliding, 4 also for torsional, and 6 also for rolling friction.
+    condim(condim: u8) { geom.condim = condim }
+    /// Sets the priority. A contact has the friction and condim of its geom with the higher priority.
+    priority(priority: i32) { geom.priority = priority }
+    /// Sets the friction coefficients: sliding, torsional (m) and rolling (m).
+    friction(friction: [f64; 3]) { geom.friction = friction }
+    /// Makes the surface compliant: `stiffness` in N/m, `damping` in N s/m.
+    spring(stiffness: f64, damping: f64) { geom.spring = ContactSpring { stiffness, damping } }
+    /// Sets Newton's coefficient of restitution, from 0 to 1.
+    restitution(restitution: f64) { geom.restitution = restitution }
+    /// Sets the distance below which a contact pushes, m.
+    margin(margin: f64) { geom.margin = margin }
+    /// Sets the distance beyond the margin up to which a contact is reported without pushing, m.
+    gap(gap: f64) { geom.gap = gap }
+    /// Sets the velocity of the surface in contacts, as of a conveyor, in the geom's axes: linear at its origin (m/s), and angular (rad/s).
+    surface_velocity(velocity: [f64; 6]) { geom.surface_velocity = velocity }
 }

@@ -2,8 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::builder::WORLD;
-use crate::{Body, Joint, JointKind, Softness};
+use crate::{Body, Joint, JointKind};
 
 /// Builder of a joint between a body and its parent.
 #[derive(Clone, Debug)]
@@ -14,22 +13,7 @@ pub struct JointBuilder {
 
 impl JointBuilder {
     fn new(name: &str, kind: JointKind, axis: [f64; 3]) -> Self {
-        let joint = Joint {
-            name: name.into(),
-            body: WORLD,
-            kind,
-            pos: [0.0; 3],
-            axis,
-            stiffness: 0.0,
-            damping: 0.0,
-            armature: 0.0,
-            frictionloss: 0.0,
-            range: None,
-            actuator_force_range: None,
-            velocity_limit: None,
-            limit_softness: Softness::default(),
-            friction_softness: Softness::default(),
-        };
+        let joint = Joint { name: name.into(), kind, axis, ..Joint::default() };
         Self { joint, rest: None }
     }
 
@@ -53,47 +37,11 @@ impl JointBuilder {
         Self::new(name, JointKind::Hinge, unit(axis.into()))
     }
 
-    /// Sets the anchor in the body's frame, m.
-    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
-        self.joint.pos = pos.into();
-        self
-    }
-
-    /// Sets the lowest and highest position, m or rad.
-    pub fn range(mut self, low: f64, high: f64) -> Self {
-        self.joint.range = Some([low, high]);
-        self
-    }
-
-    /// Sets the viscous damping, N s/m or N m s/rad.
-    pub fn damping(mut self, damping: f64) -> Self {
-        self.joint.damping = damping;
-        self
-    }
-
     /// Sets a spring of the stiffness `stiffness`, N/m or N m/rad. The rest position is `rest` (m or rad) for a hinge or slide, and the
     /// initial pose for a ball or free joint.
     pub fn spring(mut self, stiffness: f64, rest: f64) -> Self {
         self.joint.stiffness = stiffness;
         self.rest = Some(rest);
-        self
-    }
-
-    /// Sets the armature (rotor inertia), kg or kg m^2.
-    pub fn armature(mut self, armature: f64) -> Self {
-        self.joint.armature = armature;
-        self
-    }
-
-    /// Sets the dry friction, N or N m.
-    pub fn frictionloss(mut self, loss: f64) -> Self {
-        self.joint.frictionloss = loss;
-        self
-    }
-
-    /// Sets the range to which the sum of the actuator forces on the joint is clamped, N or N m.
-    pub fn actuator_force_range(mut self, low: f64, high: f64) -> Self {
-        self.joint.actuator_force_range = Some([low, high]);
         self
     }
 
@@ -108,6 +56,21 @@ impl JointBuilder {
             JointKind::Slide | JointKind::Hinge => (vec![0.0], vec![self.rest.unwrap_or(0.0)]),
         }
     }
+}
+
+setters! { JointBuilder
+    /// Sets the anchor in the body's frame, m.
+    pos(pos: impl Into<[f64; 3]>) { joint.pos = pos.into() }
+    /// Sets the lowest and highest position, m or rad.
+    range(low: f64, high: f64) { joint.range = Some([low, high]) }
+    /// Sets the viscous damping, N s/m or N m s/rad.
+    damping(damping: f64) { joint.damping = damping }
+    /// Sets the armature (rotor inertia), kg or kg m^2.
+    armature(armature: f64) { joint.armature = armature }
+    /// Sets the dry friction, N or N m.
+    frictionloss(loss: f64) { joint.frictionloss = loss }
+    /// Sets the range to which the sum of the actuator forces on the joint is clamped, N or N m.
+    actuator_force_range(low: f64, high: f64) { joint.actuator_force_range = Some([low, high]) }
 }
 
 /// Unit vector along `axis`. A zero axis is returned unchanged, and [`Description::finish`](crate::Description::finish) returns the error.

@@ -19,43 +19,6 @@ impl TendonBuilder {
         Self { tendon: Tendon { name: name.into(), ..Tendon::default() }, joints, rest: None }
     }
 
-    /// Sets the lowest and highest length, m or rad.
-    pub fn range(mut self, low: f64, high: f64) -> Self {
-        self.tendon.range = Some([low, high]);
-        self
-    }
-
-    /// Sets the stiffness of a spring, N per unit of length (m or rad). Its rest length is the tendon length at `qpos_spring`, the rest
-    /// pose of joint springs.
-    pub fn stiffness(mut self, stiffness: f64) -> Self {
-        self.tendon.stiffness = stiffness;
-        self
-    }
-
-    /// Sets the lowest and highest length at which the spring is slack, m or rad.
-    pub fn spring_length(mut self, low: f64, high: f64) -> Self {
-        self.rest = Some([low, high]);
-        self
-    }
-
-    /// Sets the viscous damping, N s per unit of length (m or rad).
-    pub fn damping(mut self, damping: f64) -> Self {
-        self.tendon.damping = damping;
-        self
-    }
-
-    /// Sets the armature, an inertia that resists changes of the tendon's length, N s^2 per unit of length (m or rad).
-    pub fn armature(mut self, armature: f64) -> Self {
-        self.tendon.armature = armature;
-        self
-    }
-
-    /// Sets the dry friction, N.
-    pub fn frictionloss(mut self, loss: f64) -> Self {
-        self.tendon.frictionloss = loss;
-        self
-    }
-
     pub(super) fn resolve(&self, model: &Description) -> Result<Tendon, ModelError> {
         let place = format!("tendon {:?}", self.tendon.name);
         let mut tendon = self.tendon.clone();
@@ -63,4 +26,20 @@ impl TendonBuilder {
         tendon.spring_length = self.rest.unwrap_or_else(|| [tendon.length(model, &model.qpos_spring); 2]);
         Ok(tendon)
     }
+}
+
+setters! { TendonBuilder
+    /// Sets the lowest and highest length, m or rad.
+    range(low: f64, high: f64) { tendon.range = Some([low, high]) }
+    /// Sets the stiffness of a spring, N per unit of length (m or rad). Its rest length is the tendon length at `qpos_spring`, the rest
+    /// pose of joint springs.
+    stiffness(stiffness: f64) { tendon.stiffness = stiffness }
+    /// Sets the lowest and highest length at which the spring is slack, m or rad.
+    spring_length(low: f64, high: f64) { rest = Some([low, high]) }
+    /// Sets the viscous damping, N s per unit of length (m or rad).
+    damping(damping: f64) { tendon.damping = damping }
+    /// Sets the armature, an inertia that resists changes of the tendon's length, N s^2 per unit of length (m or rad).
+    armature(armature: f64) { tendon.armature = armature }
+    /// Sets the dry friction, N.
+    frictionloss(loss: f64) { tendon.frictionloss = loss }
 }

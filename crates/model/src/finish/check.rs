@@ -1,11 +1,10 @@
 //! Checks of all elements of a model.
 
 mod assets;
-mod softness;
 
 use std::collections::HashSet;
 
-use crate::finish::element::{Checked, Element};
+use crate::finish::element::{Checked, Element, elements};
 use crate::hulls::{Hulls, Source};
 use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape, Transmission};
 
@@ -23,8 +22,7 @@ pub(super) fn structure(model: &Description) -> Checked {
     let scene = Element("model".into());
     scene.length("qpos0", &model.qpos0, nq, "nq of the joints")?;
     scene.length("qpos_spring", &model.qpos_spring, nq, "nq of the joints")?;
-    for (i, key) in model.keyframes.iter().enumerate() {
-        let at = Element::new("keyframe", &key.name, i);
+    for (at, key) in elements("keyframe", &model.keyframes, |key| &key.name) {
         at.finite("time", &[key.time])?;
         at.length("qpos", &key.qpos, nq, "nq of the joints")?;
         at.length("qvel", &key.qvel, nv, "nv of the joints")?;
@@ -72,8 +70,7 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
 }
 
 fn joints_fit_bodies(model: &Description) -> Checked {
-    for (i, joint) in model.joints.iter().enumerate() {
-        let at = Element::new("joint", &joint.name, i);
+    for (at, joint) in elements("joint", &model.joints, |joint| &joint.name) {
         if joint.body == 0 {
             return at.fail("would move the world", "give it to another body");
         }
@@ -110,13 +107,30 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     equalities(model)?;
     actuators(model)?;
     crate::finish::sensors::check(model)?;
-    softness::check(model)?;
+    softness(model)?;
     Ok(hulls)
+}
+
+/// Checks the settings of MuJoCo's contact law for the whole scene, and its inverse weights.
+fn softness(model: &Description) -> Checked {
+    let scene = Element("model".into());
+    scene.positive("impratio", &[model.soft.impratio], "")?;
+    scene.size("noslip_tolerance", &[model.soft.noslip.tolerance], "")?;
+    if let Some(weights) = &model.soft.inverse_weights {
+        let bodies = weights.bodies.as_flattened();
+        scene.length("inverse weights of bodies", bodies, 2 * model.bodies.len(), "two for every body")?;
+        scene.length("inverse weights of dofs", &weights.dofs, model.nv(), "nv of the joints")?;
+        scene.length("inverse weights of tendons", &weights.tendons, model.tendons.len(), "one for every tendon")?;
+        for (what, numbers) in [("bodies", bodies), ("dofs", &weights.dofs), ("tendons", &weights.tendons)] {
+            scene.size(&format!("inverse weights of {what}"), numbers, "")?;
+        }
+    }
+    Ok(())
 }
 
 /// Checks only the values that may differ between environments. It is for a model whose other values were checked earlier and are
 /// unchanged.
-pub(super) fn parameters(model: &Description) -> Checked {
+pub(crate) fn parameters(model: &Description) -> Checked {
     Element("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;
     joints(model)?;
@@ -150,8 +164,7 @@ fn names(model: &Description) -> Checked {
 }
 
 fn bodies(model: &Description) -> Checked {
-    for (i, body) in model.bodies.iter().enumerate() {
-        let at = Element::new("body", &body.name, i);
+    for (at, body) in elements("body", &model.bodies, |body| &body.name) {
         at.finite("pos", &body.pos)?;
         at.finite("centre of mass", &body.ipos)?;
         at.size("mass", &[body.mass], " kg")?;
@@ -177,8 +190,7 @@ fn sorted(mut x: [f64; 3]) -> [f64; 3] {
 }
 
 fn joints(model: &Description) -> Checked {
-    for (i, joint) in model.joints.iter().enumerate() {
-        let at = Element::new("joint", &joint.name, i);
+    for (at, joint) in elements("joint", &model.joints, |joint| &joint.name) {
         at.finite("pos", &joint.pos)?;
         at.finite("stiffness", &[joint.stiffness])?;
         at.size("damping", &[joint.damping], "")?;
@@ -191,13 +203,14 @@ fn joints(model: &Description) -> Checked {
         at.finite("range", &joint.range.unwrap_or_default())?;
         at.range("actuator_force_range", joint.actuator_force_range)?;
         joint.velocity_limit.map_or(Ok(()), |limit| at.size("velocity_limit", &[limit], ""))?;
+        at.softness(&joint.limit_softness)?;
+        at.softness(&joint.friction_softness)?;
     }
     Ok(())
 }
 
 fn geoms(model: &Description) -> Checked {
-    for (i, geom) in model.geoms.iter().enumerate() {
-        let at = Element::new("geom", &geom.name, i);
+    for (at, geom) in elements("geom", &model.geoms, |geom| &geom.name) {
         match geom.shape {
             Shape::Plane | Shape::HeightField { .. } => {}
             Shape::Sphere { radius } => at.positive("radius", &[radius], " m")?,
@@ -224,19 +237,23 @@ fn geoms(model: &Description) -> Checked {
         }
         at.contact(geom.condim, &geom.friction, geom.restitution, geom.margin, geom.gap)?;
         at.spring(geom.spring)?;
+        at.softness(&geom.softness)?;
+        at.size("solmix", &[geom.solmix], "")?;
     }
     Ok(())
 }
 
 fn pairs(model: &Description) -> Checked {
-    for (i, pair) in model.pairs.iter().enumerate() {
-        let at = Element::new("pair", &pair.name, i);
+    for (at, pair) in elements("pair", &model.pairs, |pair| &pair.name) {
         pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
         if pair.geoms[0] == pair.geoms[1] {
             return at.fail(format!("geom {:?} against itself", model.geom_label(pair.geoms[0])), "name two geoms");
         }
         at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
         at.spring(pair.spring)?;
+        at.softness(&pair.softness)?;
+        at.finite("solref_friction", &pair.solref_friction)?;
+        at.size("anisotropy", &pair.anisotropy, "")?;
     }
     for (i, exclude) in model.excludes.iter().enumerate() {
         exclude.iter().try_for_each(|&b| Element::new("exclude", "", i).index("body", b, model.bodies.len()))?;
@@ -250,8 +267,7 @@ fn pairs(model: &Description) -> Checked {
 }
 
 fn tendons(model: &Description) -> Checked {
-    for (i, tendon) in model.tendons.iter().enumerate() {
-        let at = Element::new("tendon", &tendon.name, i);
+    for (at, tendon) in elements("tendon", &model.tendons, |tendon| &tendon.name) {
         for &(joint, coefficient) in &tendon.joints {
             at.scalar_joint(model, joint)?;
             at.finite("coefficient", &[coefficient])?;
@@ -263,18 +279,20 @@ fn tendons(model: &Description) -> Checked {
         at.size("damping", &[tendon.damping], "")?;
         at.size("armature", &[tendon.armature], "")?;
         at.size("frictionloss", &[tendon.frictionloss], "")?;
+        at.softness(&tendon.limit_softness)?;
+        at.softness(&tendon.friction_softness)?;
     }
     Ok(())
 }
 
 fn equalities(model: &Description) -> Checked {
-    for (i, equality) in model.equalities.iter().enumerate() {
-        let at = Element::new("equality", &equality.name, i);
+    for (at, equality) in elements("equality", &model.equalities, |equality| &equality.name) {
         at.finite("data", &equality.data())?;
         if equality.stiffness.is_nan() || equality.stiffness < 0.0 {
             return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, infinity for a hard one");
         }
         at.size("damping", &[equality.damping], "")?;
+        at.softness(&equality.softness)?;
         match &equality.kind {
             EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => {
                 bodies.iter().try_for_each(|&b| at.index("body", b, model.bodies.len()))?;
@@ -325,8 +343,7 @@ fn force_model(at: &Element, actuator: &Actuator) -> Checked {
 }
 
 fn actuators(model: &Description) -> Checked {
-    for (i, actuator) in model.actuators.iter().enumerate() {
-        let at = Element::new("actuator", &actuator.name, i);
+    for (at, actuator) in elements("actuator", &model.actuators, |actuator| &actuator.name) {
         match actuator.transmission {
             Transmission::Joint(j) => at.scalar_joint(model, j)?,
             Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,

@@ -2,7 +2,7 @@
 
 use crate::description::{Description, JointKind, label};
 use crate::error::ModelError;
-use crate::softness::ContactSpring;
+use crate::softness::{ContactSpring, Softness};
 
 pub(crate) type Checked = Result<(), ModelError>;
 
@@ -11,6 +11,11 @@ const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
 
 /// Element of a model, by its description in errors such as `body "torso"`.
 pub(crate) struct Element(pub(crate) String);
+
+/// Elements of a list, each with its label for errors. `name` returns the name of an element.
+pub(crate) fn elements<'a, T>(kind: &'a str, list: &'a [T], name: fn(&T) -> &str) -> impl Iterator<Item = (Element, &'a T)> {
+    list.iter().enumerate().map(move |(i, element)| (Element::new(kind, name(element), i), element))
+}
 
 impl Element {
     pub(crate) fn new(kind: &str, name: &str, index: usize) -> Self {
@@ -27,18 +32,14 @@ impl Element {
 
     /// Checks that all values are finite and at least 0. An error contains the name `what` of the quantity, and its unit.
     pub(crate) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
-        match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
-            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
-            None => Ok(()),
-        }
+        let wrong = x.iter().find(|v| !v.is_finite() || **v < 0.0);
+        wrong.map_or(Ok(()), |v| self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"))
     }
 
     /// Checks that all values are finite and above 0. An error contains the name `what` of the quantity, and its unit.
     pub(crate) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
-        match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
-            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
-            None => Ok(()),
-        }
+        let wrong = x.iter().find(|v| !v.is_finite() || **v <= 0.0);
+        wrong.map_or(Ok(()), |v| self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"))
     }
 
     /// Checks that the lower end of a range is not above the upper end. Infinite ends are allowed. An error contains the name `what` of the
@@ -79,6 +80,12 @@ impl Element {
             JointKind::Slide | JointKind::Hinge => return Ok(()),
         };
         self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
+    }
+
+    /// Checks a softness in MuJoCo's contact law.
+    pub(crate) fn softness(&self, softness: &Softness) -> Checked {
+        self.finite("solref", &softness.solref)?;
+        self.finite("solimp", &softness.solimp)
     }
 
     /// Checks stiffness and damping of a compliant contact.

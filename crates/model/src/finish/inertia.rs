@@ -28,7 +28,7 @@ struct Dof {
     parent: Option<usize>,
 }
 
-pub(super) fn check(model: &Description) -> Result<(), ModelError> {
+pub(crate) fn check(model: &Description) -> Result<(), ModelError> {
     let (poses, origins) = poses(model);
     let dofs = dofs(model, &poses, &origins);
     let inertias = composite(model, &poses, &origins);
@@ -65,6 +65,11 @@ pub(super) fn check(model: &Description) -> Result<(), ModelError> {
     })
 }
 
+/// Degree of freedom `first` and its ancestors, towards the root.
+fn chain(dofs: &[Dof], first: Option<usize>) -> impl Iterator<Item = usize> {
+    std::iter::successors(first, |&dof| dofs[dof].parent)
+}
+
 /// Indices of the joints that can move together with the degree of freedom `dof` so that nothing with inertia moves.
 ///
 /// The function computes the null vector of the mass matrix with the entry 1 for `dof`, and returns the joints of its other nonzero
@@ -74,10 +79,8 @@ fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof],
     let mut null = vec![0.0; dofs.len()];
     null[dof] = 1.0;
     for i in dof + 1..dofs.len() {
-        let mut ancestor = dofs[i].parent;
-        while let Some(j) = ancestor {
+        for j in chain(dofs, dofs[i].parent) {
             null[i] -= matrix[(i, j)] / matrix[(i, i)] * null[j];
-            ancestor = dofs[j].parent;
         }
     }
     // Motions are compared by energy, because the entries of different joints have different units.
@@ -170,10 +173,8 @@ fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> 
     let mut matrix = DMatrix::zeros(dofs.len(), dofs.len());
     for (i, dof) in dofs.iter().enumerate() {
         let force = inertias[model.joints[dof.joint].body] * dof.motion;
-        let mut ancestor = Some(i);
-        while let Some(j) = ancestor {
+        for j in chain(dofs, Some(i)) {
             matrix[(i, j)] = force.dot(&dofs[j].motion);
-            ancestor = dofs[j].parent;
         }
         matrix[(i, i)] += model.joints[dof.joint].armature;
     }
@@ -189,15 +190,11 @@ fn first_without_inertia(matrix: &mut DMatrix<f64>, dofs: &[Dof]) -> Option<usiz
         if pivot <= NOTHING * whole[i] {
             return Some(i);
         }
-        let mut j = dofs[i].parent;
-        while let Some(row) = j {
+        for row in chain(dofs, dofs[i].parent) {
             let factor = matrix[(i, row)] / pivot;
-            let mut k = Some(row);
-            while let Some(column) = k {
+            for column in chain(dofs, Some(row)) {
                 matrix[(row, column)] -= factor * matrix[(i, column)];
-                k = dofs[column].parent;
             }
-            j = dofs[row].parent;
         }
     }
     None

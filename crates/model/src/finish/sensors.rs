@@ -1,13 +1,12 @@
 //! Checks of sites and sensors.
 
-use crate::finish::element::{Checked, Element};
+use crate::finish::element::{Checked, Element, elements};
 use crate::hulls::Source;
 use crate::{ContactSide, Description, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape};
 
 /// Checks every site and sensor.
 pub(super) fn check(model: &Description) -> Checked {
-    for (i, site) in model.sites.iter().enumerate() {
-        let at = Element::new("site", &site.name, i);
+    for (at, site) in elements("site", &model.sites, |site| &site.name) {
         at.index("body", site.body, model.bodies.len())?;
         at.finite("pos", &site.pos)?;
         match site.shape {

@@ -158,66 +158,42 @@ impl Stepper {
     }
 }
 
-#[pymethods]
-impl Stepper {
+/// Declares a writable array attribute of `Stepper` for each applied input, with the functions that get and set it.
+macro_rules! applied_inputs {
+    ($($(#[$doc:meta])* $name:ident, $set:ident: $input:ident,)*) => {
+        #[pymethods]
+        impl Stepper {
+            $(
+                $(#[$doc])*
+                #[getter]
+                fn $name<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
+                    slf.applied_array(py, AppliedInput::$input)
+                }
+
+                #[setter]
+                fn $set(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
+                    slf.assign(py, AppliedInput::$input, &value)
+                }
+            )*
+        }
+    };
+}
+
+applied_inputs! {
     /// Applied joint forces, (num_envs, nv), N or N m. Writable; each step applies them until they are changed or reset.
-    #[getter]
-    fn qfrc_applied<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
-        slf.applied_array(py, AppliedInput::QfrcApplied)
-    }
-
-    #[setter]
-    fn set_qfrc_applied(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        slf.assign(py, AppliedInput::QfrcApplied, &value)
-    }
-
+    qfrc_applied, set_qfrc_applied: QfrcApplied,
     /// Applied force (N) and torque (N m) at the centre of mass of each body in world axes, (num_envs, nbody, 6). Writable; each step
     /// applies them until they are changed or reset.
-    #[getter]
-    fn xfrc_applied<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
-        slf.applied_array(py, AppliedInput::XfrcApplied)
-    }
-
-    #[setter]
-    fn set_xfrc_applied(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        slf.assign(py, AppliedInput::XfrcApplied, &value)
-    }
-
+    xfrc_applied, set_xfrc_applied: XfrcApplied,
     /// Positions of the mocap bodies, (num_envs, nmocap, 3), m. Writable; each step uses them until they are changed or reset.
-    #[getter]
-    fn mocap_pos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
-        slf.applied_array(py, AppliedInput::MocapPos)
-    }
-
-    #[setter]
-    fn set_mocap_pos(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        slf.assign(py, AppliedInput::MocapPos, &value)
-    }
-
+    mocap_pos, set_mocap_pos: MocapPos,
     /// Orientations of the mocap bodies as quaternions, (num_envs, nmocap, 4). Writable; each step uses them until they are changed or
     /// reset.
-    #[getter]
-    fn mocap_quat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
-        slf.applied_array(py, AppliedInput::MocapQuat)
-    }
-
-    #[setter]
-    fn set_mocap_quat(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        slf.assign(py, AppliedInput::MocapQuat, &value)
-    }
-
+    mocap_quat, set_mocap_quat: MocapQuat,
     /// Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`. Writable; each step uses it until it is changed.
     /// `reset` restores the model's `eq_active0`; `get_state` and `set_state` do not include it.
     ///
     /// The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
     /// `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one.
-    #[getter]
-    fn eq_active<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
-        slf.applied_array(py, AppliedInput::EqActive)
-    }
-
-    #[setter]
-    fn set_eq_active(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        slf.assign(py, AppliedInput::EqActive, &value)
-    }
+    eq_active, set_eq_active: EqActive,
 }

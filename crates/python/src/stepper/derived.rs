@@ -7,6 +7,7 @@ use stepper_core::DerivedQuantity;
 use crate::array::{OwnNumbers, read_only};
 use crate::elements::Kind;
 use crate::error::value_error;
+use crate::getters::getters;
 use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
@@ -41,142 +42,6 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. Unlike after MuJoCo's `mj_step`,
-    /// they belong to the state after the step, as after `mj_forward`. Derived quantities are computed at the first read for all
-    /// environments and cached until something changes. Quantities that are read together are computed in one pass.
-    #[getter]
-    fn xpos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyPos)
-    }
-
-    /// Orientations of the body frames at the current `qpos`, quaternions (w, x, y, z), (num_envs, nbody, 4).
-    #[getter]
-    fn xquat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyQuat)
-    }
-
-    /// Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Mocap bodies have zero velocity,
-    /// as in MuJoCo.
-    #[getter]
-    fn body_linvel<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyLinVel)
-    }
-
-    /// Angular velocities of the bodies at the current state in world axes, (num_envs, nbody, 3), rad/s.
-    #[getter]
-    fn body_angvel<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyAngVel)
-    }
-
-    /// Positions of the sites at the current `qpos`, (num_envs, nsite, 3), m.
-    #[getter]
-    fn site_xpos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::SitePos)
-    }
-
-    /// Orientations of the sites at the current `qpos`, quaternions (w, x, y, z), (num_envs, nsite, 4).
-    #[getter]
-    fn site_xquat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::SiteQuat)
-    }
-
-    /// Positions of the geoms at the current `qpos`, (num_envs, ngeom, 3), m.
-    #[getter]
-    fn geom_xpos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::GeomPos)
-    }
-
-    /// Orientations of the geoms at the current `qpos`, quaternions (w, x, y, z), (num_envs, ngeom, 4).
-    #[getter]
-    fn geom_xquat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::GeomQuat)
-    }
-
-    /// Centre of mass of each body with its descendants at the current `qpos`, (num_envs, nbody, 3), m. Row 0, of the world, is the centre
-    /// of mass of the whole scene.
-    #[getter]
-    fn subtree_com<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::SubtreeCom)
-    }
-
-    /// Centres of mass of the bodies at the current `qpos`, (num_envs, nbody, 3), m.
-    #[getter]
-    fn xipos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyCom)
-    }
-
-    /// Inertias of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 10), as MuJoCo's `cinert`. The
-    /// columns are the inertia xx, yy, zz, xy, xz, yz (kg m^2), mass times position of the centre of mass (3, kg m), and mass (kg). The row
-    /// of the world is zero. A tree is a child of the world with its descendants.
-    #[getter]
-    fn cinert<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyInertia)
-    }
-
-    /// Velocities of the bodies about the centre of mass of their kinematic tree in world axes, (num_envs, nbody, 6), as MuJoCo's `cvel`.
-    /// The columns are angular velocity (3, rad/s), and linear velocity (3, m/s) of the body-fixed point at that centre of mass.
-    #[getter]
-    fn cvel<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyMotion)
-    }
-
-    /// Torques (3, N m) and forces (3, N) of the contacts of the last step on the bodies, about the centre of mass of their kinematic tree
-    /// in world axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or
-    /// `set_state`. MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities.
-    #[getter]
-    fn cfrc_ext<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyForce)
-    }
-
-    /// Acceleration of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2. It is the change of
-    /// velocity divided by the time step.
-    ///
-    /// Before the first step after a reset or `set_state`, it is the acceleration of a step from the current state. This also holds for
-    /// `qfrc_constraint` and `body_contact_force`.
-    #[getter]
-    fn qacc<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::Acceleration)
-    }
-
-    /// Coriolis, centrifugal and gravitational forces at the current state, (num_envs, nv), N or N m, as after `mj_forward`.
-    #[getter]
-    fn qfrc_bias<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BiasForce)
-    }
-
-    /// Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. If the
-    /// stepper has an actuator model, the forces of the drives in it are those of the last step.
-    #[getter]
-    fn qacc_smooth<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::SmoothAcceleration)
-    }
-
-    /// Actuator forces before the gear at the current state and controls, (num_envs, nu), N or N m, as after `mj_forward`.
-    #[getter]
-    fn actuator_force<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::ActuatorForce)
-    }
-
-    /// Joint forces of the actuators, clipped to `actuatorfrcrange`, (num_envs, nv), N or N m.
-    #[getter]
-    fn qfrc_actuator<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::JointActuatorForce)
-    }
-
-    /// Joint forces of all constraints in the last step, (num_envs, nv), N or N m: impulses of contacts, limits, dry friction, equalities
-    /// and tendons, divided by the time step.
-    #[getter]
-    fn qfrc_constraint<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::JointConstraintForce)
-    }
-
-    /// Force (3, N) and torque (3, N m) of all contacts of the last step on each body in world axes, (num_envs, nbody, 6). The torque is
-    /// about the body's current centre of mass.
-    #[getter]
-    fn body_contact_force<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.derived(py, DerivedQuantity::BodyContactForce)
-    }
-
     /// Jacobian of a body frame or a site at the current `qpos`, with velocity = `jacobian @ qvel`.
     ///
     /// Args:
@@ -207,4 +72,63 @@ impl Stepper {
         slf.apply(py)?;
         Ok(slf.derive(py, &[quantity])?.remove(0))
     }
+}
+
+getters! { Stepper, |mut slf, py| (Writing<'_>) -> PyResult<Bound<'py, PyAny>>;
+    /// Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. Unlike after MuJoCo's `mj_step`,
+    /// they belong to the state after the step, as after `mj_forward`. Derived quantities are computed at the first read for all
+    /// environments and cached until something changes. Quantities that are read together are computed in one pass.
+    xpos: slf.derived(py, DerivedQuantity::BodyPos),
+    /// Orientations of the body frames at the current `qpos`, quaternions (w, x, y, z), (num_envs, nbody, 4).
+    xquat: slf.derived(py, DerivedQuantity::BodyQuat),
+    /// Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Mocap bodies have zero velocity,
+    /// as in MuJoCo.
+    body_linvel: slf.derived(py, DerivedQuantity::BodyLinVel),
+    /// Angular velocities of the bodies at the current state in world axes, (num_envs, nbody, 3), rad/s.
+    body_angvel: slf.derived(py, DerivedQuantity::BodyAngVel),
+    /// Positions of the sites at the current `qpos`, (num_envs, nsite, 3), m.
+    site_xpos: slf.derived(py, DerivedQuantity::SitePos),
+    /// Orientations of the sites at the current `qpos`, quaternions (w, x, y, z), (num_envs, nsite, 4).
+    site_xquat: slf.derived(py, DerivedQuantity::SiteQuat),
+    /// Positions of the geoms at the current `qpos`, (num_envs, ngeom, 3), m.
+    geom_xpos: slf.derived(py, DerivedQuantity::GeomPos),
+    /// Orientations of the geoms at the current `qpos`, quaternions (w, x, y, z), (num_envs, ngeom, 4).
+    geom_xquat: slf.derived(py, DerivedQuantity::GeomQuat),
+    /// Centre of mass of each body with its descendants at the current `qpos`, (num_envs, nbody, 3), m. Row 0, of the world, is the centre
+    /// of mass of the whole scene.
+    subtree_com: slf.derived(py, DerivedQuantity::SubtreeCom),
+    /// Centres of mass of the bodies at the current `qpos`, (num_envs, nbody, 3), m.
+    xipos: slf.derived(py, DerivedQuantity::BodyCom),
+    /// Inertias of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 10), as MuJoCo's `cinert`. The
+    /// columns are the inertia xx, yy, zz, xy, xz, yz (kg m^2), mass times position of the centre of mass (3, kg m), and mass (kg). The row
+    /// of the world is zero. A tree is a child of the world with its descendants.
+    cinert: slf.derived(py, DerivedQuantity::BodyInertia),
+    /// Velocities of the bodies about the centre of mass of their kinematic tree in world axes, (num_envs, nbody, 6), as MuJoCo's `cvel`.
+    /// The columns are angular velocity (3, rad/s), and linear velocity (3, m/s) of the body-fixed point at that centre of mass.
+    cvel: slf.derived(py, DerivedQuantity::BodyMotion),
+    /// Torques (3, N m) and forces (3, N) of the contacts of the last step on the bodies, about the centre of mass of their kinematic tree
+    /// in world axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or
+    /// `set_state`. MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities.
+    cfrc_ext: slf.derived(py, DerivedQuantity::BodyForce),
+    /// Acceleration of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2. It is the change of
+    /// velocity divided by the time step.
+    ///
+    /// Before the first step after a reset or `set_state`, it is the acceleration of a step from the current state. This also holds for
+    /// `qfrc_constraint` and `body_contact_force`.
+    qacc: slf.derived(py, DerivedQuantity::Acceleration),
+    /// Coriolis, centrifugal and gravitational forces at the current state, (num_envs, nv), N or N m, as after `mj_forward`.
+    qfrc_bias: slf.derived(py, DerivedQuantity::BiasForce),
+    /// Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. If the
+    /// stepper has an actuator model, the forces of the drives in it are those of the last step.
+    qacc_smooth: slf.derived(py, DerivedQuantity::SmoothAcceleration),
+    /// Actuator forces before the gear at the current state and controls, (num_envs, nu), N or N m, as after `mj_forward`.
+    actuator_force: slf.derived(py, DerivedQuantity::ActuatorForce),
+    /// Joint forces of the actuators, clipped to `actuatorfrcrange`, (num_envs, nv), N or N m.
+    qfrc_actuator: slf.derived(py, DerivedQuantity::JointActuatorForce),
+    /// Joint forces of all constraints in the last step, (num_envs, nv), N or N m: impulses of contacts, limits, dry friction, equalities
+    /// and tendons, divided by the time step.
+    qfrc_constraint: slf.derived(py, DerivedQuantity::JointConstraintForce),
+    /// Force (3, N) and torque (3, N m) of all contacts of the last step on each body in world axes, (num_envs, nbody, 6). The torque is
+    /// about the body's current centre of mass.
+    body_contact_force: slf.derived(py, DerivedQuantity::BodyContactForce),
 }

@@ -11,59 +11,11 @@ use crate::arguments::{Env, no_others};
 use crate::array::read_only;
 use crate::contacts::structured;
 use crate::error::value_error;
+use crate::getters::getters;
 use crate::stepper::{Reading, Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
-    /// Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`.
-    #[getter]
-    fn status<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "status", |env| slf.simulation.status(env).bits())
-    }
-
-    /// Residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE. It is the size of the natural map, a
-    /// function of impulses and velocities that is zero at the exact solution.
-    #[getter]
-    fn residual<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual)
-    }
-
-    /// Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps.
-    #[getter]
-    fn iterations<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let both = |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps;
-        slf.per_env(py, "iterations", both)
-    }
-
-    /// Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
-    /// includes Gauss-Seidel iterations.
-    #[getter]
-    fn newton_steps<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "newton_steps", |env| slf.simulation.certificate(env).newton_steps)
-    }
-
-    /// Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
-    /// detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP.
-    #[getter]
-    fn max_penetration<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "max_penetration", |env| slf.simulation.depth(env))
-    }
-
-    /// Largest violation of the range of a joint or tendon after the steps of the last call of `step`, (num_envs,) float64, rad or m. Above
-    /// 0.01 `status` has OVER_LIMIT.
-    #[getter]
-    fn max_limit_violation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "max_limit_violation", |env| slf.simulation.limit_overshoot(env))
-    }
-
-    /// Largest position error of an equality (connect, weld, joint, tendon) after the steps of the last call of `step`, (num_envs,)
-    /// float64, m or rad. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite stiffness are
-    /// springs and are not included. With contact="mujoco" all equalities are soft, and all are included.
-    #[getter]
-    fn max_equality_violation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "max_equality_violation", |env| slf.simulation.max_equality_violation(env))
-    }
-
     /// Number of steps in the last call of `step` in which each actuator force was clipped, (num_envs, nu) uint32. Bounds are the
     /// `forcerange` of the actuator, the `actuatorfrcrange` of the joint, and the limits and torque-speed curve of the drive.
     #[getter]
@@ -146,4 +98,27 @@ impl Stepper {
         slf.apply(py)?;
         slf.simulation.save_problem(env, &StepInputs { ctrl: &ctrl, ..StepInputs::default() }, path).map_err(value_error)
     }
+}
+
+getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
+    /// Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`.
+    status: slf.per_env(py, "status", |env| slf.simulation.status(env).bits()),
+    /// Residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE. It is the size of the natural map, a
+    /// function of impulses and velocities that is zero at the exact solution.
+    residual: slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual),
+    /// Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps.
+    iterations: slf.per_env(py, "iterations", |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps),
+    /// Number of Newton steps of the solver in the last step: the sum over all islands of bodies, (num_envs,) uint32. `iterations` also
+    /// includes Gauss-Seidel iterations.
+    newton_steps: slf.per_env(py, "newton_steps", |env| slf.simulation.certificate(env).newton_steps),
+    /// Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
+    /// detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP.
+    max_penetration: slf.per_env(py, "max_penetration", |env| slf.simulation.depth(env)),
+    /// Largest violation of the range of a joint or tendon after the steps of the last call of `step`, (num_envs,) float64, rad or m. Above
+    /// 0.01 `status` has OVER_LIMIT.
+    max_limit_violation: slf.per_env(py, "max_limit_violation", |env| slf.simulation.limit_overshoot(env)),
+    /// Largest position error of an equality (connect, weld, joint, tendon) after the steps of the last call of `step`, (num_envs,)
+    /// float64, m or rad. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite stiffness are
+    /// springs and are not included. With contact="mujoco" all equalities are soft, and all are included.
+    max_equality_violation: slf.per_env(py, "max_equality_violation", |env| slf.simulation.max_equality_violation(env)),
 }

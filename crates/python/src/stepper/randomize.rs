@@ -10,7 +10,7 @@ use crate::array::{array, check_shape_of, described, read_only_of_environments, 
 use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
-use crate::stepper::recording::{notify, recorder_of};
+use crate::stepper::recording::notify;
 use crate::stepper::{Reading, Stepper, borrow};
 
 /// Name of the argument of `randomize` that takes an actuator model. All other names are fields of the model.
@@ -163,8 +163,7 @@ impl Stepper {
             return Ok(());
         }
         this.randomize_from_dict(fields.as_ref(), &selection)?;
-        let recorder = recorder_of(slf.py(), this);
-        notify(slf, recorder, "randomize", &[("envs", envs), ("fields", fields.map(Bound::into_any))])
+        notify(slf, this, "randomize", &[("envs", envs), ("fields", fields.map(Bound::into_any))])
     }
 
     /// Parameters per environment, as a dictionary of arguments of `randomize`: arrays by field, and an `ActuatorModel` as "actuators".

@@ -8,21 +8,16 @@ use stepper_core::Precision;
 use crate::array::{array, described};
 use crate::stepper::{Reading, Stepper, Writing, borrow};
 
-/// Recorder of a stepper, if it has one. The function consumes the borrow, so that other threads can use the stepper while the recorder
-/// runs.
-pub(super) fn recorder_of(py: Python<'_>, this: PyRefMut<'_, Stepper>) -> Option<Py<PyAny>> {
-    this.recorder.as_ref().map(|r| r.clone_ref(py))
-}
-
-/// Calls the method `what` of the recorder with the stepper and the keyword arguments `given`, which are pairs of name and value. If
-/// `recorder` is `None`, nothing is called.
+/// Calls the method `what` of the recorder, if the stepper `this` has one, with the stepper and the keyword arguments `given`: pairs of
+/// name and value. The function ends the borrow `this` first, so that other threads can use the stepper while the recorder runs.
 pub(super) fn notify(
     slf: &Bound<'_, Stepper>,
-    recorder: Option<Py<PyAny>>,
+    this: PyRefMut<'_, Stepper>,
     what: &str,
     given: &[(&str, Option<Bound<'_, PyAny>>)],
 ) -> PyResult<()> {
-    let Some(recorder) = recorder else { return Ok(()) };
+    let Some(recorder) = this.recorder.as_ref().map(|recorder| recorder.clone_ref(slf.py())) else { return Ok(()) };
+    drop(this);
     let arguments = PyDict::new(slf.py());
     for (name, value) in given {
         if let Some(value) = value {
@@ -39,8 +34,7 @@ pub(super) fn notify_recorder_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'
     let py = slf.py();
     let ctrl = array(py, &[this.n(), this.simulation.model().nu()], this.simulation.ctrl().to_vec(), Precision::F64)?;
     let applied = this.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>().into_pyobject(py)?;
-    let recorder = recorder_of(py, this);
-    notify(slf, recorder, "step", &[("ctrl", Some(ctrl)), ("nstep", Some(nstep.into_pyobject(py)?.into_any())), ("applied", Some(applied))])
+    notify(slf, this, "step", &[("ctrl", Some(ctrl)), ("nstep", Some(nstep.into_pyobject(py)?.into_any())), ("applied", Some(applied))])
 }
 
 #[pymethods]

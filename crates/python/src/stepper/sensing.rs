@@ -7,6 +7,7 @@ use stepper_core::StepInputs;
 
 use crate::array::{array, check_shape, described, read_only};
 use crate::error::value_error;
+use crate::getters::getters;
 use crate::stepper::{Reading, Stepper, Writing};
 
 impl Stepper {
@@ -27,23 +28,6 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a
-    /// writable copy.
-    #[getter]
-    fn sensordata<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_only(slf.readings(py, false)?, "sensordata")
-    }
-
-    /// Readings of ideal sensors, (num_envs, nsensordata).
-    ///
-    /// Positions and velocities are those after the last step. Accelerations are the change of velocity in that step divided by the time
-    /// step, including impulses of contacts and limits. Forces are impulses divided by the time step. Before the first step after a reset
-    /// or `set_state`, accelerations and forces are those of a step from the current state.
-    #[getter]
-    fn sensordata_ideal<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_only(slf.readings(py, true)?, "sensordata_ideal")
-    }
-
     /// Counts of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. The last axis is the number of clipped
     /// readings and the number of lost samples.
     #[getter]
@@ -51,12 +35,6 @@ impl Stepper {
         let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.sensor_faults(env)).flatten().collect();
         let shape = slf.shape(&[slf.simulation.model().sensors.len(), 2]);
         read_only(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "sensor_faults")
-    }
-
-    /// Sensor model given at construction. None means ideal sensors.
-    #[getter]
-    pub(crate) fn sensors(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
-        slf.sensors.as_ref().map(|s| s.clone_ref(py))
     }
 
     /// Writable copy of `sensordata`, (num_envs, nsensordata). If an array `out` is given, the result is that array.
@@ -82,4 +60,16 @@ impl Stepper {
         }
         Ok(out)
     }
+}
+
+getters! { Stepper, |mut slf, py| (Writing<'_>) -> PyResult<Bound<'py, PyAny>>;
+    /// Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a
+    /// writable copy.
+    sensordata: read_only(slf.readings(py, false)?, "sensordata"),
+    /// Readings of ideal sensors, (num_envs, nsensordata).
+    ///
+    /// Positions and velocities are those after the last step. Accelerations are the change of velocity in that step divided by the time
+    /// step, including impulses of contacts and limits. Forces are impulses divided by the time step. Before the first step after a reset
+    /// or `set_state`, accelerations and forces are those of a step from the current state.
+    sensordata_ideal: read_only(slf.readings(py, true)?, "sensordata_ideal"),
 }

@@ -9,9 +9,10 @@ use stepper_core::{Episode, Field, StateRows};
 use crate::arguments::{Env, no_others};
 use crate::array::{array, check_shape, read_only, readonly, seeds};
 use crate::error::value_error;
+use crate::getters::getters;
 use crate::selection::{Numbers, Selection};
 use crate::state::State;
-use crate::stepper::recording::{notify, recorder_of};
+use crate::stepper::recording::notify;
 use crate::stepper::taking_over::states_of;
 use crate::stepper::{Reading, Stepper, borrow};
 
@@ -102,8 +103,7 @@ impl Stepper {
             this.seed = one;
         }
         this.reset_applied(slf.py(), &chosen)?;
-        let recorder = recorder_of(slf.py(), this);
-        notify(slf, recorder, "reset", &[("envs", envs), ("qpos", qpos), ("qvel", qvel), ("seed", seed), ("keyframe", keyframe)])
+        notify(slf, this, "reset", &[("envs", envs), ("qpos", qpos), ("qvel", qvel), ("seed", seed), ("keyframe", keyframe)])
     }
 
     /// Sets positions, velocities, activations or time, or restores a complete `State`.
@@ -151,8 +151,7 @@ impl Stepper {
                 return Ok(());
             }
             this.take_states(&states, &selection)?;
-            let recorder = recorder_of(slf.py(), this);
-            return notify(slf, recorder, "set_state", &[("state", qpos)]);
+            return notify(slf, this, "set_state", &[("state", qpos)]);
         }
         let q = this.field_rows(Field::Qpos, qpos.as_ref(), &selection)?;
         let v = this.field_rows(Field::Qvel, qvel.as_ref(), &selection)?;
@@ -162,10 +161,9 @@ impl Stepper {
         }
         let rows = StateRows { qpos: numbers(&q)?, qvel: numbers(&v)?, act: numbers(&a)?, time: numbers(&t)? };
         this.simulation.set_rows(&selection.ascending(), &rows, !keep_warmstart).map_err(value_error)?;
-        let recorder = recorder_of(slf.py(), this);
         let kept = keep_warmstart.then(|| PyBool::new(slf.py(), true).to_owned().into_any());
         let given = [("envs", envs), ("qpos", qpos), ("qvel", qvel), ("act", act), ("time", time), ("keep_warmstart", kept)];
-        notify(slf, recorder, "set_state", &given)
+        notify(slf, this, "set_state", &given)
     }
 
     /// Complete state, including the current controls.
@@ -184,34 +182,21 @@ impl Stepper {
         Ok(State { saved })
     }
 
-    /// Positions, (num_envs, nq), m, rad and quaternions. `set_state(qpos=...)` sets them.
-    #[getter]
-    fn qpos<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.gather(py, Field::Qpos)
-    }
-
-    /// Velocities, (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets them.
-    #[getter]
-    fn qvel<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.gather(py, Field::Qvel)
-    }
-
-    /// Activations of actuators, (num_envs, na). `set_state(act=...)` sets them.
-    #[getter]
-    fn act<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.gather(py, Field::Act)
-    }
-
     /// Current controls, (num_envs, nu): the controls of the last step. After a reset they are the controls of the keyframe, or zero.
     #[getter]
     fn ctrl<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held = array(py, &slf.shape(&[slf.simulation.model().nu()]), slf.simulation.ctrl().to_vec(), slf.simulation.precision())?;
         read_only(held, "ctrl")
     }
+}
 
+getters! { Stepper, |slf, py| (Reading<'_>) -> PyResult<Bound<'py, PyAny>>;
+    /// Positions, (num_envs, nq), m, rad and quaternions. `set_state(qpos=...)` sets them.
+    qpos: slf.gather(py, Field::Qpos),
+    /// Velocities, (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets them.
+    qvel: slf.gather(py, Field::Qvel),
+    /// Activations of actuators, (num_envs, na). `set_state(act=...)` sets them.
+    act: slf.gather(py, Field::Act),
     /// Simulated time, (num_envs,), s. `set_state(time=...)` sets it.
-    #[getter]
-    fn time<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "time", |env| slf.simulation.time(env))
-    }
+    time: slf.per_env(py, "time", |env| slf.simulation.time(env)),
 }

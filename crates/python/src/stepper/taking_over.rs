@@ -10,7 +10,7 @@ use stepper_core::SavedState;
 use crate::error::value_error;
 use crate::selection::{Selection, indices};
 use crate::state::State;
-use crate::stepper::recording::{notify, recorder_of};
+use crate::stepper::recording::notify;
 use crate::stepper::{Stepper, borrow};
 
 /// One state for all selected environments, or one state for each of them.
@@ -102,7 +102,6 @@ impl Stepper {
             targets.sort_unstable();
             this.simulation.restore_state_in(&state, &targets).map_err(value_error)?;
         }
-        let recorder = recorder_of(slf.py(), this);
-        notify(slf, recorder, "set_state", &[("state", Some(sources))])
+        notify(slf, this, "set_state", &[("state", Some(sources))])
     }
 }

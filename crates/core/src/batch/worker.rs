@@ -259,7 +259,10 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
                 residual = recording.resume(control, first - chunk_first, self.step.workspace.alive, &mut self.flags);
             }
             let observed = recording.as_ref().is_some_and(|recording| recording.has(Quantity::Observation));
-            let residual = self.run_control(call, group, first, (steps.len(), observed), residual);
+            let residual = R::vectorize(
+                #[inline(always)]
+                || self.run_control(call, group, first, (steps.len(), observed), residual),
+            );
             let Self { step: GroupStep { workspace: s, compiled, .. }, flags, .. } = self;
             if let Some(recording) = &mut recording {
                 if observed {
@@ -395,6 +398,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// residual of these steps.
     ///
     /// If `observed` is true, the last step reads the sensors.
+    #[inline(always)]
     fn run_control(
         &mut self,
         call: &Call<'_, R::Scalar>,

@@ -27,6 +27,7 @@ impl<R: Real> RowBuilder<R> {
     ///
     /// `free` and `before` are the normal velocities without constraints and before the step, m/s. The first component of `column` must
     /// have the half-solved normal row, L^-T J^T.
+    #[inline(always)]
     pub(crate) fn comply(
         &self,
         input: RowInput<'_, R>,

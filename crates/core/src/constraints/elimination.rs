@@ -32,14 +32,13 @@ impl<R: Real> RowBuilder<R> {
     /// `dofs`, with zeros in `column`.
     #[inline(always)]
     pub(crate) fn couple(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
-        if problem.rows.scalars.eliminated() > 0 {
+        self.coupled.clear();
+        if !compiled.equalities.is_empty() {
             self.words.fill(0);
             for &d in &self.dofs {
                 self.words[d as usize / 64] |= 1 << (d % 64);
             }
-        }
-        self.find_coupled(problem, compiled);
-        if !self.coupled.is_empty() {
+            self.search_blocks(problem, compiled);
             self.list_dofs();
         }
     }
@@ -49,21 +48,22 @@ impl<R: Real> RowBuilder<R> {
     #[inline(always)]
     pub(crate) fn find_coupled(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         self.coupled.clear();
-        if problem.rows.scalars.eliminated() > 0 {
+        if !compiled.equalities.is_empty() {
             self.search_blocks(problem, compiled);
         }
     }
 
     /// Finds the blocks of eliminated equalities that have a degree of freedom in the set `words`. Most scenes have no such blocks, so that
     /// this code is not inlined.
+    ///
+    /// Blocks that are inactive in all lanes add their degrees of freedom too. The sum of a row's entries has a rounding error that depends
+    /// on the position of each entry, so that this position must not depend on the equalities of other lanes.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;
-        for (k, block) in compiled.equalities.iter().enumerate() {
-            if !block.eliminated || !problem.active_equalities.has_rows(k) {
-                continue;
-            }
-            let rows = start..start + block.rows;
+        for (k, block) in compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated) {
+            let active = problem.active_equalities.has_rows(k);
+            let rows = start..start + if active { block.rows } else { 0 };
             start = rows.end;
             if block.set.iter().zip(&self.words).all(|(coupled, moved)| coupled & moved == 0) {
                 continue;
@@ -78,7 +78,9 @@ impl<R: Real> RowBuilder<R> {
             for (word, coupled) in self.words.iter_mut().zip(&block.set) {
                 *word |= coupled;
             }
-            self.coupled.push(rows);
+            if active {
+                self.coupled.push(rows);
+            }
         }
     }
 

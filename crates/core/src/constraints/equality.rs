@@ -377,7 +377,11 @@ impl<R: Real> Assembler<'_, R> {
             self.builder.add_fill_scales::<N>(input.compiled, input.mass);
         }
         self.builder.use_block_dofs(block, equality);
-        self.builder.couple(self.problem, input.compiled);
+        if block.eliminated {
+            self.builder.coupled.clear();
+        } else {
+            self.builder.couple(self.problem, input.compiled);
+        }
         let correction = self.correct(input, rows, h, alive);
         let mut laws = [RowLaw { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
         let mut g = [[R::zero(); 2]; N];

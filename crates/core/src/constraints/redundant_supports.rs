@@ -160,6 +160,7 @@ impl<R: Real> ContactGroups<R> {
     /// Newly loaded lanes: those with a contact group without impulses, one of whose contacts closes in this step.
     ///
     /// The first impulses of such a group must have the least norm. Gauss-Seidel iterations would load the contacts that they visit first.
+    #[inline(always)]
     pub(crate) fn newly_loaded_lanes(
         &self,
         contacts: &Contacts<R>,
@@ -180,6 +181,7 @@ impl<R: Real> ContactGroups<R> {
     }
 
     /// Finds the contact groups in the lanes `lanes` that slip under load. Returns the lanes with such a group.
+    #[inline(always)]
     pub(crate) fn find_slips(&mut self, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
         if lanes.none() {
             return lanes;
@@ -209,6 +211,7 @@ impl<R: Real> ContactGroups<R> {
     /// a load changed.
     ///
     /// The function recomputes `iterate.w`, which may change by rounding in other lanes.
+    #[inline(always)]
     pub(crate) fn share(&mut self, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
         while start < self.groups.len() {

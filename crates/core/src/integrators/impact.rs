@@ -106,6 +106,7 @@ fn normal_velocities<R: Real>(
 /// See [`ConstraintProblem::drop_restitution`]. `residual` is the residual of the present solution. In the lanes `inelastic`, an earlier
 /// call already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the
 /// tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the next solve.
+#[inline(always)]
 pub(crate) fn drop_restitution<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
@@ -190,6 +191,7 @@ pub(crate) fn prepare_position_solve<R: Real>(
 /// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should therefore
 /// be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead. If the
 /// velocity jumps, this is an error of first order in momentum and energy. `first` is true in the first call of a step.
+#[inline(always)]
 pub(crate) fn correct_impact_forces<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,

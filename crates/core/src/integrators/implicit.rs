@@ -9,6 +9,7 @@ use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::scheme::Scheme;
 
 /// Integration scheme of the implicit rule for a time step of `h` seconds.
+#[inline(always)]
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let none = R::zero();
     let weights = ImplicitWeights { damping: h, stiffness: h * h, step: none };

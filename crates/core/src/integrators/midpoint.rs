@@ -9,6 +9,7 @@ use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::scheme::Scheme;
 
 /// Integration scheme of the midpoint rule for a time step of `h` seconds.
+#[inline(always)]
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let half = h * R::of(0.5);
     let weights = ImplicitWeights { damping: half, stiffness: half * half, step: h };

@@ -38,6 +38,7 @@ use scheme::Scheme;
 
 /// Integration scheme for hard contact of the integrator that the options select. `ImplicitFast` and `Discrete`, which the options allow
 /// only with MuJoCo's law, count as `Implicit` here.
+#[inline(always)]
 pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
     let h = R::of(options.timestep);
     match options.integrator {

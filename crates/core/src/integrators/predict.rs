@@ -22,6 +22,7 @@ use crate::tuning::MAX_IMPACT_ROTATION;
 ///
 /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. In
 /// lanes whose bodies move, the impulses of the last step are at most the first guess of the prediction (`ImpulsePredictor` in stage 5).
+#[inline(always)]
 pub(crate) fn predict<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
@@ -58,6 +59,7 @@ pub(crate) fn predict<R: Real>(
 ///
 /// One such correction suffices for the second order of the midpoint rule. The offsets g of the rows of `problem` contain the free velocity
 /// and change with it.
+#[inline(always)]
 pub(crate) fn correct_free_velocity<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,

@@ -17,6 +17,7 @@ use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
 use crate::stages::s02_smooth::Smooth;
 
 /// Integration scheme of `rk4` for environments with an active constraint: the midpoint rule for a time step of `h` seconds.
+#[inline(always)]
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     midpoint::scheme(h)
 }

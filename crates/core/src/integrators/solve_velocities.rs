@@ -98,6 +98,7 @@ pub(crate) fn solve_velocities<R: Real>(
 /// solution. Returns the lanes in which any of them changed.
 ///
 /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
+#[inline(always)]
 fn assume_bounds_of_solution<R: Real>(
     context: StepContext<'_, R>,
     free: &mut FreeMotion<R>,
@@ -118,6 +119,7 @@ fn assume_bounds_of_solution<R: Real>(
 ///
 /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), it may not be able to
 /// reach these velocities, and the impulses of the first solve diverge. The second solve therefore starts from zero impulses.
+#[inline(always)]
 fn solve_lanes<R: Real>(
     context: StepContext<'_, R>,
     lanes: R::Mask,

@@ -189,6 +189,7 @@ pub fn limit_baumgarte<R: Real>(
 ///
 /// The function limits the speed of this correction and writes it to `position.correction`. It returns the lanes in which a proof shows
 /// that the position targets contradict each other.
+#[inline(always)]
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

@@ -51,10 +51,13 @@ impl<R: Real> ConstraintProblem<R> {
             || {
                 scalar_impulse.fill(R::zero());
                 impulse.fill(R::zero());
-                if self.constrained.any() {
-                    for (impulse, &force) in impulse.iter_mut().zip(system.solver.forces()) {
-                        *impulse = R::select(self.constrained, force * h, R::zero());
-                    }
+                // Without constrained lanes there is no solution. Rows may still exist: those of equalities that are active only in lanes
+                // without an environment, or in lanes that are not evaluated.
+                if self.constrained.none() {
+                    return;
+                }
+                for (impulse, &force) in impulse.iter_mut().zip(system.solver.forces()) {
+                    *impulse = R::select(self.constrained, force * h, R::zero());
                 }
                 // The rows after the constraints are couplings of the effective mass matrix.
                 for i in self.impulse_indices.len()..system.problem.rows.len() {

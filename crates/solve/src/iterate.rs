@@ -2,7 +2,7 @@
 
 use crate::capacity::Capacity;
 use crate::cone::masked;
-use crate::constraints::constraint_set::{ConstraintSet, Impulse, SweepLanes, Unknowns};
+use crate::constraints::constraint_set::{Impulse, Impulses, SweepLanes, Unknowns};
 use crate::constraints::{by_kind, each_kind, make_kinds};
 use crate::gauss_seidel::history::History;
 use crate::lane_map::LaneMap;
@@ -25,13 +25,13 @@ by_kind! {
         pub(crate) compacted: Option<Box<Compacted<R::Half>>>,
         /// Copy of the impulses, which is restored if a further pass (sweeps and Newton steps) makes the residual larger.
         pub(crate) snapshot: Snapshot<R>,
-    } each impulses
+    } each Impulses[R]
 }
 
 by_kind! {
     /// Multipliers of friction discs (slip velocity divided by friction impulse, 1/kg): one number per contact.
     #[derive(Clone, Debug)]
-    pub(crate) struct Multipliers[R] {} each numbers
+    pub(crate) struct Multipliers[R] {} each same Vec<R>
 }
 
 by_kind! {
@@ -39,7 +39,7 @@ by_kind! {
     #[derive(Clone, Debug)]
     pub struct Snapshot[R: Real] {
         w: Vec<R>,
-    } each impulses
+    } each Impulses[R]
 }
 
 /// Problem and iterate of some lanes, gathered into registers of half the width.
@@ -323,7 +323,8 @@ impl<R: Real> Iterate<R> {
     pub fn compute_w(&mut self, problem: &Problem<R>) {
         self.w.fill(R::zero());
         each_kind!([set: &problem] [impulses: &self] => set.add_impulses(impulses, &mut self.w));
-        each_kind!([set: &problem] [multipliers: &mut self.multipliers] => multipliers.resize(set.multipliers(), R::zero()));
+        self.multipliers.contacts.resize(problem.contacts.len(), R::zero());
+        self.multipliers.rolling_contacts.resize(problem.rolling_contacts.len(), R::zero());
     }
 
     /// Makes one Gauss-Seidel iteration over all rows, except the eliminated equalities, which are solved separately. Returns the largest

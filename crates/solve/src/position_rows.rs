@@ -12,7 +12,7 @@
 //! the bounds c_d meets the targets (weak duality).
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{ConstraintSet, Damping, ReferenceRows, Rows};
+use crate::constraints::constraint_set::{Damping, ReferenceRows, Rows};
 use crate::constraints::{by_kind, each_kind, make_kinds};
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
@@ -23,7 +23,7 @@ by_kind! {
     /// Rows of the position solve: copies of the rows of a [`Problem`], with other offsets g and more compliance. The problem does not
     /// change.
     #[derive(Clone, Debug)]
-    pub struct PositionRows[R: Real] {} each own_rows
+    pub struct PositionRows[R: Real] {} each Rows[]
 }
 
 impl<R: Real> PositionRows<R> {
@@ -35,7 +35,7 @@ impl<R: Real> PositionRows<R> {
     /// Copies the rows of a problem. Their offsets are those of the velocity solve until [`PositionRows::exchange_offsets`].
     #[inline(always)]
     pub fn copy(&mut self, problem: &Problem<R>) {
-        each_kind!([own: &mut self] [set: &problem] => own.copy(set.rows()));
+        each_kind!([own: &mut self] [set: &problem] => own.copy(&set.rows));
     }
 
     /// System for a solver: these rows with the problem `problem`. The rows must be copies of the rows of that problem.

@@ -1,14 +1,14 @@
 //! Constraint problem, which does not change after the assembly of its rows, and the system of rows that one solve reads.
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{ConstraintSet, Rows};
+use crate::constraints::constraint_set::{ConstraintSet, RowsRef};
 use crate::constraints::friction::{FrictionContacts, LocalSolver};
 use crate::constraints::{by_kind, each_kind, make_kinds};
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Constraint problem of one step, for every lane: one set of constraints per kind (`each set`, see `by_kind`). Each row has an offset
+    /// Constraint problem of one step, for every lane: one set of constraints per kind (see `by_kind`). Each row has an offset
     /// for the velocity solve and one for the position solve. A solve does not change the problem.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
@@ -23,11 +23,11 @@ by_kind! {
         /// Mobility of a contact along its normal below which the contact is immovable, 1/kg, for the contacts that are appended from now
         /// on.
         pub least_mobility: R,
-    } each set
+    } each ConstraintSet[R]
 }
 
 by_kind! {
-    /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve (`each rows`, see
+    /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve (see
     /// `by_kind`).
     ///
     /// The system of a `&Problem` has the offsets of the velocity solve, that of [`PositionRows`](crate::PositionRows) those of the
@@ -39,13 +39,13 @@ by_kind! {
         /// Whether the solve ends with a certified residual. For this it recomputes the scaled velocity change w from the impulses, and
         /// evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little.
         pub(crate) certified: bool,
-    } each rows
+    } each RowsRef['a]
 }
 
 impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
     #[inline(always)]
     fn from(problem: &'a Problem<R>) -> Self {
-        make_kinds!(System { problem, certified: true, } [set: &problem] => set.rows())
+        make_kinds!(System { problem, certified: true, } [set: &problem] => &set.rows)
     }
 }
 
@@ -87,7 +87,7 @@ impl<R: Real> Problem<R> {
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         let mut empty = true;
-        each_kind!([set: &self] => empty &= set.rows().items.is_empty());
+        each_kind!([set: &self] => empty &= set.rows.items.is_empty());
         empty
     }
 
@@ -116,9 +116,9 @@ impl<R: Real> Problem<R> {
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
-            let mut rows = std::mem::take(set.rows_mut());
+            let mut rows = std::mem::take(&mut set.rows);
             set.shift(&mut rows, change, lanes);
-            *set.rows_mut() = rows;
+            set.rows = rows;
         });
     }
 }
@@ -197,9 +197,9 @@ fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
     lanes: R::Mask,
     weights: [R; 2],
 ) {
-    let mut rows = std::mem::take(set.rows_mut());
+    let mut rows = std::mem::take(&mut set.rows);
     set.shift_contact(&mut rows.items[i], change, lanes, weights);
-    *set.rows_mut() = rows;
+    set.rows = rows;
 }
 
 impl<R: Real> System<'_, R> {

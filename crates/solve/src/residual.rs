@@ -1,6 +1,6 @@
 //! Certificate of a solve: the error of the impulses as a velocity, m/s.
 
-use crate::constraints::constraint_set::{ConstraintSet, number_of};
+use crate::constraints::constraint_set::number_of;
 use crate::constraints::each_kind;
 use crate::iterate::{Iterate, energy};
 use crate::problem::System;

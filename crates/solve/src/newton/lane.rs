@@ -5,7 +5,7 @@
 use std::ops::Range;
 
 use crate::admissible_set::AdmissibleSet;
-use crate::constraints::constraint_set::{ConstraintSet, Impulse, LaneConstraint, LaneReceiver, number_of};
+use crate::constraints::constraint_set::{Impulse, LaneConstraint, LaneReceiver, number_of};
 use crate::constraints::each_kind;
 use crate::iterate::Iterate;
 use crate::problem::System;
@@ -138,25 +138,26 @@ impl Lane {
 
 impl LaneReceiver for Lane {
     /// Appends a constraint. An immovable constraint (without entries) is left out, because its impulses have no effect.
-    fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, columns: &[u32], entries: impl Iterator<Item = [f64; N]>) {
+    fn add<T: AsRef<[f64]>>(&mut self, constraint: LaneConstraint<T>, columns: &[u32], entries: impl Iterator<Item = T>) {
         let LaneConstraint { set, source, g, lambda, compliance, normal_compliance, trace_ratio } = constraint;
+        let (g, lambda) = (g.as_ref(), lambda.as_ref());
         let (s0, y0, row) = (self.columns.len(), self.y.len(), self.g.len());
         for (&c, y) in columns.iter().zip(entries) {
-            if y.iter().any(|&y| y != 0.0) {
+            if y.as_ref().iter().any(|&y| y != 0.0) {
                 self.columns.push(c);
-                self.y.extend_from_slice(&y);
+                self.y.extend_from_slice(y.as_ref());
             }
         }
         if self.columns.len() > s0 {
             if normal_compliance > 0.0 {
                 let entry = normal_compliance.sqrt();
                 self.columns.push((self.eliminated.len() + self.own.len()) as u32);
-                self.y.extend((0..N).map(|row| if row == 0 { entry } else { 0.0 }));
+                self.y.extend((0..g.len()).map(|row| if row == 0 { entry } else { 0.0 }));
                 self.own.push(entry * lambda[0]);
             }
-            self.g.extend_from_slice(&g);
-            self.lambda.extend_from_slice(&lambda);
-            let (columns, rows) = (s0..self.columns.len(), row..row + N);
+            self.g.extend_from_slice(g);
+            self.lambda.extend_from_slice(lambda);
+            let (columns, rows) = (s0..self.columns.len(), row..row + g.len());
             self.blocks.push(LaneBlock { set, kind: self.kind, source, columns, y: y0, rows, compliance, normal_compliance, trace_ratio });
         }
     }

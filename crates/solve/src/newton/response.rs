@@ -12,7 +12,7 @@
 //! The matrix is computed once. The change of the impulses is then a matrix-vector product (Le Lidec et al. 2024).
 
 use crate::admissible_set::{AdmissibleSet, Piece, Product};
-use crate::constraints::constraint_set::{ConstraintSet, Impulse, number_of};
+use crate::constraints::constraint_set::{Impulse, number_of};
 use crate::constraints::each_kind;
 use crate::iterate::{Iterate, rows_of};
 use crate::newton::lane::{Lane, LaneBlock};

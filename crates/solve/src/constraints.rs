@@ -75,4 +75,23 @@ macro_rules! make_kinds {
     };
 }
 
-pub(crate) use {by_kind, each_kind, make_kinds};
+/// Evaluates an expression for contact `i`, of which there are `count` with three rows. They count first, then those with six rows (rolling
+/// friction).
+///
+/// `at_contact!(i of count, [set: &problem] => set.activate(i, lanes))` binds `set` as in [`each_kind`], and `i` to the index in the kind.
+macro_rules! at_contact {
+    ($i:ident of $count:expr, $([$binding:ident: $($place:tt)+])+ => $value:expr) => {
+        match $i.checked_sub($count) {
+            None => {
+                $(let $binding = $($place)+.contacts;)+
+                $value
+            }
+            Some($i) => {
+                $(let $binding = $($place)+.rolling_contacts;)+
+                $value
+            }
+        }
+    };
+}
+
+pub(crate) use {at_contact, by_kind, each_kind, make_kinds};

@@ -3,7 +3,7 @@
 use crate::capacity::Capacity;
 use crate::cone::masked;
 use crate::constraints::constraint_set::{Impulse, Impulses, SweepLanes, Unknowns};
-use crate::constraints::{by_kind, each_kind, make_kinds};
+use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::gauss_seidel::history::History;
 use crate::lane_map::LaneMap;
 use crate::problem::{Problem, System};
@@ -84,9 +84,7 @@ impl<R: Real> Snapshot<R> {
             );
         }
     }
-}
 
-impl<R: Real> Snapshot<R> {
     /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` is not
     /// updated.
     ///
@@ -95,9 +93,7 @@ impl<R: Real> Snapshot<R> {
     pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, weight: &mut impl FnMut(u32) -> f64) {
         each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, weight));
     }
-}
 
-impl<R: Real> Snapshot<R> {
     /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity
     /// change w.
     ///
@@ -105,26 +101,10 @@ impl<R: Real> Snapshot<R> {
     /// reads the first three numbers.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
-        let Self { contacts, rolling_contacts, w, .. } = self;
-        if i < contacts.len() + rolling_contacts.len() && contacts.len() == problem.contacts.len() {
-            set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
+        if i < self.contacts.len() + self.rolling_contacts.len() && self.contacts.len() == problem.contacts.len() {
+            at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &mut self] =>
+                set.set_first_impulse(i, lanes, lambda, impulses, &mut self.w));
         }
-    }
-}
-
-/// Sets the impulse of contact `i` of `problem` to `lambda` in the lanes `lanes`, and updates the scaled velocity change w. The last
-/// argument has the impulses of contacts with three rows, those with six rows, and w.
-#[inline(always)]
-fn set_first_impulse<R: Real>(
-    problem: &Problem<R>,
-    i: usize,
-    lanes: R::Mask,
-    lambda: [R; 6],
-    (contacts, rolling_contacts, w): (&mut [[R; 3]], &mut [[R; 6]], &mut [R]),
-) {
-    match i.checked_sub(problem.contacts.len()) {
-        None => problem.contacts.set_first_impulse(i, lanes, [lambda[0], lambda[1], lambda[2]], contacts, w),
-        Some(i) => problem.rolling_contacts.set_first_impulse(i, lanes, lambda, rolling_contacts, w),
     }
 }
 
@@ -240,8 +220,8 @@ impl<R: Real> Iterate<R> {
     /// reads the first three numbers.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
-        let Self { contacts, rolling_contacts, w, .. } = self;
-        set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
+        at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &mut self] =>
+            set.set_first_impulse(i, lanes, lambda, impulses, &mut self.w));
     }
 
     /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change w. Returns the previous
@@ -250,14 +230,7 @@ impl<R: Real> Iterate<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn take_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask) -> [R; 6] {
-        let Self { contacts, rolling_contacts, w, .. } = self;
-        match i.checked_sub(problem.contacts.len()) {
-            None => {
-                let [n, a, b] = problem.contacts.take_impulse(i, lanes, contacts, w);
-                [n, a, b, R::zero(), R::zero(), R::zero()]
-            }
-            Some(i) => problem.rolling_contacts.take_impulse(i, lanes, rolling_contacts, w),
-        }
+        at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &mut self] => set.take_impulse(i, lanes, impulses, &mut self.w))
     }
 
     /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
@@ -265,10 +238,7 @@ impl<R: Real> Iterate<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn friction_work(&self, problem: &Problem<R>, i: usize) -> R {
-        match i.checked_sub(problem.contacts.len()) {
-            None => problem.contacts.friction_work(i, &self.contacts, &self.w),
-            Some(i) => problem.rolling_contacts.friction_work(i, &self.rolling_contacts, &self.w),
-        }
+        at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &self] => set.friction_work(i, impulses, &self.w))
     }
 
     /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
@@ -276,10 +246,7 @@ impl<R: Real> Iterate<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn impulse_rounding(&self, problem: &Problem<R>, i: usize) -> R {
-        match i.checked_sub(problem.contacts.len()) {
-            None => problem.contacts.impulse_rounding(i, &self.contacts),
-            Some(i) => problem.rolling_contacts.impulse_rounding(i, &self.rolling_contacts),
-        }
+        at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &self] => set.impulse_rounding(i, impulses))
     }
 
     /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes the scaled velocity change w there. `scratch` is a
@@ -288,10 +255,7 @@ impl<R: Real> Iterate<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                for impulse in self.contacts.as_flattened_mut() {
-                    *impulse = R::select(lanes, R::zero(), *impulse);
-                }
-                for impulse in self.rolling_contacts.as_flattened_mut() {
+                for impulse in self.contacts.as_flattened_mut().iter_mut().chain(self.rolling_contacts.as_flattened_mut()) {
                     *impulse = R::select(lanes, R::zero(), *impulse);
                 }
                 scratch.copy_from_slice(&self.w);

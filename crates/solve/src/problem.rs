@@ -2,8 +2,7 @@
 
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, RowsRef};
-use crate::constraints::friction::{FrictionContacts, LocalSolver};
-use crate::constraints::{by_kind, each_kind, make_kinds};
+use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
@@ -121,9 +120,7 @@ impl<R: Real> Problem<R> {
             set.rows = rows;
         });
     }
-}
 
-impl<R: Real> Problem<R> {
     /// Changes the offsets g of contact `i`, for velocities, in the lanes `lanes`, after a change of the free velocity. `change` is the
     /// change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity
     /// due to this change.
@@ -132,23 +129,19 @@ impl<R: Real> Problem<R> {
     /// the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]
     pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
-        match i.checked_sub(self.contacts.len()) {
-            None => shift_own(&mut self.contacts, i, change, lanes, weights),
-            Some(i) => shift_own(&mut self.rolling_contacts, i, change, lanes, weights),
-        }
+        at_contact!(i of self.contacts.len(), [set: &mut self] => {
+            let mut rows = std::mem::take(&mut set.rows);
+            set.shift_contact(&mut rows.items[i], change, lanes, weights);
+            set.rows = rows;
+        });
     }
-}
 
-impl<R: Real> Problem<R> {
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn activate_contact(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.activate(i, lanes),
-            Some(i) => self.rolling_contacts.activate(i, lanes),
-        }
+        at_contact!(i of self.contacts.len(), [set: &mut self] => set.activate(i, lanes))
     }
 
     /// Defers the rows of contact `i` in the lanes `lanes`: the solver ignores them until they are activated. In these lanes they must be
@@ -157,10 +150,7 @@ impl<R: Real> Problem<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn defer_contact(&mut self, i: usize, lanes: R::Mask) {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.defer_contact(i, lanes),
-            Some(i) => self.rolling_contacts.defer_contact(i, lanes),
-        }
+        at_contact!(i of self.contacts.len(), [set: &mut self] => set.defer_contact(i, lanes))
     }
 
     /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
@@ -168,10 +158,7 @@ impl<R: Real> Problem<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_offset_mut(&mut self, i: usize) -> &mut R {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.normal_offset_mut(i),
-            Some(i) => self.rolling_contacts.normal_offset_mut(i),
-        }
+        at_contact!(i of self.contacts.len(), [set: &mut self] => &mut set[i].g[0])
     }
 
     /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
@@ -180,26 +167,8 @@ impl<R: Real> Problem<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_velocity(&self, i: usize, w: &[R]) -> R {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.normal_velocity(i, w),
-            Some(i) => self.rolling_contacts.normal_velocity(i, w),
-        }
+        at_contact!(i of self.contacts.len(), [set: &self] => set.normal_velocity(i, w))
     }
-}
-
-/// Changes the offsets g of contact `i` of the contacts `set`, after a change of the free velocity. The arguments are those of
-/// [`Problem::shift_contact`].
-#[inline(always)]
-fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
-    set: &mut FrictionContacts<R, N, L>,
-    i: usize,
-    change: &[R],
-    lanes: R::Mask,
-    weights: [R; 2],
-) {
-    let mut rows = std::mem::take(&mut set.rows);
-    set.shift_contact(&mut rows.items[i], change, lanes, weights);
-    set.rows = rows;
 }
 
 impl<R: Real> System<'_, R> {

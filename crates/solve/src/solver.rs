@@ -120,7 +120,8 @@ fn solve_system<R: Real>(
         );
         outcome.residual = masked(newly_loaded, left);
         let redistributed = newly_loaded.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
-        newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
+        let search = Search { steps: newton_steps, tolerance: goal, terms: Terms::LeastNorm };
+        newton.solve(system, iterate, search, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A newly loaded lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
         // In such a lane, sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));

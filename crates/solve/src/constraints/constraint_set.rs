@@ -1,5 +1,6 @@
-//! Set of the constraints of one kind, and the operations that each kind implements for one constraint: in the residual, in lane
-//! compaction, in Newton's method and in the position solve.
+//! Set of the constraints of one kind, and the operations that each kind implements for one constraint.
+//!
+//! The operations are for the residual, lane compaction, Newton's method and the position solve.
 
 use std::fmt::Debug;
 use std::ops::{Index, IndexMut};

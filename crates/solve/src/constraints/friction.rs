@@ -281,12 +281,6 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
     }
 
-    /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
-    #[inline(always)]
-    pub(crate) fn normal_offset_mut(&mut self, i: usize) -> &mut R {
-        &mut self.rows.items[i].g[0]
-    }
-
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     #[inline(always)]
     pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
@@ -307,23 +301,24 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous
-    /// impulse, N s.
+    /// impulse, N s, with zeros up to six numbers.
     #[inline(always)]
-    pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; N] {
-        let before = impulses[i];
-        let mut change = before;
-        for (change, impulse) in change.iter_mut().zip(&mut impulses[i]) {
-            *change = -masked(lanes, *impulse);
-            *impulse = R::select(lanes, R::zero(), *impulse);
+    pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; 6] {
+        let (mut before, mut change) = ([R::zero(); 6], [R::zero(); N]);
+        for k in 0..N {
+            before[k] = impulses[i][k];
+            change[k] = -masked(lanes, before[k]);
+            impulses[i][k] = R::select(lanes, R::zero(), before[k]);
         }
         self.add(&self.rows.items[i], change, w);
         before
     }
 
-    /// Sets the impulse of contact `i`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity change `w`.
+    /// Sets the impulse of contact `i`, which must be zero, to the first numbers of `lambda` in the lanes `lanes`, and updates the scaled
+    /// velocity change `w`.
     #[inline(always)]
-    pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; N], impulses: &mut [[R; N]], w: &mut [R]) {
-        let mut d = lambda;
+    pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; 6], impulses: &mut [[R; N]], w: &mut [R]) {
+        let mut d = [R::zero(); N];
         for k in 0..N {
             d[k] = masked(lanes, lambda[k]);
             impulses[i][k] = R::select(lanes, lambda[k], impulses[i][k]);
@@ -654,7 +649,7 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
 
 /// Largest number of iterations for the friction multiplier of a sliding contact. Each is a Newton step, or a bisection where a Newton step
 /// would leave the interval that contains the solution. One to three iterations are usual; bisections from a poor start take more.
-pub(super) const MAX_NEWTON: usize = 24;
+const MAX_NEWTON: usize = 24;
 
 /// Relative accuracy at which the Newton search for a sliding impulse takes its last step. The measure is the distance of the impulse from
 /// the surface of its friction cone, divided by the impulse.
@@ -662,6 +657,36 @@ pub(super) const MAX_NEWTON: usize = 24;
 /// A Newton step squares this distance. An accuracy of about the square root of the rounding error is therefore enough before the last
 /// step.
 #[inline(always)]
-pub(super) fn near<R: Real>() -> R {
+fn near<R: Real>() -> R {
     R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())
+}
+
+/// Multiplier s > 0 of the friction disc of a slipping contact, for which |x(s)| = mu n(s). Here x is the tangential and n the normal
+/// impulse.
+///
+/// Newton's method solves mu n / |x| = 1 in the lanes `todo`, inside a bracket and from `guess`. Where the bracket has no upper end, it
+/// grows by `widening`. Once the relative error is below [`near`], the method makes one more step and does not test the error again.
+/// `sliding` returns |x|^2, n, and the derivative of mu n / |x| with respect to s, times |x|^3 / mu.
+#[inline(always)]
+pub(super) fn slip_multiplier<R: Real>(mu: R, guess: R, widening: R, mut todo: R::Mask, sliding: impl Fn(R) -> [R; 3]) -> R {
+    let near = near::<R>();
+    let unbounded = R::of(f64::INFINITY);
+    let (mut lo, mut hi, mut s) = (R::zero(), unbounded, guess);
+    for _ in 0..MAX_NEWTON {
+        let [square, n, slope] = sliding(s);
+        let length = square.sqrt();
+        let excess = mu * n - length;
+        let low = excess.lt(R::zero());
+        lo = R::select(low, s, lo);
+        hi = R::select(low, hi, s);
+        let newton = s - excess * square / (mu * slope);
+        let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + widening);
+        let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
+        s = R::select(todo, R::select(inside, newton, bisect), s);
+        todo = todo.and_not(excess.abs().le(near * length));
+        if todo.none() {
+            break;
+        }
+    }
+    s
 }

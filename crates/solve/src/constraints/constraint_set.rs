@@ -468,9 +468,7 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     #[inline(always)]
     pub fn add(&self, row: &T, d: T::Impulse, w: &mut [R]) {
         let (columns, y) = self.entries(row);
-        for (&c, &y) in columns.iter().zip(y) {
-            w[c as usize] += y.dot(d);
-        }
+        add_transposed(columns, y, d, w);
     }
 
     /// Appends the coordinates `columns` and their entries `y`. Returns their place. `visit` is called with each entry.
@@ -746,6 +744,27 @@ impl<R: Real, T: Row<R>, I: SliceIndex<[T]>> IndexMut<I> for ConstraintSet<R, T>
     fn index_mut(&mut self, i: I) -> &mut I::Output {
         &mut self.rows.items[i]
     }
+}
+
+/// Adds the product J^T x to `out`, for the rows J of one constraint, which have the entries `y` at the coordinates `columns`.
+#[inline(always)]
+pub(crate) fn add_transposed<R: Real, I: Impulse<R>>(columns: &[u32], y: &[I], x: I, out: &mut [R]) {
+    for (&c, &y) in columns.iter().zip(y) {
+        out[c as usize] += y.dot(x);
+    }
+}
+
+/// Product J w of the rows J of one contact, which have the entries `y` at the coordinates `columns`.
+#[inline(always)]
+pub(crate) fn multiply<R: Real, const N: usize>(columns: &[u32], y: &[[R; N]], w: &[R]) -> [R; N] {
+    let mut v = [R::zero(); N];
+    for (&c, y) in columns.iter().zip(y) {
+        let w = w[c as usize];
+        for k in 0..N {
+            v[k] += y[k] * w;
+        }
+    }
+    v
 }
 
 /// Whether a mask has the lane `lane`.

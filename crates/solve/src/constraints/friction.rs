@@ -9,7 +9,7 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{masked, movable, project};
 use crate::constraints::constraint_set::{
-    ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, number_of,
+    ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, multiply, number_of,
 };
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
@@ -518,13 +518,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
 
     #[inline(always)]
     fn velocity(&self, columns: &[u32], y: &[[R; N]], w: &[R]) -> [R; N] {
-        let mut v = [R::zero(); N];
-        for (&c, y) in columns.iter().zip(y) {
-            let w = w[c as usize];
-            for k in 0..N {
-                v[k] += y[k] * w;
-            }
-        }
+        let mut v = multiply(columns, y, w);
         for k in 0..N {
             v[k] += self.g[k];
         }

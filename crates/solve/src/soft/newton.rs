@@ -5,8 +5,9 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::constraints::constraint_set::add_transposed;
 use crate::soft::hessian::{Argument, Hessian, advance};
-use crate::soft::noslip::{ContactVisit, ForceResponse, NoSlip, SlipCapacity, SlipEffort};
+use crate::soft::noslip::{ContactVisit, NoSlip, SlipCapacity, SlipEffort};
 use crate::soft::problem::{Metric, SoftProblem};
 
 /// Limits of a solve of the soft problem.
@@ -197,11 +198,12 @@ impl<R: Real> SoftSolver<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                if coupled {
-                    noslip.find_responses(problem, &mut self.hessian, constraints)
-                } else {
-                    noslip.find_responses(problem, &mut Uncoupled(metric), constraints)
-                }
+                noslip.find_responses(
+                    problem,
+                    constraints,
+                    #[inline(always)]
+                    |x| if coupled { self.hessian.solve(x) } else { metric.solve(x) },
+                )
             },
         );
         let sweeps = noslip.sweep(problem, constraints, visits, effort, lanes, running);
@@ -342,9 +344,7 @@ impl<R: Real> SoftSolver<R> {
         self.forces.fill(R::zero());
         for (row, &u) in problem.rows.iter().zip(&self.argument.rows) {
             let ((columns, jacobian), force) = (problem.entries(row), row.force(u));
-            for (&d, &j) in columns.iter().zip(jacobian) {
-                self.forces[d as usize] += j * force;
-            }
+            add_transposed(columns, jacobian, force, &mut self.forces);
         }
         problem.contacts.add_forces(problem.cone, &self.argument.contacts, &mut self.forces);
         problem.rolling_contacts.add_forces(problem.cone, &self.argument.rolling_contacts, &mut self.forces);
@@ -437,23 +437,6 @@ impl<R: Real> SoftSolver<R> {
         }
         let sum = problem.contacts.add_curvatures(problem.cone, &argument.contacts, &change.contacts, step, sum);
         problem.rolling_contacts.add_curvatures(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, sum)
-    }
-}
-
-/// Mass matrix without couplings.
-struct Uncoupled<'a, M>(&'a M);
-
-impl<R: Real, M: Metric<R>> ForceResponse<R> for Uncoupled<'_, M> {
-    #[inline(always)]
-    fn respond(&mut self, x: &mut [R]) {
-        self.0.solve(x);
-    }
-}
-
-impl<R: Real> ForceResponse<R> for Hessian<R> {
-    #[inline(always)]
-    fn respond(&mut self, x: &mut [R]) {
-        self.solve(x);
     }
 }
 

@@ -13,6 +13,7 @@ use std::ops::Range;
 
 use stepper_real::{Mask, Real, Scalar};
 
+use crate::constraints::constraint_set::add_transposed;
 use crate::soft::cone::Cone;
 use crate::soft::contact::SoftContact;
 use crate::soft::hessian::Argument;
@@ -116,7 +117,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
     #[inline(always)]
     fn push_responses(
         &mut self,
-        metric: &mut impl ForceResponse<R>,
+        respond: &mut impl FnMut(&mut [R]),
         trees: &[u32],
         (columns, jacobian): (&[u32], &[[R; N]]),
         rows: Range<usize>,
@@ -136,7 +137,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
             for (&d, j) in columns.iter().zip(jacobian) {
                 work[d as usize] = j[k];
             }
-            metric.respond(work);
+            respond(work);
             for (&d, response) in self.dofs[start..].iter().zip(&mut self.response[start..]) {
                 response[k] = work[d as usize];
             }
@@ -156,20 +157,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
     #[inline(always)]
     fn accelerate(&self, i: usize, change: &[R; N], a: &mut [R]) {
         let span = self.spans[i].clone();
-        for (&d, response) in self.dofs[span.clone()].iter().zip(&self.response[span]) {
-            let mut sum = response[0] * change[0];
-            for k in 1..N {
-                sum += response[k] * change[k];
-            }
-            a[d as usize] += sum;
-        }
+        add_transposed(&self.dofs[span.clone()], &self.response[span], *change, a);
     }
-}
-
-/// Response of the acceleration to forces.
-pub(super) trait ForceResponse<R: Real> {
-    /// Replaces the generalized forces `x` by the acceleration M^-1 x, where M is the mass matrix.
-    fn respond(&mut self, x: &mut [R]);
 }
 
 /// Noslip solver, with its workspace.
@@ -358,24 +347,25 @@ impl<R: Real> NoSlip<R> {
     }
 
     /// Computes the response of the acceleration to a unit force in each friction row. It is called once, before [`NoSlip::sweep`].
+    /// `respond` replaces a force by the acceleration that it causes.
     #[inline(always)]
-    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl ForceResponse<R>, constraints: usize) {
+    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, constraints: usize, mut respond: impl FnMut(&mut [R])) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
         for (i, row) in problem.rows.iter().enumerate() {
             let (columns, jacobian) = problem.entries(row);
             if i < constraints && is_dry_friction(row.bounds) {
                 let least = LEAST_INVERSE_INERTIA[0];
-                rows.push_responses(metric, trees, (columns, as_rows(jacobian)), 0..1, work, least);
+                rows.push_responses(&mut respond, trees, (columns, as_rows(jacobian)), 0..1, work, least);
             } else {
                 rows.spans.push(0..0);
                 rows.inertia.push([[R::zero()]]);
             }
         }
         for contact in &problem.contacts.items {
-            contacts.push_responses(metric, trees, problem.contacts.entries(contact), 1..3, work, LEAST_INVERSE_INERTIA[1]);
+            contacts.push_responses(&mut respond, trees, problem.contacts.entries(contact), 1..3, work, LEAST_INVERSE_INERTIA[1]);
         }
         for contact in &problem.rolling_contacts.items {
-            rolling.push_responses(metric, trees, problem.rolling_contacts.entries(contact), 1..6, work, LEAST_INVERSE_INERTIA[1]);
+            rolling.push_responses(&mut respond, trees, problem.rolling_contacts.entries(contact), 1..6, work, LEAST_INVERSE_INERTIA[1]);
         }
     }
 
@@ -475,9 +465,7 @@ impl<R: Real> NoSlip<R> {
         out.fill(R::zero());
         for (row, force) in problem.rows.iter().zip(&self.rows.force) {
             let (columns, jacobian) = problem.entries(row);
-            for (&d, &j) in columns.iter().zip(jacobian) {
-                out[d as usize] += j * force[0];
-            }
+            add_transposed(columns, jacobian, force[0], out);
         }
         problem.contacts.add(&self.contacts.force, out);
         problem.rolling_contacts.add(&self.rolling.force, out);

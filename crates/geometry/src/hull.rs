@@ -6,7 +6,7 @@ use crate::blocks::{self, Block, Ring, SIDE, rings};
 use crate::linear_algebra::*;
 use crate::quickhull;
 use crate::surface_check::SurfaceCheck;
-use crate::vectors::{V, furthest, unit_or};
+use crate::vectors::{V, along_axis, furthest, unit_or};
 
 /// Largest distance of a face's vertices from the face's plane, relative to the size of the hull. Vertices of mesh files have single
 /// precision. [`COPLANAR_THICKNESS`] is a second bound.
@@ -160,11 +160,7 @@ impl Hull {
         let (rings, first) = rings(&points, &triangles);
         let blocks: Vec<Block> = points.chunks(SIDE).map(Block::new).collect();
         let start = if points.len() > FEW { starts(&blocks) } else { vec![] };
-        let extreme = std::array::from_fn(|k| {
-            let mut d = [0.0; 3];
-            d[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
-            blocks::furthest(&blocks, d)
-        });
+        let extreme = std::array::from_fn(|k| blocks::furthest(&blocks, along_axis(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })));
         let depth = |f: &Face| dot(f.normal, sub(points[f.vertices[0] as usize], centre));
         let least = faces.iter().map(depth).fold(f64::INFINITY, f64::min);
         Ok(Self { corners, points, triangles, faces, around, rings, first, blocks, start, extreme, centre, bound, least })
@@ -202,8 +198,7 @@ impl Hull {
 
     /// Smallest distance of the hull's centre from a face, m.
     pub fn inscribed_radius(&self) -> f64 {
-        let height = |face: &Face| dot(face.normal, sub(self.points[face.vertices[0] as usize], self.centre));
-        self.faces.iter().map(height).fold(f64::INFINITY, f64::min).max(0.0)
+        self.least.max(0.0)
     }
 
     /// Smallest and largest coordinates of the hull's vertices along each axis, m.

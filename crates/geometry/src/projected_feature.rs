@@ -5,8 +5,7 @@
 
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
-use crate::vectors::widest;
-use crate::vectors::{V, furthest};
+use crate::vectors::{V, along_axis, furthest, widest};
 
 /// Corner of a [`ProjectedFeature`].
 #[derive(Clone, Copy, Debug, Default)]
@@ -189,9 +188,7 @@ impl ProjectedFeature {
             let p = std::array::from_fn(|a| if id >> a & 1 == 1 { half[a] } else { -half[a] });
             self.push(view, p, id, edge);
         }
-        let mut n = [0.0; 3];
-        n[k] = 1f64.copysign(d[k]);
-        self.flat(view, n);
+        self.flat(view, along_axis(k, 1f64.copysign(d[k])));
     }
 
     /// Sets the feature to the end face of a cylinder, or the line on its side, that is farthest along `d` in the cylinder's frame.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::hull::Hull;
 use crate::linear_algebra::*;
-use crate::vectors::{V, furthest, neg, unit_or, widest};
+use crate::vectors::{V, along_axis, furthest, neg, unit_or, widest};
 
 /// Convex shape in its frame, with lengths in m.
 ///
@@ -212,9 +212,7 @@ impl ConvexShape {
             Self::Cylinder { .. } => Some([0.0, 0.0, 1f64.copysign(d[2])]),
             Self::Box { .. } => {
                 let k = widest(d);
-                let mut n = [0.0; 3];
-                n[k] = 1f64.copysign(d[k]);
-                Some(n)
+                Some(along_axis(k, 1f64.copysign(d[k])))
             }
             Self::Hull(hull) => Some(hull.face(hull.facing_at(corner as usize, d)).normal),
             Self::Triangle(p) => {
@@ -256,11 +254,8 @@ impl ConvexShape {
 /// Calls `visit` with the unit vectors along the three axes, in both directions.
 fn axes(mut visit: impl FnMut(V)) {
     for k in 0..3 {
-        for sign in [1.0, -1.0] {
-            let mut n = [0.0; 3];
-            n[k] = sign;
-            visit(n);
-        }
+        visit(along_axis(k, 1.0));
+        visit(along_axis(k, -1.0));
     }
 }
 

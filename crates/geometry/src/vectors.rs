@@ -27,6 +27,12 @@ impl Pose {
         let half: M3<f64> = array_of(|i| 1.5 * identity[i] - 0.5 * gram[i]);
         Self { pos, mat: mat_mul(&half, &mat) }
     }
+
+    /// Pose in the frame of another pose.
+    pub(super) fn relative_to(&self, other: &Self) -> Self {
+        let pos = rotate_back(&other.mat, sub(self.pos, other.pos));
+        Self { pos, mat: from_columns([0, 1, 2].map(|k| rotate_back(&other.mat, column(&self.mat, k)))) }
+    }
 }
 
 /// Index of the point that is farthest along `d`. If several points are equally far, it is the first of them.
@@ -51,6 +57,18 @@ pub(super) fn unit_or(x: V, fallback: V) -> V {
 /// Vector -x.
 pub(super) fn neg(x: V) -> V {
     [-x[0], -x[1], -x[2]]
+}
+
+/// Vector along the axis `k`, with the length and the sign of `x`.
+pub(super) fn along_axis(k: usize, x: f64) -> V {
+    let mut v = [0.0; 3];
+    v[k] = x;
+    v
+}
+
+/// Matrix with these columns.
+pub(super) fn from_columns(columns: [V; 3]) -> M3<f64> {
+    std::array::from_fn(|i| columns[i % 3][i / 3])
 }
 
 /// Index of the coordinate with the largest absolute value. If several are equal, it is the first of them.

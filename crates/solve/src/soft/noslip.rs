@@ -426,16 +426,8 @@ impl<R: Real> NoSlip<R> {
                 continue;
             }
             let (columns, jacobian) = problem.entries(row);
-            let mut slip = -row.reference;
-            for (&d, &j) in columns.iter().zip(jacobian) {
-                slip += j * a[d as usize];
-            }
-            let (inertia, force) = (self.rows.inertia[i][0][0], self.rows.force[i][0]);
-            let next = (force - slip / inertia).max(row.bounds[0]).min(row.bounds[1]);
-            let change = R::select(lanes, next - force, R::zero());
-            self.rows.force[i][0] = R::select(lanes, next, force);
-            self.rows.accelerate(i, &[change], a);
-            self.add_improvement(i, -(R::of(0.5) * change * change * inertia + change * slip));
+            let increase = self.rows.visit_row((columns, as_rows(jacobian)), [i, 0], row.reference, row.bounds, lanes, a);
+            self.add_improvement(i, -increase);
         }
     }
 
@@ -498,17 +490,34 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
-    /// Updates the friction forces of contact `i` with a pyramidal cone, and the acceleration `a`. Returns the decrease of the objective,
-    /// J.
+    /// Updates the force of row `k` of item `i`, which `bounds` limit, and the acceleration `a`. Returns the increase of the objective, J.
     #[inline(always)]
-    fn visit_pyramid(
+    fn visit_row(
         &mut self,
-        contact: &SoftContact<R, N>,
         (columns, jacobian): (&[u32], &[[R; N]]),
-        i: usize,
+        [i, k]: [usize; 2],
+        reference: R,
+        [least, most]: [R; 2],
         lanes: R::Mask,
         a: &mut [R],
     ) -> R {
+        let mut slip = -reference;
+        for (&d, j) in columns.iter().zip(jacobian) {
+            slip += j[k] * a[d as usize];
+        }
+        let (inertia, force) = (self.inertia[i][k][k], self.force[i][k]);
+        let next = (force - slip / inertia).max(least).min(most);
+        let mut change = [R::zero(); N];
+        change[k] = R::select(lanes, next - force, R::zero());
+        self.force[i][k] = R::select(lanes, next, force);
+        self.accelerate(i, &change, a);
+        R::of(0.5) * change[k] * change[k] * inertia + change[k] * slip
+    }
+
+    /// Updates the friction forces of contact `i` with a pyramidal cone, and the acceleration `a`. Returns the decrease of the objective,
+    /// J.
+    #[inline(always)]
+    fn visit_pyramid(&mut self, contact: &SoftContact<R, N>, entries: (&[u32], &[[R; N]]), i: usize, lanes: R::Mask, a: &mut [R]) -> R {
         let mut improvement = R::zero();
         for k in 1..N {
             let mu = contact.scale[k];
@@ -516,19 +525,10 @@ impl<R: Real, const N: usize> Friction<R, N> {
             if lanes.none() {
                 continue;
             }
-            let mut slip = -contact.reference[k];
-            for (&d, j) in columns.iter().zip(jacobian) {
-                slip += j[k] * a[d as usize];
-            }
-            let (inertia, force, most) = (self.inertia[i][k][k], self.force[i][k], self.bound[i][k] * mu);
             // The sum of the two edges is constant. Each of them therefore moves by half of the change of their difference.
-            let moves = (R::of(4.0) * mu * mu * inertia).ge(R::of(LEAST_FORCE));
-            let next = R::select(moves, (force - slip / inertia).max(-most).min(most), R::zero());
-            let mut change = [R::zero(); N];
-            change[k] = R::select(lanes, next - force, R::zero());
-            self.force[i][k] = R::select(lanes, next, force);
-            self.accelerate(i, &change, a);
-            improvement -= R::of(0.5) * change[k] * change[k] * inertia + change[k] * slip;
+            let moves = (R::of(4.0) * mu * mu * self.inertia[i][k][k]).ge(R::of(LEAST_FORCE));
+            let most = R::select(moves, self.bound[i][k] * mu, R::zero());
+            improvement -= self.visit_row(entries, [i, k], contact.reference[k], [-most, most], lanes, a);
         }
         improvement
     }

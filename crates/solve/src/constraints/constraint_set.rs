@@ -218,8 +218,8 @@ pub trait Row<R: Real>: Copy + Debug {
     /// iterations read. The compliances of contacts are among them if `compliant`.
     fn gather(&self, map: &LaneMap, compliant: bool, out: &mut Self::Half);
 
-    /// Constraint of the lane `lane` for Newton's method. `source` is its index among the constraints of its kind.
-    fn lane_constraint(&self, source: usize, lambda: Self::Impulse, lane: usize) -> LaneConstraint<<Self::Impulse as Impulse<R>>::Numbers>;
+    /// Constraint of the lane `lane` for Newton's method.
+    fn lane_constraint(&self, lane: usize) -> LaneConstraint;
 
     /// Constraint of the lane `lane` as a file stores it, without the data that all kinds have.
     fn save(&self, lane: usize) -> SavedConstraint;
@@ -311,16 +311,11 @@ pub(crate) struct ReferenceRows<'a, R> {
     pub(crate) g: &'a [R],
 }
 
-/// One constraint of one lane, in scalar f64. `T` is an array with a number for each row.
-pub struct LaneConstraint<T> {
+/// Admissible impulses and compliances of one constraint in one lane, in scalar f64.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneConstraint {
     /// Set of the constraint's admissible impulses.
     pub(crate) set: AdmissibleSet,
-    /// Index of the constraint among the constraints of its kind.
-    pub(crate) source: usize,
-    /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
-    pub(crate) g: T,
-    /// Impulse of each row of the constraint, N s.
-    pub(crate) lambda: T,
     /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
     pub(crate) compliance: f64,
     /// Additional compliance of the constraint's first row, 1/kg.
@@ -328,16 +323,6 @@ pub struct LaneConstraint<T> {
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
     /// Delassus matrix.
     pub(crate) trace_ratio: f64,
-}
-
-/// Receiver of the constraints of one lane, for Newton's method.
-pub(crate) trait LaneReceiver {
-    /// Adds a constraint whose rows have the `entries` at the coordinates `columns`, ascending.
-    fn add<T: AsRef<[f64]>>(&mut self, constraint: LaneConstraint<T>, columns: &[u32], entries: impl Iterator<Item = T>);
-
-    /// Adds the scaled velocity change by the impulse of an eliminated row: `change` at the coordinates `columns`. No other row depends on
-    /// it.
-    fn add_eliminated(&mut self, columns: &[u32], change: impl Iterator<Item = f64>);
 }
 
 /// Constraint of one lane, of any kind, as a file stores it. Lists with a number per row are in the order of the rows.
@@ -409,7 +394,7 @@ pub struct ConstraintSet<R: Real, T: Row<R>> {
     /// Entries of the scaled Jacobian, for all rows of a constraint, at the coordinates in `columns`.
     pub(super) y: Entries<T::Impulse>,
     /// Number of eliminated rows, which come first in the list, see [`ScalarRows::mark_eliminated`](crate::ScalarRows::mark_eliminated).
-    pub(super) eliminated: usize,
+    pub(crate) eliminated: usize,
 }
 
 impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
@@ -532,20 +517,6 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         let (columns, y) = self.entries(row);
         let touches = move |y: &T::Impulse| y.numbers(lane).as_ref().iter().any(|&y| y != 0.0);
         columns.iter().zip(y).filter(move |(_, y)| touches(y)).map(|(c, _)| *c)
-    }
-
-    /// Passes all constraints that exist in a lane to the receiver of Newton's method.
-    pub(crate) fn gather_lane(&self, rows: &Rows<T>, impulses: &[T::Impulse], lane: usize, to: &mut impl LaneReceiver) {
-        for (i, (row, &lambda)) in rows.items.iter().zip(impulses).enumerate() {
-            let (columns, y) = self.entries(row);
-            let entries = y.iter().map(|y| y.numbers(lane));
-            if i < self.eliminated {
-                let lambda = number_of(lambda.normal(), lane);
-                to.add_eliminated(columns, entries.map(|y| y.as_ref()[0] * lambda));
-            } else if has_lane::<R>(row.active(), lane) {
-                to.add(row.lane_constraint(i, lambda, lane), columns, entries);
-            }
-        }
     }
 
     /// Constraints of a lane, with their impulses, as a file stores them.
@@ -768,7 +739,7 @@ pub(crate) fn multiply<R: Real, const N: usize>(columns: &[u32], y: &[[R; N]], w
 }
 
 /// Whether a mask has the lane `lane`.
-fn has_lane<R: Real>(mask: R::Mask, lane: usize) -> bool {
+pub(crate) fn has_lane<R: Real>(mask: R::Mask, lane: usize) -> bool {
     mask.bits() >> lane & 1 == 1
 }
 

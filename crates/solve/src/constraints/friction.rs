@@ -14,9 +14,8 @@ use crate::constraints::constraint_set::{
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Solver of the friction problem of a single contact. The impulses of all other constraints stay constant.
-///
-/// The admissible impulses are the circular cone of Coulomb's law unless the implementation replaces it.
+/// Solver of the friction problem of a single contact. The impulses of all other constraints stay constant. The admissible impulses are
+/// the circular cone of Coulomb's law.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Solver of the same kind in half of the lanes.
     type Half: LocalSolver<R::Half, N>;
@@ -53,23 +52,6 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
 
     /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide.
     fn gather(&self, map: &LaneMap, out: &mut Self::Half);
-
-    /// De Saxce's term mu |v_t| at the velocity `v`, m/s.
-    #[inline(always)]
-    fn slip(mu: R, v: &[R; N]) -> R {
-        mu * tangential_speed(v)
-    }
-
-    /// Projection of an impulse on the set of admissible impulses.
-    #[inline(always)]
-    fn project(x: [R; N], mu: R) -> [R; N] {
-        project(x, mu)
-    }
-
-    /// Set of admissible impulses for Newton's method.
-    fn admissible_set(mu: f64) -> AdmissibleSet {
-        AdmissibleSet::Cone { mu }
-    }
 }
 
 /// Step length rho of a contact's natural map, lambda - P_K(lambda - rho u) for the impulse lambda and the velocity u. P_K is the
@@ -498,13 +480,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
         self.local.gather(map, &mut out.local);
     }
 
-    fn lane_constraint(&self, source: usize, lambda: [R; N], lane: usize) -> LaneConstraint<[f64; N]> {
+    fn lane_constraint(&self, lane: usize) -> LaneConstraint {
         let number = |x: R| number_of(x, lane);
         LaneConstraint {
-            set: L::admissible_set(number(self.mu)),
-            source,
-            g: self.g.map(number),
-            lambda: lambda.map(number),
+            set: AdmissibleSet::Cone { mu: number(self.mu) },
             compliance: number(self.damping),
             normal_compliance: number(self.compliance),
             trace_ratio: number(self.step.trace_ratio),
@@ -543,7 +522,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
     #[inline(always)]
     fn residual(&self, v: [R; N], lambda: [R; N], _has_eliminated: bool) -> R {
         let (mu, rho) = (self.mu, self.step.rho);
-        let slip = L::slip(mu, &v);
+        let slip = mu * tangential_speed(&v);
         let mut moved = lambda;
         for k in 1..N {
             moved[k] -= rho * v[k];
@@ -555,7 +534,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
             moved[0] -= rho * v[0];
             moved[0] -= rho * slip;
         }
-        let image = L::project(moved, mu);
+        let image = project(moved, mu);
         let mut apart = ((lambda[0] - image[0]) * self.rigid_fraction).square();
         for k in 1..N {
             apart += (lambda[k] - image[k]).square();

@@ -299,13 +299,10 @@ impl<R: Real> Row<R> for ScalarRow<R> {
         out.inv_diagonal = map.gather(self.inv_diagonal);
     }
 
-    fn lane_constraint(&self, source: usize, lambda: R, lane: usize) -> LaneConstraint<[f64; 1]> {
+    fn lane_constraint(&self, lane: usize) -> LaneConstraint {
         let number = |x: R| number_of(x, lane);
         LaneConstraint {
             set: AdmissibleSet::Interval { lo: number(self.lo), hi: number(self.hi) },
-            source,
-            g: [number(self.g)],
-            lambda: [number(lambda)],
             compliance: number(self.compliance),
             normal_compliance: 0.0,
             trace_ratio: number(self.trace_ratio),

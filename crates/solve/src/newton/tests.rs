@@ -1,7 +1,7 @@
 //! Tests of Newton's method on single-lane problems with equalities, with compliance, and with cones of any number of tangents.
 
 use crate::admissible_set::AdmissibleSet;
-use crate::constraints::constraint_set::{LaneConstraint, LaneReceiver};
+use crate::constraints::constraint_set::LaneConstraint;
 use crate::newton::lane::Lane;
 use crate::newton::skyline::Skyline;
 use crate::newton::{Newton, Search, Terms};
@@ -25,9 +25,9 @@ fn lane(dimension: usize) -> Newton {
 fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64; N], compliance: f64) {
     let n = lane.w.len();
     let columns: Vec<u32> = (0..n as u32).collect();
-    let entries = (0..n).map(|c| std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)));
-    let constraint = LaneConstraint { set, source: 0, g, lambda: [0.0; N], compliance, normal_compliance: 0.0, trace_ratio: 1.0 };
-    lane.add(constraint, &columns, entries);
+    let entries = (0..n).map(|c| -> [f64; N] { std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)) });
+    let constraint = LaneConstraint { set, compliance, normal_compliance: 0.0, trace_ratio: 1.0 };
+    lane.add(constraint, 0, [&g, &[0.0; N]], &columns, entries);
 }
 
 /// Velocity y . w + R lambda + g of every row of a lane, m/s.
@@ -37,7 +37,7 @@ fn velocities(lane: &Lane) -> Vec<f64> {
         let (columns, y) = lane.entries(block);
         for (r, row) in block.rows.clone().enumerate() {
             let sum: f64 = columns.iter().enumerate().map(|(k, &c)| y[k * block.rows.len() + r] * lane.w[c as usize]).sum();
-            v.push(sum + block.compliance * lane.lambda[row] + lane.g[row]);
+            v.push(sum + block.constraint.compliance * lane.lambda[row] + lane.g[row]);
         }
     }
     v
@@ -112,9 +112,8 @@ fn islands_are_solved_apart() {
     for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
         let entries = (0..3).map(|c| [noise(100 * i + c)]);
         let columns = [start, start + 1, start + 3];
-        let constraint =
-            LaneConstraint { set: FREE, source: 0, g: [1.0], lambda: [0.0], compliance: 0.0, normal_compliance: 0.0, trace_ratio: 1.0 };
-        newton.lane.add(constraint, &columns, entries);
+        let constraint = LaneConstraint { set: FREE, compliance: 0.0, normal_compliance: 0.0, trace_ratio: 1.0 };
+        newton.lane.add(constraint, 0, [&[1.0], &[0.0]], &columns, entries);
     }
     let result = newton.solve_lane::<f64>(SEARCH);
     assert_eq!(newton.islands.count, 2);

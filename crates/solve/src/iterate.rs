@@ -7,7 +7,7 @@ use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::gauss_seidel::history::History;
 use crate::lane_map::LaneMap;
 use crate::problem::{Problem, System};
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 by_kind! {
     /// Unknowns of a problem, with the history of sweeps. Impulses are in N s, those of angular rows in N m s.
@@ -75,13 +75,10 @@ impl<R: Real> Snapshot<R> {
     /// Copies the saved impulses back, in the lanes `lanes`.
     pub fn restore(&self, iterate: &mut Iterate<R>, lanes: R::Mask) {
         if lanes.any() {
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    copy_lanes(&self.w, &mut iterate.w, lanes);
-                    each_kind!([own: &self] [impulses: &mut iterate] => copy_lanes(Impulse::flatten(own), Impulse::flatten_mut(impulses), lanes));
-                },
-            );
+            kernel!(R, {
+                copy_lanes(&self.w, &mut iterate.w, lanes);
+                each_kind!([own: &self] [impulses: &mut iterate] => copy_lanes(Impulse::flatten(own), Impulse::flatten_mut(impulses), lanes));
+            });
         }
     }
 
@@ -118,15 +115,12 @@ impl<R: Real> Snapshot<R> {
     /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms mu
     /// |v_t|. The energy of the saved impulses may exceed that of `iterate` by at most a millionth.
     pub fn is_as_close(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let [mut saved, mut now] = [energy(&self.w), energy(&iterate.w)];
-                each_kind!([set: &problem] [impulses: &self] => saved = set.add_potential(impulses, saved));
-                each_kind!([set: &problem] [impulses: &iterate] => now = set.add_potential(impulses, now));
-                saved.le(now + now.abs() * R::of(NEGLIGIBLE_ENERGY))
-            },
-        )
+        kernel!(R, {
+            let [mut saved, mut now] = [energy(&self.w), energy(&iterate.w)];
+            each_kind!([set: &problem] [impulses: &self] => saved = set.add_potential(impulses, saved));
+            each_kind!([set: &problem] [impulses: &iterate] => now = set.add_potential(impulses, now));
+            saved.le(now + now.abs() * R::of(NEGLIGIBLE_ENERGY))
+        })
     }
 }
 
@@ -252,19 +246,16 @@ impl<R: Real> Iterate<R> {
     /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes the scaled velocity change w there. `scratch` is a
     /// buffer of the length of w.
     pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for impulse in self.contacts.as_flattened_mut().iter_mut().chain(self.rolling_contacts.as_flattened_mut()) {
-                    *impulse = R::select(lanes, R::zero(), *impulse);
-                }
-                scratch.copy_from_slice(&self.w);
-                self.compute_w(problem);
-                for (w, &kept) in self.w.iter_mut().zip(&*scratch) {
-                    *w = R::select(lanes, *w, kept);
-                }
-            },
-        );
+        kernel!(R, {
+            for impulse in self.contacts.as_flattened_mut().iter_mut().chain(self.rolling_contacts.as_flattened_mut()) {
+                *impulse = R::select(lanes, R::zero(), *impulse);
+            }
+            scratch.copy_from_slice(&self.w);
+            self.compute_w(problem);
+            for (w, &kept) in self.w.iter_mut().zip(&*scratch) {
+                *w = R::select(lanes, *w, kept);
+            }
+        });
     }
 
     /// Whether the impulses change any velocity in any lane.

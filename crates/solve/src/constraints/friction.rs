@@ -12,7 +12,7 @@ use crate::constraints::constraint_set::{
     ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, multiply, number_of,
 };
 use crate::lane_map::LaneMap;
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Solver of the friction problem of a single contact. The impulses of all other constraints stay constant. The admissible impulses are
 /// the circular cone of Coulomb's law.
@@ -171,22 +171,19 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. The caller must do this
     /// before setting the trace ratio and the compliance of the contact.
     pub fn make_movable(&mut self, lanes: R::Mask) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Some(contact) = self.rows.items.last_mut() else { return };
-                let released = lanes.and(contact.immovable);
-                contact.active = contact.active.or(released);
-                contact.immovable = contact.immovable.and_not(released);
-                let mut gram = [[R::zero(); N]; N];
-                for y in self.y.row(contact.span.y, contact.span.num_columns) {
-                    add_products(&mut gram, y);
-                }
-                let (local, trace) = L::new(&gram, contact.active);
-                contact.local = local;
-                contact.step = NaturalStep::of_trace::<N>(trace);
-            },
-        )
+        kernel!(R, {
+            let Some(contact) = self.rows.items.last_mut() else { return };
+            let released = lanes.and(contact.immovable);
+            contact.active = contact.active.or(released);
+            contact.immovable = contact.immovable.and_not(released);
+            let mut gram = [[R::zero(); N]; N];
+            for y in self.y.row(contact.span.y, contact.span.num_columns) {
+                add_products(&mut gram, y);
+            }
+            let (local, trace) = L::new(&gram, contact.active);
+            contact.local = local;
+            contact.step = NaturalStep::of_trace::<N>(trace);
+        })
     }
 
     /// Clears a small approach speed of the last contact of the list: sets the offset g of its normal row to zero, m/s.
@@ -194,14 +191,11 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// The function changes lanes in which no impulse can move the contact along its normal, and the approach speed is at most
     /// `negligible`, m/s.
     pub fn clear_negligible_approach(&mut self, negligible: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Some(contact) = self.rows.items.last_mut() else { return };
-                let none = contact.immovable.and((-contact.g[0]).le(negligible));
-                contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
-            },
-        )
+        kernel!(R, {
+            let Some(contact) = self.rows.items.last_mut() else { return };
+            let none = contact.immovable.and((-contact.g[0]).le(negligible));
+            contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
+        })
     }
 
     /// Sets the trace ratio of the last contact of the list: trace(G_ii) before elimination of equality rows divided by that after it. The

@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use crate::cone::masked;
 use crate::constraints::scalar::{ScalarRow, ScalarRows};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Ratio of the squared length of a row after projection to that before it, above which the row is independent of the others. For smaller
 /// ratios the sizes of the entries decide.
@@ -145,35 +145,32 @@ impl<R: Real> ScalarRows<R> {
         [scales, coefficients]: [&mut [R]; 2],
         right_hand_sides: &mut [[R; N]],
     ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let threshold = R::of(entry_threshold::<R>());
-                let rounding = R::of(ROUNDING_RATIO / entry_threshold::<R>());
-                let n = scales.len();
-                for (j, coefficient) in others.clone().zip(&mut *coefficients) {
-                    let row = &self.rows.items[j];
-                    let mut square = R::zero();
-                    for (&scale, &y) in scales.iter().zip(self.y.row(row.span.y, n)) {
-                        square += scale * y.square();
-                    }
-                    *coefficient = square * row.inv_diagonal.square();
+        kernel!(R, {
+            let threshold = R::of(entry_threshold::<R>());
+            let rounding = R::of(ROUNDING_RATIO / entry_threshold::<R>());
+            let n = scales.len();
+            for (j, coefficient) in others.clone().zip(&mut *coefficients) {
+                let row = &self.rows.items[j];
+                let mut square = R::zero();
+                for (&scale, &y) in scales.iter().zip(self.y.row(row.span.y, n)) {
+                    square += scale * y.square();
                 }
-                for (j, &error) in others.clone().zip(&*coefficients) {
-                    let coefficient = self.remove_projection(k, j, Some(lanes));
-                    let square = error + rounding * coefficient.square();
-                    subtract_right_hand_sides(right_hand_sides, k - others.start, j - others.start, coefficient);
-                    for (x, &y) in scales.iter_mut().zip(self.y.row(self.rows.items[j].span.y, n)) {
-                        *x += square * y.square();
-                    }
+                *coefficient = square * row.inv_diagonal.square();
+            }
+            for (j, &error) in others.clone().zip(&*coefficients) {
+                let coefficient = self.remove_projection(k, j, Some(lanes));
+                let square = error + rounding * coefficient.square();
+                subtract_right_hand_sides(right_hand_sides, k - others.start, j - others.start, coefficient);
+                for (x, &y) in scales.iter_mut().zip(self.y.row(self.rows.items[j].span.y, n)) {
+                    *x += square * y.square();
                 }
-                let mut independent = R::Mask::splat(false);
-                for (&y, &scale) in self.y.row(self.rows.items[k].span.y, n).iter().zip(&*scales) {
-                    independent = independent.or(y.square().gt(threshold * scale));
-                }
-                independent.and(lanes)
-            },
-        )
+            }
+            let mut independent = R::Mask::splat(false);
+            for (&y, &scale) in self.y.row(self.rows.items[k].span.y, n).iter().zip(&*scales) {
+                independent = independent.or(y.square().gt(threshold * scale));
+            }
+            independent.and(lanes)
+        })
     }
 
     /// Squared length of the row whose `n` entries begin at index `at`.

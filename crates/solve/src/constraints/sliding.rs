@@ -5,7 +5,7 @@ use crate::cone::{masked, norm2};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
 use crate::constraints::orthogonalisation::velocity_rounding;
 use crate::lane_map::LaneMap;
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Contact with sliding friction: rows (n, t1, t2).
 pub type SlidingContact<R> = FrictionContact<R, 3, SlidingSolver<R>>;
@@ -138,12 +138,12 @@ impl<R: Real> SlidingContacts<R> {
     /// If fewer than three degrees of freedom move the contact, some impulse changes no velocity. If the cone contains this impulse, the
     /// impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot produce then have no solution.
     pub fn is_self_locking(&self) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || match self.rows.items.last() {
+        kernel!(
+            R,
+            match self.rows.items.last() {
                 Some(contact) => contact.active.and(contact.local.is_self_locking(contact.mu, contact.g)),
                 None => R::Mask::splat(false),
-            },
+            }
         )
     }
 }

@@ -20,7 +20,7 @@ use crate::iterate::{Iterate, rows_of};
 use crate::newton::lane::{Lane, LaneBlock};
 use crate::problem::System;
 use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Ratio of a pivot to the largest one below which a row depends linearly on the previous rows. Independent rows of a robot have far larger
 /// pivots.
@@ -340,13 +340,10 @@ impl<R: Real> Response<R> {
             rest = others;
         });
         let _ = rest;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                iterate.compute_w(system.problem);
-                iterate.solve_eliminated(system, R::Mask::splat(true));
-            },
-        );
+        kernel!(R, {
+            iterate.compute_w(system.problem);
+            iterate.solve_eliminated(system, R::Mask::splat(true));
+        });
     }
 
     /// Computes the velocities of all rows at the impulses of an iterate.
@@ -354,14 +351,11 @@ impl<R: Real> Response<R> {
         self.collect_impulses(iterate);
         self.velocities.clear();
         let velocities = &mut self.velocities;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
-                    set.velocities(rows, impulses, &iterate.w, velocities);
-                });
-            },
-        );
+        kernel!(R, {
+            each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
+                set.velocities(rows, impulses, &iterate.w, velocities);
+            });
+        });
     }
 
     /// Appends the compliances of all rows of a system to the list `compliances`.

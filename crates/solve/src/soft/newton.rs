@@ -3,7 +3,7 @@
 //! The objective is strictly convex and its gradient is piecewise smooth. The method therefore converges from any start, and quadratically
 //! near the solution (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::constraints::constraint_set::add_transposed;
 use crate::soft::hessian::{Argument, Hessian, advance};
@@ -111,36 +111,21 @@ impl<R: Real> SoftSolver<R> {
     ) -> SoftOutcome<R> {
         self.forces_without_slip = false;
         self.hessian.find_pattern(problem, metric);
-        R::vectorize(
-            #[inline(always)]
-            || self.begin(problem, metric, free, a),
-        );
+        kernel!(R, self.begin(problem, metric, free, a));
         let (mut outcome, mut running) = (SoftOutcome { residual: R::zero(), steps: R::zero() }, lanes);
         for step in 0..=effort.steps {
-            let residual = R::vectorize(
-                #[inline(always)]
-                || self.find_gradient(problem, metric),
-            );
+            let residual = kernel!(R, self.find_gradient(problem, metric));
             outcome.residual = R::select(running, residual, outcome.residual);
             running = running.and_not(residual.le(effort.tolerance));
             if running.none() || step == effort.steps {
                 break;
             }
-            R::vectorize(
-                #[inline(always)]
-                || self.hessian.assemble(problem, metric, &self.argument),
-            );
-            R::vectorize(
-                #[inline(always)]
-                || self.hessian.factor(),
-            );
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    self.descend(problem, metric, running, a);
-                    outcome.steps += R::select(running, R::one(), R::zero());
-                },
-            );
+            kernel!(R, self.hessian.assemble(problem, metric, &self.argument));
+            kernel!(R, self.hessian.factor());
+            kernel!(R, {
+                self.descend(problem, metric, running, a);
+                outcome.steps += R::select(running, R::one(), R::zero());
+            });
         }
         outcome
     }
@@ -174,55 +159,46 @@ impl<R: Real> SoftSolver<R> {
             self.hessian.find_pattern(problem, metric);
         }
         // In this function, the buffer `inertial` holds the acceleration without constraints, and `direction` the acceleration with them.
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.inertial.copy_from_slice(free);
-                if coupled {
-                    multiply(metric, free, &mut self.inertial);
-                    self.factor_metric(problem, metric, constraints, false);
-                    self.hessian.solve(&mut self.inertial);
-                    self.factor_metric(problem, metric, constraints, true);
-                }
-                noslip.add_forces(problem, &mut self.forces);
-                self.direction.copy_from_slice(&self.forces);
-                if coupled {
-                    self.hessian.solve(&mut self.direction)
-                } else {
-                    metric.solve(&mut self.direction)
-                }
-                advance(&mut self.direction, &self.inertial, R::one());
-            },
-        );
+        kernel!(R, {
+            self.inertial.copy_from_slice(free);
+            if coupled {
+                multiply(metric, free, &mut self.inertial);
+                self.factor_metric(problem, metric, constraints, false);
+                self.hessian.solve(&mut self.inertial);
+                self.factor_metric(problem, metric, constraints, true);
+            }
+            noslip.add_forces(problem, &mut self.forces);
+            self.direction.copy_from_slice(&self.forces);
+            if coupled {
+                self.hessian.solve(&mut self.direction)
+            } else {
+                metric.solve(&mut self.direction)
+            }
+            advance(&mut self.direction, &self.inertial, R::one());
+        });
         let running = &mut self.direction;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                noslip.find_responses(
-                    problem,
-                    constraints,
-                    #[inline(always)]
-                    |x| if coupled { self.hessian.solve(x) } else { metric.solve(x) },
-                )
-            },
-        );
+        kernel!(R, {
+            noslip.find_responses(
+                problem,
+                constraints,
+                #[inline(always)]
+                |x| if coupled { self.hessian.solve(x) } else { metric.solve(x) },
+            )
+        });
         let sweeps = noslip.sweep(problem, constraints, visits, effort, lanes, running);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                noslip.add_forces(problem, &mut self.forces);
-                self.direction.copy_from_slice(&self.forces);
-                if coupled {
-                    self.factor_metric(problem, metric, constraints, false);
-                    self.hessian.solve(&mut self.direction);
-                } else {
-                    metric.solve(&mut self.direction);
-                }
-                for ((a, &free), &change) in a.iter_mut().zip(&self.inertial).zip(&self.direction) {
-                    *a = R::select(lanes, free + change, *a);
-                }
-            },
-        );
+        kernel!(R, {
+            noslip.add_forces(problem, &mut self.forces);
+            self.direction.copy_from_slice(&self.forces);
+            if coupled {
+                self.factor_metric(problem, metric, constraints, false);
+                self.hessian.solve(&mut self.direction);
+            } else {
+                metric.solve(&mut self.direction);
+            }
+            for ((a, &free), &change) in a.iter_mut().zip(&self.inertial).zip(&self.direction) {
+                *a = R::select(lanes, free + change, *a);
+            }
+        });
         self.noslip = Some(noslip);
         self.forces_without_slip = true;
         sweeps
@@ -245,17 +221,11 @@ impl<R: Real> SoftSolver<R> {
     /// without constraints.
     pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.begin(problem, metric, free, a);
-                self.hessian.assemble(problem, metric, &self.argument);
-            },
-        );
-        R::vectorize(
-            #[inline(always)]
-            || self.hessian.factor(),
-        );
+        kernel!(R, {
+            self.begin(problem, metric, free, a);
+            self.hessian.assemble(problem, metric, &self.argument);
+        });
+        kernel!(R, self.hessian.factor());
     }
 
     /// Approximates the solution of a problem that is similar to that of the last [`SoftSolver::settle`]. `a` must be the stored
@@ -264,19 +234,16 @@ impl<R: Real> SoftSolver<R> {
     /// The function makes two Newton steps with the stored Hessian. The first step gives the change by the implicit function theorem. The
     /// second adds the effect of the cones' curvature between the two problems.
     pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for _ in 0..RESPONSE_STEPS {
-                    self.begin(problem, metric, free, a);
-                    self.find_gradient(problem, metric);
-                    self.hessian.solve(&mut self.gradient);
-                    for (a, &change) in a.iter_mut().zip(&self.gradient) {
-                        *a -= change;
-                    }
+        kernel!(R, {
+            for _ in 0..RESPONSE_STEPS {
+                self.begin(problem, metric, free, a);
+                self.find_gradient(problem, metric);
+                self.hessian.solve(&mut self.gradient);
+                for (a, &change) in a.iter_mut().zip(&self.gradient) {
+                    *a -= change;
                 }
-            },
-        );
+            }
+        });
     }
 
     /// Generalized constraint forces at the solution, N or N m.

@@ -11,7 +11,7 @@
 
 use std::ops::Range;
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::constraints::constraint_set::add_transposed;
 use crate::soft::cone::Cone;
@@ -229,17 +229,14 @@ impl<R: Real> NoSlip<R> {
     pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
         self.find_trees(metric);
         let Self { rows, contacts, rolling, .. } = self;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                rows.clear();
-                for (i, (row, &u)) in problem.rows.iter().zip(&argument.rows).enumerate() {
-                    rows.force.push([if i < constraints { row.force(u) } else { R::zero() }]);
-                }
-                contacts.begin(problem.cone, &problem.contacts, &argument.contacts);
-                rolling.begin(problem.cone, &problem.rolling_contacts, &argument.rolling_contacts);
-            },
-        );
+        kernel!(R, {
+            rows.clear();
+            for (i, (row, &u)) in problem.rows.iter().zip(&argument.rows).enumerate() {
+                rows.force.push([if i < constraints { row.force(u) } else { R::zero() }]);
+            }
+            contacts.begin(problem.cone, &problem.contacts, &argument.contacts);
+            rolling.begin(problem.cone, &problem.rolling_contacts, &argument.rolling_contacts);
+        });
         self.find_islands(problem, constraints);
     }
 
@@ -322,26 +319,20 @@ impl<R: Real> NoSlip<R> {
             if any == 0 {
                 break;
             }
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    sweeps += R::select(R::Mask::from_bits(any), R::one(), R::zero());
-                    self.visit_rows(problem, constraints, a);
-                    self.visit_contacts(problem, visits, a);
-                },
-            );
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    let tolerance = R::splat(effort.tolerance);
-                    let Self { running, improvement, inertia, count, .. } = self;
-                    for ((running, improvement), &inertia) in running[..*count].iter_mut().zip(improvement).zip(&inertia[1]) {
-                        // A NaN improvement ends the island.
-                        *running &= improvement.ge(tolerance * inertia).bits();
-                        *improvement = R::zero();
-                    }
-                },
-            );
+            kernel!(R, {
+                sweeps += R::select(R::Mask::from_bits(any), R::one(), R::zero());
+                self.visit_rows(problem, constraints, a);
+                self.visit_contacts(problem, visits, a);
+            });
+            kernel!(R, {
+                let tolerance = R::splat(effort.tolerance);
+                let Self { running, improvement, inertia, count, .. } = self;
+                for ((running, improvement), &inertia) in running[..*count].iter_mut().zip(improvement).zip(&inertia[1]) {
+                    // A NaN improvement ends the island.
+                    *running &= improvement.ge(tolerance * inertia).bits();
+                    *improvement = R::zero();
+                }
+            });
         }
         sweeps
     }

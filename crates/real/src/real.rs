@@ -142,8 +142,9 @@ pub trait Real:
     /// Runs `kernel` as a separate function that is compiled with the instructions of this type's CPU level, together with all functions
     /// that it inlines. Ordinary code can thus call several kernels, each compiled once.
     ///
-    /// The closure and all functions that it calls must be `#[inline(always)]` ([`kernel!`](crate::kernel) makes such a closure). Otherwise they run with baseline instructions, and every
+    /// The closure and all functions that it calls must be `#[inline(always)]`. Otherwise they run with baseline instructions, and every
     /// operation is a call. This also holds for the methods `map` and `from_fn` of arrays, which are not always inlined.
+    /// [`kernel!`](crate::kernel) makes such a closure.
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
 
     /// Lanes in which `self < o`; false for NaN.

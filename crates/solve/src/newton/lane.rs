@@ -49,8 +49,8 @@ pub(super) struct Lane {
     /// Part of the scaled velocity change w by eliminated rows. These rows are solved already, and no other row depends on this part.
     eliminated: Vec<f64>,
     /// Extra coordinates of the scaled velocity change w: one for each normal row with an additional compliance
-    /// ([`LaneConstraint::normal_compliance`]). In the scaled Jacobian, this row has the square root of that compliance there, and no other row
-    /// has an entry.
+    /// ([`LaneConstraint::normal_compliance`]). In the scaled Jacobian, this row has the square root of that compliance there, and no
+    /// other row has an entry.
     ///
     /// The coordinates have the effect of the additional compliances. Newton's method itself supports only compliances that are the same
     /// for all rows of a cone.

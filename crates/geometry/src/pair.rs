@@ -140,6 +140,7 @@ impl<'a> Pair<'a> {
     }
 
     /// Point `p` of the second shape's frame, in the frame of the first, m.
+    #[inline]
     pub(super) fn place(&self, p: V) -> V {
         add(self.pos, rotate(&self.mat, p))
     }

@@ -193,9 +193,6 @@ pub(super) fn bounds(points: &[V]) -> Aabb {
     Aabb::new(corner(f64::min), corner(f64::max))
 }
 
-/// Corners of the lower and the upper triangle of a cell: number of columns and of rows from the corner with the smallest coordinates.
-const CORNERS: [[[usize; 2]; 3]; 2] = [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]];
-
 impl Grid {
     /// Height field of `shape` points along y and x over a rectangle with the half sizes `half` along x and y, m.
     ///
@@ -227,15 +224,18 @@ impl Grid {
     }
 
     /// Row and column of the cell with triangle `t`, and whether the triangle is the upper one. Cell k has the triangles 2 k and 2 k + 1.
+    #[inline]
     fn cell_of(&self, t: usize) -> (usize, usize, bool) {
         let (cell, columns) = (t / 2, self.shape[1] - 1);
         (cell / columns, cell % columns, t % 2 == 1)
     }
 
     /// Corners of triangle `t`, m.
+    #[inline]
     fn triangle(&self, t: usize) -> [V; 3] {
         let (r, c, upper) = self.cell_of(t);
-        CORNERS[usize::from(upper)].map(|[dc, dr]| self.vertex(c + dc, r + dr))
+        let at = |dc: usize, dr: usize| self.vertex(c + dc, r + dr);
+        if upper { [at(0, 0), at(1, 1), at(0, 1)] } else { [at(0, 0), at(1, 0), at(1, 1)] }
     }
 
     /// Triangle `t` of the height field with its neighbours.
@@ -254,7 +254,7 @@ impl Grid {
     /// Grid points that share an edge with corner `k` of triangle `t`, m.
     fn around(&self, t: usize, k: usize) -> impl Iterator<Item = V> + '_ {
         let (r, c, upper) = self.cell_of(t);
-        let [dc, dr] = CORNERS[usize::from(upper)][k];
+        let (dc, dr) = if upper { [(0, 0), (1, 1), (0, 1)][k] } else { [(0, 0), (1, 0), (1, 1)][k] };
         let (c, r) = (c + dc, r + dr);
         let beside = [(-1, -1), (0, -1), (1, 0), (1, 1), (0, 1), (-1, 0)];
         beside.into_iter().filter_map(move |(x, y)| self.near(c.checked_add_signed(x), r.checked_add_signed(y)))

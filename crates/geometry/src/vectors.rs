@@ -29,6 +29,7 @@ impl Pose {
     }
 
     /// Pose in the frame of another pose.
+    #[inline]
     pub(super) fn relative_to(&self, other: &Self) -> Self {
         let pos = rotate_back(&other.mat, sub(self.pos, other.pos));
         Self { pos, mat: from_columns([0, 1, 2].map(|k| rotate_back(&other.mat, column(&self.mat, k)))) }
@@ -60,6 +61,7 @@ pub(super) fn neg(x: V) -> V {
 }
 
 /// Vector along the axis `k`, with the length and the sign of `x`.
+#[inline]
 pub(super) fn along_axis(k: usize, x: f64) -> V {
     let mut v = [0.0; 3];
     v[k] = x;
@@ -67,8 +69,9 @@ pub(super) fn along_axis(k: usize, x: f64) -> V {
 }
 
 /// Matrix with these columns.
-pub(super) fn from_columns(columns: [V; 3]) -> M3<f64> {
-    std::array::from_fn(|i| columns[i % 3][i / 3])
+#[inline]
+pub(super) fn from_columns([a, b, c]: [V; 3]) -> M3<f64> {
+    [a[0], b[0], c[0], a[1], b[1], c[1], a[2], b[2], c[2]]
 }
 
 /// Index of the coordinate with the largest absolute value. If several are equal, it is the first of them.

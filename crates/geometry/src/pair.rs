@@ -2,7 +2,7 @@
 
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
-use crate::vectors::{Pose, V, along_axis, neg};
+use crate::vectors::{Pose, V, along_axis, from_columns, neg};
 
 /// Distance below which two features of shapes count as equal in double precision, relative to the size of the pair (sum of bounding
 /// radii).
@@ -48,7 +48,8 @@ pub(super) struct Vertex {
 impl<'a> Pair<'a> {
     /// Pair of two shapes with poses in the world.
     pub(super) fn new(a: &'a ConvexShape, pose_a: &Pose, b: &'a ConvexShape, pose_b: &Pose) -> Self {
-        let Pose { pos, mat } = pose_b.relative_to(pose_a);
+        let pos = rotate_back(&pose_a.mat, sub(pose_b.pos, pose_a.pos));
+        let mat = from_columns(std::array::from_fn(|k| rotate_back(&pose_a.mat, column(&pose_b.mat, k))));
         Self::between(a, b, pos, mat)
     }
 
@@ -140,7 +141,7 @@ impl<'a> Pair<'a> {
     }
 
     /// Point `p` of the second shape's frame, in the frame of the first, m.
-    #[inline]
+    #[inline(always)]
     pub(super) fn place(&self, p: V) -> V {
         add(self.pos, rotate(&self.mat, p))
     }

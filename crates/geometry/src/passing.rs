@@ -191,7 +191,9 @@ impl RelativePath {
         let mut poses = [motions[1].pose; MAX_PARTS + 1];
         for (k, pose) in poses[..=parts].iter_mut().enumerate() {
             let t = from + (to - from) * k as f64 / parts as f64;
-            *pose = motions[1].at(t).relative_to(&motions[0].at(t));
+            let [ground, body] = [motions[0].at(t), motions[1].at(t)];
+            let mat = from_columns([0, 1, 2].map(|k| rotate_back(&ground.mat, column(&body.mat, k))));
+            *pose = Pose { pos: rotate_back(&ground.mat, sub(body.pos, ground.pos)), mat };
         }
         Self { poses, parts }
     }

@@ -224,14 +224,14 @@ impl Grid {
     }
 
     /// Row and column of the cell with triangle `t`, and whether the triangle is the upper one. Cell k has the triangles 2 k and 2 k + 1.
-    #[inline]
+    #[inline(always)]
     fn cell_of(&self, t: usize) -> (usize, usize, bool) {
         let (cell, columns) = (t / 2, self.shape[1] - 1);
         (cell / columns, cell % columns, t % 2 == 1)
     }
 
     /// Corners of triangle `t`, m.
-    #[inline]
+    #[inline(always)]
     fn triangle(&self, t: usize) -> [V; 3] {
         let (r, c, upper) = self.cell_of(t);
         let at = |dc: usize, dr: usize| self.vertex(c + dc, r + dr);

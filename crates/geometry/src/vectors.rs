@@ -27,13 +27,6 @@ impl Pose {
         let half: M3<f64> = array_of(|i| 1.5 * identity[i] - 0.5 * gram[i]);
         Self { pos, mat: mat_mul(&half, &mat) }
     }
-
-    /// Pose in the frame of another pose.
-    #[inline]
-    pub(super) fn relative_to(&self, other: &Self) -> Self {
-        let pos = rotate_back(&other.mat, sub(self.pos, other.pos));
-        Self { pos, mat: from_columns([0, 1, 2].map(|k| rotate_back(&other.mat, column(&self.mat, k)))) }
-    }
 }
 
 /// Index of the point that is farthest along `d`. If several points are equally far, it is the first of them.
@@ -61,7 +54,7 @@ pub(super) fn neg(x: V) -> V {
 }
 
 /// Vector along the axis `k`, with the length and the sign of `x`.
-#[inline]
+#[inline(always)]
 pub(super) fn along_axis(k: usize, x: f64) -> V {
     let mut v = [0.0; 3];
     v[k] = x;
@@ -69,7 +62,7 @@ pub(super) fn along_axis(k: usize, x: f64) -> V {
 }
 
 /// Matrix with these columns.
-#[inline]
+#[inline(always)]
 pub(super) fn from_columns([a, b, c]: [V; 3]) -> M3<f64> {
     [a[0], b[0], c[0], a[1], b[1], c[1], a[2], b[2], c[2]]
 }

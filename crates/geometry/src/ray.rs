@@ -108,7 +108,7 @@ pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
             }
         }
         Surface::Mesh(mesh) => {
-            let first_met = |from: V, d: V| first_met(mesh.tree(), from, d, 1.0, |t| mesh.triangle(t));
+            let first_met = |from: V, d: V| first_met(&mesh.tree, from, d, 1.0, |t| mesh.triangle(t));
             let Some((triangle, first)) = first_met(p, d) else { return 0 };
             // The first triangle from the other end is the last one on the path.
             let back = first_met(q, scale(d, -1.0)).map_or(1.0 - first, |(_, part)| part);

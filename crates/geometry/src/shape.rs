@@ -154,7 +154,7 @@ impl ConvexShape {
             Self::Cylinder { radius, half_length } => (radius * radius + half_length * half_length).sqrt(),
             Self::Ellipsoid { radii } => radii[0].max(radii[1]).max(radii[2]),
             Self::Box { half } => norm(*half),
-            Self::Hull(hull) => hull.bound(),
+            Self::Hull(hull) => hull.bound,
             Self::Triangle(p) => {
                 let c = self.centre();
                 let square = |x: &V| dot(sub(*x, c), sub(*x, c));
@@ -169,7 +169,7 @@ impl ConvexShape {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
             Self::Cylinder { radius, half_length } => radius.min(*half_length),
             Self::Ellipsoid { radii: x } | Self::Box { half: x } => x[0].min(x[1]).min(x[2]),
-            Self::Hull(hull) => hull.least(),
+            Self::Hull(hull) => hull.least,
             Self::Triangle([a, b, c]) => {
                 let (u, v) = (sub(*b, *a), sub(*c, *a));
                 let longest = dot(u, u).max(dot(v, v)).max(dot(sub(v, u), sub(v, u))).sqrt();
@@ -214,7 +214,7 @@ impl ConvexShape {
                 let k = widest(d);
                 Some(along_axis(k, 1f64.copysign(d[k])))
             }
-            Self::Hull(hull) => Some(hull.face(hull.facing_at(corner as usize, d)).normal),
+            Self::Hull(hull) => Some(hull.faces[hull.facing_at(corner as usize, d)].normal),
             Self::Triangle(p) => {
                 let n = triangle_normal(p);
                 Some(if dot(n, d) < 0.0 { neg(n) } else { n })

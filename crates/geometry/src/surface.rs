@@ -84,11 +84,11 @@ pub struct MeshSurface {
     /// For each vertex, index in `around` of its first neighbour; the last entry is the length of `around`.
     first: Vec<u32>,
     /// Tree of the triangles' bounding boxes.
-    tree: Bvh,
+    pub(super) tree: Bvh,
     /// Largest height of the mesh in each cell of a grid.
     heights: MeshHeights,
     /// Smallest and largest coordinates of the mesh, m.
-    extent: [V; 2],
+    pub(super) extent: [V; 2],
 }
 
 /// Height field: heights over a regular grid of points.
@@ -163,16 +163,6 @@ impl MeshSurface {
     /// Corners of triangle `t` of the mesh, m.
     pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         self.faces[t as usize].map(|v| self.vertices[v as usize])
-    }
-
-    /// Smallest and largest coordinates of the mesh, m.
-    pub(super) fn extent(&self) -> [V; 2] {
-        self.extent
-    }
-
-    /// Tree of the bounding boxes of the mesh's triangles.
-    pub(super) fn tree(&self) -> &Bvh {
-        &self.tree
     }
 }
 

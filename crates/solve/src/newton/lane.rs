@@ -36,7 +36,7 @@ pub(super) struct Lane {
     /// Index of the kind of constraint that is being gathered.
     kind: usize,
     /// Coordinates of the constraints, one constraint after the other.
-    columns: Vec<u32>,
+    pub(super) columns: Vec<u32>,
     /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the constraint.
     y: Vec<f64>,
     /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
@@ -103,11 +103,6 @@ impl Lane {
             busy |= u32::from(self.g[k] != 0.0 || self.lambda[k] != 0.0) << r;
         }
         busy
-    }
-
-    /// Coordinates of all constraints, one constraint after the other.
-    pub(super) fn all_columns(&self) -> &[u32] {
-        &self.columns
     }
 
     /// Copies the impulses and the scaled velocity change w back to lane `lane` of an iterate.

@@ -158,7 +158,7 @@ impl<R: Real> LaneSolver<R> {
             outcome.steps.set_lane(lane, found.steps.lane(0));
             scatter(acceleration, a, lane);
             scatter(solver.forces(), forces, lane);
-            let at = solver.argument();
+            let at = &solver.argument;
             for (&place, u) in places[0].iter().zip(&at.rows) {
                 argument.rows[place as usize].set_lane(lane, u.lane(0));
             }

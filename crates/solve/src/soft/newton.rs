@@ -35,7 +35,7 @@ pub struct SoftSolver<R: Real> {
     /// Hessian of the soft problem's objective, and its factors.
     hessian: Hessian<R>,
     /// Acceleration of each row relative to its reference, at the present acceleration.
-    argument: Argument<R>,
+    pub(super) argument: Argument<R>,
     /// Change of each row's relative acceleration along Newton's direction.
     change: Argument<R>,
     /// Gradient of the soft problem's objective.
@@ -254,12 +254,7 @@ impl<R: Real> SoftSolver<R> {
     /// Estimated number of multiplications of a Newton step for a problem.
     pub(super) fn estimate_work(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> usize {
         self.hessian.find_pattern(problem, metric);
-        self.hessian.work() + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
-    }
-
-    /// Relative accelerations of all rows at the solution.
-    pub(super) fn argument(&self) -> &Argument<R> {
-        &self.argument
+        self.hessian.work + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
     }
 
     /// Buffers of the generalized forces and of the rows' relative accelerations, set to zero, for the solution of another solver.
@@ -272,14 +267,14 @@ impl<R: Real> SoftSolver<R> {
 
     /// Force of scalar row `i` at the solution, N or N m.
     pub fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
-        self.noslip_forces().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.row(i))
+        self.noslip_forces().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.rows.force[i][0])
     }
 
     /// Force of contact `i` with three rows at the solution, N.
     #[inline(always)]
     pub fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
         match self.noslip_forces() {
-            Some(noslip) => noslip.contact(i),
+            Some(noslip) => noslip.contacts.force[i],
             None => problem.cone.force(&problem.contacts.items[i], &self.argument.contacts[i]),
         }
     }
@@ -288,7 +283,7 @@ impl<R: Real> SoftSolver<R> {
     #[inline(always)]
     pub fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
         match self.noslip_forces() {
-            Some(noslip) => noslip.rolling_contact(i),
+            Some(noslip) => noslip.rolling.force[i],
             None => problem.cone.force(&problem.rolling_contacts.items[i], &self.argument.rolling_contacts[i]),
         }
     }

@@ -70,9 +70,9 @@ const ROUNDING: f64 = 16.0;
 
 /// Forces of all rows of one type, and the response of the acceleration to a unit force in each friction row.
 #[derive(Clone, Debug)]
-struct Friction<R: Real, const N: usize> {
+pub(super) struct Friction<R: Real, const N: usize> {
     /// Forces of each item (a scalar row or a contact), N or N m.
-    force: Vec<[R; N]>,
+    pub(super) force: Vec<[R; N]>,
     /// Bound on each friction force. For an elliptic contact it is the normal force. For a pyramid it is the sum of the forces of the two
     /// edges, which must still be multiplied by the friction coefficient.
     bound: Vec<[R; N]>,
@@ -165,11 +165,11 @@ impl<R: Real, const N: usize> Friction<R, N> {
 #[derive(Clone, Debug)]
 pub(super) struct NoSlip<R: Real> {
     /// Forces and responses of the scalar rows.
-    rows: Friction<R, 1>,
+    pub(super) rows: Friction<R, 1>,
     /// Forces and responses of the contacts with three rows.
-    contacts: Friction<R, 3>,
+    pub(super) contacts: Friction<R, 3>,
     /// Forces and responses of the contacts with six rows.
-    rolling: Friction<R, 6>,
+    pub(super) rolling: Friction<R, 6>,
     /// Kinematic tree of each degree of freedom.
     trees: Vec<u32>,
     /// Number of kinematic trees.
@@ -207,21 +207,6 @@ impl<R: Real> NoSlip<R> {
             islands: Vec::with_capacity((rows + contacts + rolling) * R::LANES),
             work: vec![R::zero(); dimension],
         }
-    }
-
-    /// Force of scalar row `i`, N or N m.
-    pub(super) fn row(&self, i: usize) -> R {
-        self.rows.force[i][0]
-    }
-
-    /// Forces of contact `i` with three rows, N.
-    pub(super) fn contact(&self, i: usize) -> [R; 3] {
-        self.contacts.force[i]
-    }
-
-    /// Forces of contact `i` with six rows, N or N m.
-    pub(super) fn rolling_contact(&self, i: usize) -> [R; 6] {
-        self.rolling.force[i]
     }
 
     /// Stores the forces of all rows at a solution, at which their relative accelerations are `argument`. Scalar rows with an index of at

@@ -7,7 +7,7 @@ MJBATCH := .venv-mjbatch
 DOCS := .venv-docs
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts terrains floors docs atlas corpus adapters identify studies study-libraries fuzz properties training gymnasium viewer check advisories build format clean
+.PHONY: demo test wheel bench kernels loading many-contacts terrains floors docs atlas corpus adapters identify studies study-libraries fuzz properties training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo. It compiles the CPU level of this machine alone, in less than half the time of all levels.
 demo: export STEPPER_ONE_LEVEL := native
@@ -54,6 +54,10 @@ bench: build
 	$(BIN)/python benches/derivatives.py
 	$(BIN)/python benches/rollout_gradients.py
 	$(BIN)/python benches/states.py
+
+# Functions outside kernels that compute with lanes, in the machine code of the AVX2 build. KERNELS='--level avx512' and more, see --help.
+kernels: $(VENV)/setup.stamp
+	$(BIN)/python benches/kernels.py $(KERNELS)
 
 # Time until a robot can be stepped, beside MuJoCo's compiler: docs/benchmarks/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
 loading: build

@@ -33,7 +33,7 @@ impl<R: Real> BoundingBox<R> {
             Solid::Convex(shape) => shape,
             Solid::Surface(surface) => match &**surface {
                 Surface::Mesh(mesh) => {
-                    let (centre, half) = between(mesh.extent());
+                    let (centre, half) = between(mesh.extent);
                     return Some(Self { centre, half });
                 }
                 // A height field has no box, because it is solid down to its base.

@@ -3,7 +3,7 @@
 use crate::facing::Separation;
 use crate::linear_algebra::*;
 use crate::pair::Pair;
-use crate::vectors::{V, neg};
+use crate::vectors::{V, along_axis, neg};
 
 /// Sine of the angle between edges of two boxes below which their cross product is not tested as a separating axis. Face normals then
 /// suffice.
@@ -56,8 +56,7 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
         }
     };
     for i in 0..3 {
-        let mut axis = [0.0; 3];
-        axis[i] = 1f64.copysign(p[i]);
+        let axis = along_axis(i, 1f64.copysign(p[i]));
         take(p[i].abs() - ha[i] - (hb[0] * cos(i, 0) + hb[1] * cos(i, 1) + hb[2] * cos(i, 2)), axis, 0.0);
     }
     let tie = pair.tolerance;
@@ -92,9 +91,7 @@ fn edges(pair: &Pair<'_>, ha: V, hb: V) -> (f64, V, [usize; 2]) {
     for i in 0..3 {
         for j in 0..3 {
             let u = column(&pair.mat, j);
-            let mut e = [0.0; 3];
-            e[i] = 1.0;
-            let l = cross(e, u);
+            let l = cross(along_axis(i, 1.0), u);
             let length = norm(l);
             if length < PARALLEL {
                 continue;
@@ -121,8 +118,7 @@ fn edge_points(pair: &Pair<'_>, ha: V, hb: V, n: V, [i, j]: [usize; 2]) -> [V; 2
     let mut local = pair.b.support(rotate_back(&pair.mat, neg(n)));
     local[j] = 0.0;
     let y = add(pair.pos, rotate(&pair.mat, local));
-    let mut e = [0.0; 3];
-    e[i] = 1.0;
+    let e = along_axis(i, 1.0);
     let u = column(&pair.mat, j);
     // The points are x + s e and y + t u. At the closest points, the derivatives of the distance with respect to s and t vanish.
     let d = sub(y, x);

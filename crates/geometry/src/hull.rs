@@ -6,7 +6,7 @@ use crate::blocks::{self, Block, Ring, SIDE, rings};
 use crate::linear_algebra::*;
 use crate::quickhull;
 use crate::surface_check::SurfaceCheck;
-use crate::vectors::{V, furthest, unit_or};
+use crate::vectors::{V, along_axis, furthest, unit_or};
 
 /// Largest distance of a face's vertices from the face's plane, relative to the size of the hull. Vertices of mesh files have single
 /// precision. [`COPLANAR_THICKNESS`] is a second bound.
@@ -61,9 +61,9 @@ pub struct Hull {
     /// Triangles of the hull's surface as vertex indices, counter-clockwise seen from outside.
     triangles: Vec<[u32; 3]>,
     /// Flat faces of the hull. Coplanar triangles are merged.
-    faces: Vec<Face>,
+    pub(super) faces: Vec<Face>,
     /// Indices of the faces that meet at each vertex.
-    around: Vec<Vec<u32>>,
+    pub(super) around: Vec<Vec<u32>>,
     /// Edges that start at each vertex. The edges of vertex v are in `rings[first[v]..first[v + 1]]`.
     rings: Vec<Ring>,
     /// For each vertex, index in `rings` of its first ring; the last entry is the number of rings.
@@ -78,9 +78,9 @@ pub struct Hull {
     /// Centre of the hull's volume, m.
     centre: V,
     /// Radius of the smallest ball around the hull's centre that contains the hull, m.
-    bound: f64,
+    pub(super) bound: f64,
     /// Smallest distance of the hull's centre from a face, m.
-    least: f64,
+    pub(super) least: f64,
 }
 
 impl Hull {
@@ -160,11 +160,7 @@ impl Hull {
         let (rings, first) = rings(&points, &triangles);
         let blocks: Vec<Block> = points.chunks(SIDE).map(Block::new).collect();
         let start = if points.len() > FEW { starts(&blocks) } else { vec![] };
-        let extreme = std::array::from_fn(|k| {
-            let mut d = [0.0; 3];
-            d[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
-            blocks::furthest(&blocks, d)
-        });
+        let extreme = std::array::from_fn(|k| blocks::furthest(&blocks, along_axis(k / 2, if k % 2 == 0 { 1.0 } else { -1.0 })));
         let depth = |f: &Face| dot(f.normal, sub(points[f.vertices[0] as usize], centre));
         let least = faces.iter().map(depth).fold(f64::INFINITY, f64::min);
         Ok(Self { corners, points, triangles, faces, around, rings, first, blocks, start, extreme, centre, bound, least })
@@ -190,11 +186,6 @@ impl Hull {
         &self.faces
     }
 
-    /// Flat face of the hull with the index `f`.
-    pub(super) fn face(&self, f: usize) -> &Face {
-        &self.faces[f]
-    }
-
     /// Centre of the hull's volume, m.
     pub fn centre(&self) -> V {
         self.centre
@@ -202,24 +193,13 @@ impl Hull {
 
     /// Smallest distance of the hull's centre from a face, m.
     pub fn inscribed_radius(&self) -> f64 {
-        let height = |face: &Face| dot(face.normal, sub(self.points[face.vertices[0] as usize], self.centre));
-        self.faces.iter().map(height).fold(f64::INFINITY, f64::min).max(0.0)
+        self.least.max(0.0)
     }
 
     /// Smallest and largest coordinates of the hull's vertices along each axis, m.
     pub(super) fn extent(&self) -> [V; 2] {
         let along = |k: usize, side: usize| self.points[self.extreme[2 * k + side]][k];
         [std::array::from_fn(|k| along(k, 1)), std::array::from_fn(|k| along(k, 0))]
-    }
-
-    /// Radius of the smallest ball around the hull's centre that contains the hull, m.
-    pub(super) fn bound(&self) -> f64 {
-        self.bound
-    }
-
-    /// Smallest distance of the hull's centre from a face, m.
-    pub(super) fn least(&self) -> f64 {
-        self.least
     }
 
     /// Smallest q >= 0, m, for which the ball of radius q + e around p - q m contains all vertices.
@@ -278,11 +258,6 @@ impl Hull {
     /// Edges that start at a vertex.
     fn rings(&self, vertex: usize) -> &[Ring] {
         &self.rings[self.first[vertex] as usize..self.first[vertex + 1] as usize]
-    }
-
-    /// Indices of the faces that meet at a vertex.
-    pub(super) fn faces_around(&self, vertex: usize) -> &[u32] {
-        &self.around[vertex]
     }
 
     /// Index of the face whose normal is closest to `d`, among the faces that meet at a vertex.

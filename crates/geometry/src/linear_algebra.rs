@@ -20,74 +20,36 @@ pub fn array_of<T: Copy, const N: usize>(f: impl Fn(usize) -> T) -> [T; N] {
     array
 }
 
-/// Sum a + b of two vectors.
-#[inline(always)]
-pub fn add<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
-    let mut out = [R::zero(); N];
-    for i in 0..N {
-        out[i] = a[i] + b[i];
-    }
-    out
+/// Defines functions of vectors from an expression for each entry.
+macro_rules! entrywise {
+    ($($(#[$doc:meta])* $f:ident($($a:ident: $t:ty),+) = |$i:ident| $entry:expr;)+) => {$(
+        $(#[$doc])*
+        #[inline(always)]
+        pub fn $f<R: Real, const N: usize>($($a: $t),+) -> [R; N] {
+            let mut out = [R::zero(); N];
+            for $i in 0..N {
+                out[$i] = $entry;
+            }
+            out
+        }
+    )+};
 }
 
-/// Difference a - b of two vectors.
-#[inline(always)]
-pub fn sub<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
-    let mut out = [R::zero(); N];
-    for i in 0..N {
-        out[i] = a[i] - b[i];
-    }
-    out
-}
-
-/// Vector a times the number s.
-#[inline(always)]
-pub fn scale<R: Real, const N: usize>(a: [R; N], s: R) -> [R; N] {
-    let mut out = [R::zero(); N];
-    for i in 0..N {
-        out[i] = a[i] * s;
-    }
-    out
-}
-
-/// Product of two vectors, entry by entry.
-#[inline(always)]
-pub fn times<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
-    let mut out = [R::zero(); N];
-    for i in 0..N {
-        out[i] = a[i] * b[i];
-    }
-    out
-}
-
-/// Sum a + b s of two vectors, the second one times the number s.
-#[inline(always)]
-pub fn add_scaled<R: Real, const N: usize>(a: [R; N], b: [R; N], s: R) -> [R; N] {
-    let mut out = [R::zero(); N];
-    for i in 0..N {
-        out[i] = a[i] + b[i] * s;
-    }
-    out
-}
-
-/// Vector `a` in the lanes of the mask `m`, and `b` elsewhere.
-#[inline(always)]
-pub fn select<R: Real, const N: usize>(m: R::Mask, a: [R; N], b: [R; N]) -> [R; N] {
-    let mut out = [R::zero(); N];
-    for i in 0..N {
-        out[i] = R::select(m, a[i], b[i]);
-    }
-    out
-}
-
-/// Vector with the same numbers in every lane.
-#[inline(always)]
-pub fn splat<R: Real, const N: usize>(a: [R::Scalar; N]) -> [R; N] {
-    let mut out = [R::zero(); N];
-    for i in 0..N {
-        out[i] = R::splat(a[i]);
-    }
-    out
+entrywise! {
+    /// Sum a + b of two vectors.
+    add(a: [R; N], b: [R; N]) = |i| a[i] + b[i];
+    /// Difference a - b of two vectors.
+    sub(a: [R; N], b: [R; N]) = |i| a[i] - b[i];
+    /// Vector a times the number s.
+    scale(a: [R; N], s: R) = |i| a[i] * s;
+    /// Product of two vectors, entry by entry.
+    times(a: [R; N], b: [R; N]) = |i| a[i] * b[i];
+    /// Sum a + b s of two vectors, the second one times the number s.
+    add_scaled(a: [R; N], b: [R; N], s: R) = |i| a[i] + b[i] * s;
+    /// Vector `a` in the lanes of the mask `m`, and `b` elsewhere.
+    select(m: R::Mask, a: [R; N], b: [R; N]) = |i| R::select(m, a[i], b[i]);
+    /// Vector with the same numbers in every lane.
+    splat(a: [R::Scalar; N]) = |i| R::splat(a[i]);
 }
 
 /// Entries of one lane, in f64.

@@ -2,7 +2,7 @@
 
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
-use crate::vectors::{Pose, V, neg};
+use crate::vectors::{Pose, V, along_axis, from_columns, neg};
 
 /// Distance below which two features of shapes count as equal in double precision, relative to the size of the pair (sum of bounding
 /// radii).
@@ -49,8 +49,7 @@ impl<'a> Pair<'a> {
     /// Pair of two shapes with poses in the world.
     pub(super) fn new(a: &'a ConvexShape, pose_a: &Pose, b: &'a ConvexShape, pose_b: &Pose) -> Self {
         let pos = rotate_back(&pose_a.mat, sub(pose_b.pos, pose_a.pos));
-        let m: [V; 3] = std::array::from_fn(|k| rotate_back(&pose_a.mat, column(&pose_b.mat, k)));
-        let mat = [m[0][0], m[1][0], m[2][0], m[0][1], m[1][1], m[2][1], m[0][2], m[1][2], m[2][2]];
+        let mat = from_columns(std::array::from_fn(|k| rotate_back(&pose_a.mat, column(&pose_b.mat, k))));
         Self::between(a, b, pos, mat)
     }
 
@@ -98,7 +97,7 @@ impl<'a> Pair<'a> {
 
     /// Point of the second shape, without its rounding radius, that is farthest along `d`. Both are in the frame of the first shape.
     pub(super) fn support_b(&self, d: V) -> V {
-        add(self.pos, rotate(&self.mat, self.b.support(rotate_back(&self.mat, d))))
+        self.place(self.b.support(rotate_back(&self.mat, d)))
     }
 
     /// Smallest and largest coordinates of the second shape, without its rounding radius, in the frame of the first shape, m.
@@ -108,13 +107,7 @@ impl<'a> Pair<'a> {
         if let Some(ends) = ends {
             return [f64::min, f64::max].map(|pick| array_of(|k| ends.iter().map(|end| end[k]).reduce(pick).unwrap_or_default()));
         }
-        [-1.0, 1.0].map(|sign| {
-            array_of(|k| {
-                let mut d = [0.0; 3];
-                d[k] = sign;
-                self.support_b(d)[k]
-            })
-        })
+        [-1.0, 1.0].map(|sign| array_of(|k| self.support_b(along_axis(k, sign))[k]))
     }
 
     /// Vertex of the Minkowski difference A - (B + shift) that is farthest along `d`. A and B are the two shapes without their rounding
@@ -122,7 +115,7 @@ impl<'a> Pair<'a> {
     pub(super) fn support(&self, d: V, shift: V) -> Vertex {
         let (x, i) = self.a.corner(d);
         let (y, j) = self.b.corner(rotate_back(&self.mat, neg(d)));
-        let y = add(add(self.pos, rotate(&self.mat, y)), shift);
+        let y = add(self.place(y), shift);
         Vertex { w: sub(x, y), x, y, names: [i, j] }
     }
 
@@ -148,6 +141,7 @@ impl<'a> Pair<'a> {
     }
 
     /// Point `p` of the second shape's frame, in the frame of the first, m.
+    #[inline(always)]
     pub(super) fn place(&self, p: V) -> V {
         add(self.pos, rotate(&self.mat, p))
     }

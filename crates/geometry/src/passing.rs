@@ -27,7 +27,7 @@ use crate::separation;
 use crate::shape::ConvexShape;
 use crate::solid::Solid;
 use crate::surface::{Surface, collide_surface};
-use crate::vectors::{Pose, V, neg};
+use crate::vectors::{Pose, V, from_columns, neg};
 use crate::workspace::Workspace;
 
 /// Smallest displacement between two collision tests along a path, relative to the thickness (see the module).
@@ -84,8 +84,7 @@ impl SolidMotion {
         let (once, twice) = (cross(*w, *v), cross(*w, cross(*w, *v)));
         let pos = add_scaled(add_scaled(add_scaled(start, *v, t), once, first), twice, second);
         let axes = [0, 1, 2].map(|k| turned(column(&pose.mat, k)));
-        let mat = std::array::from_fn(|i| axes[i % 3][i / 3]);
-        Pose { pos, mat }
+        Pose { pos, mat: from_columns(axes) }
     }
 
     /// Velocity of the origin of the solid at time 0, m/s.
@@ -176,17 +175,6 @@ fn relative_velocity([a, b]: &[SolidMotion; 2]) -> V {
     sub(b.velocity(), add(a.velocity(), cross(a.angular, sub(b.pose.pos, a.pose.pos))))
 }
 
-/// Crossing of a surface by the path of a point.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Crossing {
-    /// Path of a point that stays on one side of the surface.
-    None,
-    /// Path of a point that ends behind the surface.
-    Enters,
-    /// Path of a point that enters the surface and leaves it again.
-    PassesThrough,
-}
-
 /// Path of a shape in the frame of a surface, divided into straight parts.
 struct RelativePath {
     /// Poses of the shape at the ends of the path's straight parts. The first `parts` + 1 are used.
@@ -204,22 +192,22 @@ impl RelativePath {
         for (k, pose) in poses[..=parts].iter_mut().enumerate() {
             let t = from + (to - from) * k as f64 / parts as f64;
             let [ground, body] = [motions[0].at(t), motions[1].at(t)];
-            let axes = [0, 1, 2].map(|k| rotate_back(&ground.mat, column(&body.mat, k)));
-            let mat = std::array::from_fn(|i| axes[i % 3][i / 3]);
+            let mat = from_columns([0, 1, 2].map(|k| rotate_back(&ground.mat, column(&body.mat, k))));
             *pose = Pose { pos: rotate_back(&ground.mat, sub(body.pos, ground.pos)), mat };
         }
         Self { poses, parts }
     }
 
-    /// Crossing of the surface by the point `p` of the shape, and the displacement of the point in the frame of the surface, m.
-    fn crossing(&self, surface: &Surface, p: V) -> (Crossing, V) {
+    /// Number of times that the point `p` of the shape crosses the surface, and its displacement in the frame of the surface, m. After one
+    /// crossing the point is behind the surface; after more it has passed through.
+    fn crossings(&self, surface: &Surface, p: V) -> (usize, V) {
         let place = |k: usize| add(self.poses[k].pos, rotate(&self.poses[k].mat, p));
         let start = place(0);
         if let Surface::Grid(grid) = surface
             && grid.is_inside(start)
         {
             // The height field pushes out a point that starts inside it.
-            return (Crossing::None, [0.0; 3]);
+            return (0, [0.0; 3]);
         }
         let (mut here, mut count) = (start, 0);
         for k in 1..=self.parts {
@@ -227,12 +215,7 @@ impl RelativePath {
             count += crossings(surface, here, next);
             here = next;
         }
-        let crossing = match count {
-            0 => Crossing::None,
-            1 => Crossing::Enters,
-            _ => Crossing::PassesThrough,
-        };
-        (crossing, sub(here, start))
+        (count, sub(here, start))
     }
 }
 
@@ -255,9 +238,9 @@ impl Narrow {
         let path = RelativePath::new(motions, [from, to], angle);
         let (inner_points, number) = inner_points(shape);
         for &point in &inner_points[..number] {
-            match path.crossing(surface, point) {
-                (Crossing::PassesThrough, _) => return true,
-                (Crossing::Enters, displacement) if matches!(surface, Surface::Mesh(_)) => {
+            match path.crossings(surface, point) {
+                (2.., _) => return true,
+                (1, displacement) if matches!(surface, Surface::Mesh(_)) => {
                     let Self { workspace, found } = self;
                     if !is_pushed_back(surface, shape, motions.map(|s| s.at(to)), displacement, found, workspace) {
                         return true;
@@ -268,7 +251,7 @@ impl Narrow {
             for k in 0..offset_points {
                 let mut p = point;
                 p[k / 2] += if k % 2 == 0 { thickness } else { -thickness };
-                if path.crossing(surface, p).0 == Crossing::PassesThrough {
+                if path.crossings(surface, p).0 >= 2 {
                     return true;
                 }
             }

@@ -5,8 +5,7 @@
 
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
-use crate::vectors::widest;
-use crate::vectors::{V, furthest};
+use crate::vectors::{V, along_axis, furthest, widest};
 
 /// Corner of a [`ProjectedFeature`].
 #[derive(Clone, Copy, Debug, Default)]
@@ -108,7 +107,7 @@ impl ProjectedFeature {
             ConvexShape::Cylinder { radius, half_length } => self.cylinder(view, d, *radius, *half_length),
             ConvexShape::Box { half } => self.cuboid(view, d, *half),
             ConvexShape::Hull(hull) => {
-                let face = hull.face(hull.facing_at(corner as usize, d));
+                let face = &hull.faces[hull.facing_at(corner as usize, d)];
                 let n = face.vertices.len();
                 for (k, &v) in face.vertices.iter().enumerate() {
                     let next = face.vertices[(k + 1) % n];
@@ -127,8 +126,8 @@ impl ProjectedFeature {
     /// Adds the vertices of all faces that meet at the lowest vertex `corner` of a hull, for contacts with a half space.
     pub(super) fn add_neighbours(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         if let ConvexShape::Hull(hull) = shape {
-            let faces = hull.faces_around(corner as usize);
-            for v in faces.iter().flat_map(|&f| &hull.face(f as usize).vertices) {
+            let faces = &hull.around[corner as usize];
+            for v in faces.iter().flat_map(|&f| &hull.faces[f as usize].vertices) {
                 if self.corners.iter().all(|c| c.id != *v) {
                     self.push(view, hull.points()[*v as usize], *v, 0);
                 }
@@ -189,9 +188,7 @@ impl ProjectedFeature {
             let p = std::array::from_fn(|a| if id >> a & 1 == 1 { half[a] } else { -half[a] });
             self.push(view, p, id, edge);
         }
-        let mut n = [0.0; 3];
-        n[k] = 1f64.copysign(d[k]);
-        self.flat(view, n);
+        self.flat(view, along_axis(k, 1f64.copysign(d[k])));
     }
 
     /// Sets the feature to the end face of a cylinder, or the line on its side, that is farthest along `d` in the cylinder's frame.

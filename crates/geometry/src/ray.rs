@@ -14,7 +14,7 @@ use parry3d_f64::query::Ray;
 
 use crate::hull::Hull;
 use crate::linear_algebra::*;
-use crate::surface::{Grid, MeshSurface, Surface, bounds};
+use crate::surface::{Grid, Surface, bounds};
 use crate::vectors::{Pose, V, widest};
 
 /// Enlargement of the triangles' bounding boxes, relative to the largest coordinate of the mesh. Rounding then does not exclude a triangle
@@ -77,7 +77,9 @@ impl RaySurface {
             return f64::INFINITY;
         }
         match &self.form {
-            Form::Mesh(triangles, tree) => through_triangles(triangles, tree, o, d),
+            Form::Mesh(triangles, tree) => {
+                first_met(tree, o, d, f64::MAX, |t| triangles[t as usize]).map_or(f64::INFINITY, |(_, distance)| distance)
+            }
             Form::Field(grid) => over_field(grid, o, d),
         }
     }
@@ -106,9 +108,10 @@ pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
             }
         }
         Surface::Mesh(mesh) => {
-            let Some((triangle, first)) = first_on_path(mesh, p, d) else { return 0 };
+            let first_met = |from: V, d: V| first_met(&mesh.tree, from, d, 1.0, |t| mesh.triangle(t));
+            let Some((triangle, first)) = first_met(p, d) else { return 0 };
             // The first triangle from the other end is the last one on the path.
-            let back = first_on_path(mesh, q, scale(d, -1.0)).map_or(1.0 - first, |(_, part)| part);
+            let back = first_met(q, scale(d, -1.0)).map_or(1.0 - first, |(_, part)| part);
             let [a, b, c] = mesh.triangle(triangle);
             let leaves = dot(cross(sub(b, a), sub(c, a)), d) > 0.0;
             match first + back < 1.0 - 1e-9 {
@@ -120,13 +123,12 @@ pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
     }
 }
 
-/// First triangle of a mesh on the path from `from` to `from + d`, and the fraction of the path in front of it. `None` if the path meets
-/// none.
-fn first_on_path(mesh: &MeshSurface, from: V, d: V) -> Option<(u32, f64)> {
+/// First triangle on the path from `from` to `from + most d`, and the part t for which the path meets it at `from + t d`. `None` if the
+/// path meets none. `tree` has the bounding boxes of the triangles.
+fn first_met(tree: &Bvh, from: V, d: V, most: f64, triangle: impl Fn(u32) -> [V; 3]) -> Option<(u32, f64)> {
     let sheared = Sheared::new(from, d)?;
     let [o, along] = [from, d].map(|p| Vector::new(p[0], p[1], p[2]));
-    let meet = |t: u32, _| sheared.meet(&mesh.triangle(t)).filter(|&part| part <= 1.0);
-    mesh.tree().cast_ray(&Ray::new(o, along), 1.0, meet)
+    tree.cast_ray(&Ray::new(o, along), most, |t, _| sheared.meet(&triangle(t)).filter(|&part| part <= most))
 }
 
 /// Centre and radius of the ball around the bounding box of points, m.
@@ -135,15 +137,6 @@ fn ball_about(points: &[V]) -> (V, f64) {
     let [low, high] = [around.mins, around.maxs].map(|p| [p.x, p.y, p.z]);
     let centre = scale(add(low, high), 0.5);
     (centre, norm(sub(high, centre)))
-}
-
-/// Distance from `o` along the unit vector `d` to the first triangle, m; infinite without a hit. `tree` has the bounding boxes of the
-/// triangles.
-fn through_triangles(triangles: &[[V; 3]], tree: &Bvh, o: V, d: V) -> f64 {
-    let Some(sheared) = Sheared::new(o, d) else { return f64::INFINITY };
-    let [from, along] = [o, d].map(|p| Vector::new(p[0], p[1], p[2]));
-    let found = tree.cast_ray(&Ray::new(from, along), f64::MAX, |t, _| sheared.meet(&triangles[t as usize]));
-    found.map_or(f64::INFINITY, |(_, t)| t)
 }
 
 /// Frame in which a ray is the third axis, for tests of triangles. Points are sheared along the ray.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::hull::Hull;
 use crate::linear_algebra::*;
-use crate::vectors::{V, furthest, neg, unit_or, widest};
+use crate::vectors::{V, along_axis, furthest, neg, unit_or, widest};
 
 /// Convex shape in its frame, with lengths in m.
 ///
@@ -154,7 +154,7 @@ impl ConvexShape {
             Self::Cylinder { radius, half_length } => (radius * radius + half_length * half_length).sqrt(),
             Self::Ellipsoid { radii } => radii[0].max(radii[1]).max(radii[2]),
             Self::Box { half } => norm(*half),
-            Self::Hull(hull) => hull.bound(),
+            Self::Hull(hull) => hull.bound,
             Self::Triangle(p) => {
                 let c = self.centre();
                 let square = |x: &V| dot(sub(*x, c), sub(*x, c));
@@ -169,7 +169,7 @@ impl ConvexShape {
             Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
             Self::Cylinder { radius, half_length } => radius.min(*half_length),
             Self::Ellipsoid { radii: x } | Self::Box { half: x } => x[0].min(x[1]).min(x[2]),
-            Self::Hull(hull) => hull.least(),
+            Self::Hull(hull) => hull.least,
             Self::Triangle([a, b, c]) => {
                 let (u, v) = (sub(*b, *a), sub(*c, *a));
                 let longest = dot(u, u).max(dot(v, v)).max(dot(sub(v, u), sub(v, u))).sqrt();
@@ -212,11 +212,9 @@ impl ConvexShape {
             Self::Cylinder { .. } => Some([0.0, 0.0, 1f64.copysign(d[2])]),
             Self::Box { .. } => {
                 let k = widest(d);
-                let mut n = [0.0; 3];
-                n[k] = 1f64.copysign(d[k]);
-                Some(n)
+                Some(along_axis(k, 1f64.copysign(d[k])))
             }
-            Self::Hull(hull) => Some(hull.face(hull.facing_at(corner as usize, d)).normal),
+            Self::Hull(hull) => Some(hull.faces[hull.facing_at(corner as usize, d)].normal),
             Self::Triangle(p) => {
                 let n = triangle_normal(p);
                 Some(if dot(n, d) < 0.0 { neg(n) } else { n })
@@ -256,11 +254,8 @@ impl ConvexShape {
 /// Calls `visit` with the unit vectors along the three axes, in both directions.
 fn axes(mut visit: impl FnMut(V)) {
     for k in 0..3 {
-        for sign in [1.0, -1.0] {
-            let mut n = [0.0; 3];
-            n[k] = sign;
-            visit(n);
-        }
+        visit(along_axis(k, 1.0));
+        visit(along_axis(k, -1.0));
     }
 }
 

@@ -84,11 +84,11 @@ pub struct MeshSurface {
     /// For each vertex, index in `around` of its first neighbour; the last entry is the length of `around`.
     first: Vec<u32>,
     /// Tree of the triangles' bounding boxes.
-    tree: Bvh,
+    pub(super) tree: Bvh,
     /// Largest height of the mesh in each cell of a grid.
     heights: MeshHeights,
     /// Smallest and largest coordinates of the mesh, m.
-    extent: [V; 2],
+    pub(super) extent: [V; 2],
 }
 
 /// Height field: heights over a regular grid of points.
@@ -164,16 +164,6 @@ impl MeshSurface {
     pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         self.faces[t as usize].map(|v| self.vertices[v as usize])
     }
-
-    /// Smallest and largest coordinates of the mesh, m.
-    pub(super) fn extent(&self) -> [V; 2] {
-        self.extent
-    }
-
-    /// Tree of the bounding boxes of the mesh's triangles.
-    pub(super) fn tree(&self) -> &Bvh {
-        &self.tree
-    }
 }
 
 /// Angle by which a neighbouring triangle rises above the plane of a triangle, rad; negative if it falls.
@@ -223,10 +213,17 @@ impl Grid {
         (c < self.shape[1] && r < self.shape[0]).then(|| self.vertex(c, r))
     }
 
-    /// Corners of triangle `t`, m. Cell k has the triangles 2 k and 2 k + 1.
-    fn triangle(&self, t: u32) -> [V; 3] {
-        let (cell, upper) = (t as usize / 2, t % 2 == 1);
-        let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
+    /// Row and column of the cell with triangle `t`, and whether the triangle is the upper one. Cell k has the triangles 2 k and 2 k + 1.
+    #[inline(always)]
+    fn cell_of(&self, t: usize) -> (usize, usize, bool) {
+        let (cell, columns) = (t / 2, self.shape[1] - 1);
+        (cell / columns, cell % columns, t % 2 == 1)
+    }
+
+    /// Corners of triangle `t`, m.
+    #[inline(always)]
+    fn triangle(&self, t: usize) -> [V; 3] {
+        let (r, c, upper) = self.cell_of(t);
         let at = |dc: usize, dr: usize| self.vertex(c + dc, r + dr);
         if upper { [at(0, 0), at(1, 1), at(0, 1)] } else { [at(0, 0), at(1, 0), at(1, 1)] }
     }
@@ -235,24 +232,19 @@ impl Grid {
     ///
     /// Each cell is divided by the diagonal from its corner with the smallest coordinates, as in MuJoCo's `mjc_ConvexHField`.
     fn facet(&self, t: usize) -> Facet {
-        let (cell, upper) = (t / 2, t % 2 == 1);
-        let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
-        let at = |dc: usize, dr: usize| self.vertex(c + dc, r + dr);
-        let (corners, third) = if upper {
-            let third = [Some(at(1, 0)), self.near(Some(c + 1), Some(r + 2)), self.near(c.checked_sub(1), Some(r))];
-            ([at(0, 0), at(1, 1), at(0, 1)], third)
+        let ((r, c, upper), corners) = (self.cell_of(t), self.triangle(t));
+        let third = if upper {
+            [Some(self.vertex(c + 1, r)), self.near(Some(c + 1), Some(r + 2)), self.near(c.checked_sub(1), Some(r))]
         } else {
-            let third = [self.near(Some(c), r.checked_sub(1)), self.near(Some(c + 2), Some(r + 1)), Some(at(0, 1))];
-            ([at(0, 0), at(1, 0), at(1, 1)], third)
+            [self.near(Some(c), r.checked_sub(1)), self.near(Some(c + 2), Some(r + 1)), Some(self.vertex(c, r + 1))]
         };
         Facet::new(corners, triangle_normal(&corners), third)
     }
 
     /// Grid points that share an edge with corner `k` of triangle `t`, m.
     fn around(&self, t: usize, k: usize) -> impl Iterator<Item = V> + '_ {
-        let cell = t / 2;
-        let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
-        let (dc, dr) = if t % 2 == 1 { [(0, 0), (1, 1), (0, 1)][k] } else { [(0, 0), (1, 0), (1, 1)][k] };
+        let (r, c, upper) = self.cell_of(t);
+        let (dc, dr) = if upper { [(0, 0), (1, 1), (0, 1)][k] } else { [(0, 0), (1, 0), (1, 1)][k] };
         let (c, r) = (c + dc, r + dr);
         let beside = [(-1, -1), (0, -1), (1, 0), (1, 1), (0, 1), (-1, 0)];
         beside.into_iter().filter_map(move |(x, y)| self.near(c.checked_add_signed(x), r.checked_add_signed(y)))
@@ -335,7 +327,7 @@ impl Surface {
     pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         match self {
             Self::Mesh(m) => m.triangle(t),
-            Self::Grid(g) => g.triangle(t),
+            Self::Grid(g) => g.triangle(t as usize),
         }
     }
 
@@ -363,8 +355,7 @@ impl Surface {
         match self {
             Self::Mesh(m) => m.across[t as usize].iter().any(Option::is_none),
             Self::Grid(g) => {
-                let (cell, [rows, columns]) = (t as usize / 2, g.shape);
-                let (r, c) = (cell / (columns - 1), cell % (columns - 1));
+                let ((r, c, _), [rows, columns]) = (g.cell_of(t as usize), g.shape);
                 r == 0 || c == 0 || r == rows - 2 || c == columns - 2
             }
         }

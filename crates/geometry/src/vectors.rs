@@ -53,6 +53,20 @@ pub(super) fn neg(x: V) -> V {
     [-x[0], -x[1], -x[2]]
 }
 
+/// Vector along the axis `k`, with the length and the sign of `x`.
+#[inline(always)]
+pub(super) fn along_axis(k: usize, x: f64) -> V {
+    let mut v = [0.0; 3];
+    v[k] = x;
+    v
+}
+
+/// Matrix with these columns.
+#[inline(always)]
+pub(super) fn from_columns([a, b, c]: [V; 3]) -> M3<f64> {
+    [a[0], b[0], c[0], a[1], b[1], c[1], a[2], b[2], c[2]]
+}
+
 /// Index of the coordinate with the largest absolute value. If several are equal, it is the first of them.
 pub(super) fn widest(d: V) -> usize {
     let a = d.map(f64::abs);

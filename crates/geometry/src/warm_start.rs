@@ -109,8 +109,8 @@ fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], guess: V, corners: [u32; 2],
     let level = [[corners[0], a.level(i, guess) as u32], [corners[1], b.level(j, back) as u32]];
     let across = across_edges(pair, [a, b], level, guess);
     let mut tries = [
-        (dot(a.face(f).normal, guess), Candidate::FirstFace(f)),
-        (dot(b.face(g).normal, back), Candidate::SecondFace(g)),
+        (dot(a.faces[f].normal, guess), Candidate::FirstFace(f)),
+        (dot(b.faces[g].normal, back), Candidate::SecondFace(g)),
         across.map_or((-1.0, Candidate::FirstFace(f)), |(facing, from_outline)| {
             (dot(facing.found.normal, guess), Candidate::Edges(facing, from_outline))
         }),
@@ -120,13 +120,13 @@ fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], guess: V, corners: [u32; 2],
     near.map(|t| t.1).find_map(|facet| {
         let (found, corners, from_outline) = match facet {
             Candidate::FirstFace(f) => {
-                let n = a.face(f).normal;
+                let n = a.faces[f].normal;
                 let (separation, corners) = pair.separation_near(n, corners);
                 let y = pair.place(b.points()[corners[1] as usize]);
                 (Separation { normal: n, separation, points: [add_scaled(y, n, -separation), y] }, corners, a.distance_from_outline(f, y))
             }
             Candidate::SecondFace(g) => {
-                let n = neg(rotate(&pair.mat, b.face(g).normal));
+                let n = neg(rotate(&pair.mat, b.faces[g].normal));
                 let (separation, corners) = pair.separation_near(n, corners);
                 let x = a.points()[corners[0] as usize];
                 let local = rotate_back(&pair.mat, sub(x, pair.pos));

@@ -3,7 +3,7 @@
 //! They are the only level of all architectures except x86-64, and the reference for the other lane types.
 
 use crate::mask::Mask;
-use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
+use crate::operators::{as_lanes, elementary_functions, inline_functions, lane_access, operators, vectorize};
 use crate::real::Real;
 
 macro_rules! each_lane {
@@ -32,19 +32,12 @@ macro_rules! array_lanes {
 
         as_lanes!($name, $scalar, $n);
 
-        operators! { $name:
+        operators! { [] $name:
             Add add AddAssign add_assign = |a, b| each_lane!($name, $n, |i| a.0[i] + b.0[i]);
             Sub sub SubAssign sub_assign = |a, b| each_lane!($name, $n, |i| a.0[i] - b.0[i]);
             Mul mul MulAssign mul_assign = |a, b| each_lane!($name, $n, |i| a.0[i] * b.0[i]);
             Div div DivAssign div_assign = |a, b| each_lane!($name, $n, |i| a.0[i] / b.0[i]);
-        }
-
-        impl core::ops::Neg for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn neg(self) -> Self {
-                each_lane!($name, $n, |i| -self.0[i])
-            }
+            - = |a| each_lane!($name, $n, |i| -a.0[i]);
         }
 
         impl Real for $name {
@@ -55,9 +48,18 @@ macro_rules! array_lanes {
             type Half = Self;
             type Single = $scalar;
 
-            #[inline(always)]
-            fn splat(x: $scalar) -> Self {
-                $name([x; $n])
+            inline_functions! {
+                fn splat(x: $scalar) -> Self = $name([x; $n]);
+                fn lt(self, o: Self) -> $mask = each_lane!($mask, $n, |i| $word::MAX * (self.0[i] < o.0[i]) as $word);
+                fn le(self, o: Self) -> $mask = each_lane!($mask, $n, |i| $word::MAX * (self.0[i] <= o.0[i]) as $word);
+                fn eq(self, o: Self) -> $mask = each_lane!($mask, $n, |i| $word::MAX * (self.0[i] == o.0[i]) as $word);
+                fn min(self, o: Self) -> Self = each_lane!($name, $n, |i| Real::min(self.0[i], o.0[i]));
+                fn max(self, o: Self) -> Self = each_lane!($name, $n, |i| Real::max(self.0[i], o.0[i]));
+                fn abs(self) -> Self = each_lane!($name, $n, |i| Real::abs(self.0[i]));
+                fn sqrt(self) -> Self = each_lane!($name, $n, |i| Real::sqrt(self.0[i]));
+                fn copysign(self, sign: Self) -> Self = each_lane!($name, $n, |i| Real::copysign(self.0[i], sign.0[i]));
+                fn round_even(self) -> Self = each_lane!($name, $n, |i| Real::round_even(self.0[i]));
+                fn pow2(self) -> Self = each_lane!($name, $n, |i| Real::pow2(self.0[i]));
             }
             #[inline(always)]
             fn load(s: &[$scalar]) -> Self {
@@ -69,48 +71,8 @@ macro_rules! array_lanes {
                 s[..$n].copy_from_slice(&self.0);
             }
             #[inline(always)]
-            fn lt(self, o: Self) -> $mask {
-                each_lane!($mask, $n, |i| $word::MAX * (self.0[i] < o.0[i]) as $word)
-            }
-            #[inline(always)]
-            fn le(self, o: Self) -> $mask {
-                each_lane!($mask, $n, |i| $word::MAX * (self.0[i] <= o.0[i]) as $word)
-            }
-            #[inline(always)]
-            fn eq(self, o: Self) -> $mask {
-                each_lane!($mask, $n, |i| $word::MAX * (self.0[i] == o.0[i]) as $word)
-            }
-            #[inline(always)]
             fn select(m: $mask, a: Self, b: Self) -> Self {
                 each_lane!($name, $n, |i| $scalar::from_bits((m.0[i] & a.0[i].to_bits()) | (!m.0[i] & b.0[i].to_bits())))
-            }
-            #[inline(always)]
-            fn min(self, o: Self) -> Self {
-                each_lane!($name, $n, |i| Real::min(self.0[i], o.0[i]))
-            }
-            #[inline(always)]
-            fn max(self, o: Self) -> Self {
-                each_lane!($name, $n, |i| Real::max(self.0[i], o.0[i]))
-            }
-            #[inline(always)]
-            fn abs(self) -> Self {
-                each_lane!($name, $n, |i| Real::abs(self.0[i]))
-            }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                each_lane!($name, $n, |i| Real::sqrt(self.0[i]))
-            }
-            #[inline(always)]
-            fn copysign(self, sign: Self) -> Self {
-                each_lane!($name, $n, |i| Real::copysign(self.0[i], sign.0[i]))
-            }
-            #[inline(always)]
-            fn round_even(self) -> Self {
-                each_lane!($name, $n, |i| Real::round_even(self.0[i]))
-            }
-            #[inline(always)]
-            fn pow2(self) -> Self {
-                each_lane!($name, $n, |i| Real::pow2(self.0[i]))
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {
@@ -119,13 +81,13 @@ macro_rules! array_lanes {
         }
 
         impl Mask for $mask {
-            #[inline(always)]
-            fn splat(b: bool) -> Self {
-                $mask([$word::MAX * b as $word; $n])
-            }
-            #[inline(always)]
-            fn from_bits(bits: u32) -> Self {
-                each_lane!($mask, $n, |i| $word::MAX * ((bits >> i) & 1) as $word)
+            inline_functions! {
+                fn splat(b: bool) -> Self = $mask([$word::MAX * b as $word; $n]);
+                fn from_bits(bits: u32) -> Self = each_lane!($mask, $n, |i| $word::MAX * ((bits >> i) & 1) as $word);
+                fn and(self, o: Self) -> Self = each_lane!($mask, $n, |i| self.0[i] & o.0[i]);
+                fn or(self, o: Self) -> Self = each_lane!($mask, $n, |i| self.0[i] | o.0[i]);
+                fn and_not(self, o: Self) -> Self = each_lane!($mask, $n, |i| self.0[i] & !o.0[i]);
+                fn not(self) -> Self = each_lane!($mask, $n, |i| !self.0[i]);
             }
             #[inline(always)]
             fn bits(self) -> u32 {
@@ -134,22 +96,6 @@ macro_rules! array_lanes {
                     bits |= ((self.0[i] & 1) as u32) << i;
                 }
                 bits
-            }
-            #[inline(always)]
-            fn and(self, o: Self) -> Self {
-                each_lane!($mask, $n, |i| self.0[i] & o.0[i])
-            }
-            #[inline(always)]
-            fn or(self, o: Self) -> Self {
-                each_lane!($mask, $n, |i| self.0[i] | o.0[i])
-            }
-            #[inline(always)]
-            fn and_not(self, o: Self) -> Self {
-                each_lane!($mask, $n, |i| self.0[i] & !o.0[i])
-            }
-            #[inline(always)]
-            fn not(self) -> Self {
-                each_lane!($mask, $n, |i| !self.0[i])
             }
             #[inline(always)]
             fn any(self) -> bool {

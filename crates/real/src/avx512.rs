@@ -7,7 +7,7 @@
 //! calls, which are slow but correct.
 
 use crate::mask::Mask;
-use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
+use crate::operators::{as_lanes, elementary_functions, inline_functions, lane_access, operators, vectorize};
 use crate::real::Real;
 use core::arch::x86_64::{_CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
@@ -31,19 +31,12 @@ macro_rules! avx512_lanes {
         as_lanes!($name, $scalar, $n);
 
         // SAFETY of all intrinsics below: the module's contract.
-        operators! { $name:
+        operators! { [] $name:
             Add add AddAssign add_assign = |a, b| $name(unsafe { add(a.0, b.0) });
             Sub sub SubAssign sub_assign = |a, b| $name(unsafe { sub(a.0, b.0) });
             Mul mul MulAssign mul_assign = |a, b| $name(unsafe { mul(a.0, b.0) });
             Div div DivAssign div_assign = |a, b| $name(unsafe { div(a.0, b.0) });
-        }
-
-        impl core::ops::Neg for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn neg(self) -> Self {
-                $name(unsafe { xor(self.0, set1(-0.0)) })
-            }
+            - = |a| $name(unsafe { xor(a.0, set1(-0.0)) });
         }
 
         impl Real for $name {
@@ -55,9 +48,18 @@ macro_rules! avx512_lanes {
             type Single = crate::single_lane::single!($scalar);
             $($method)*
 
-            #[inline(always)]
-            fn splat(x: $scalar) -> Self {
-                $name(unsafe { set1(x) })
+            inline_functions! {
+                fn splat(x: $scalar) -> Self = $name(unsafe { set1(x) });
+                fn lt(self, o: Self) -> $mask = $mask(unsafe { cmp::<_CMP_LT_OQ>(self.0, o.0) });
+                fn le(self, o: Self) -> $mask = $mask(unsafe { cmp::<_CMP_LE_OQ>(self.0, o.0) });
+                fn eq(self, o: Self) -> $mask = $mask(unsafe { cmp::<_CMP_EQ_OQ>(self.0, o.0) });
+                fn select(m: $mask, a: Self, b: Self) -> Self = $name(unsafe { blend(m.0, b.0, a.0) });
+                fn min(self, o: Self) -> Self = $name(unsafe { min(self.0, o.0) });
+                fn max(self, o: Self) -> Self = $name(unsafe { max(self.0, o.0) });
+                fn abs(self) -> Self = $name(unsafe { andnot(set1(-0.0), self.0) });
+                fn sqrt(self) -> Self = $name(unsafe { sqrt(self.0) });
+                fn copysign(self, sign: Self) -> Self = $name(unsafe { or(andnot(set1(-0.0), self.0), and(set1(-0.0), sign.0)) });
+                fn round_even(self) -> Self = $name(unsafe { roundscale::<NEAREST_EVEN>(self.0) });
             }
             #[inline(always)]
             fn load(s: &[$scalar]) -> Self {
@@ -68,46 +70,6 @@ macro_rules! avx512_lanes {
             fn store(self, s: &mut [$scalar]) {
                 let s = &mut s[..$n];
                 unsafe { storeu(s.as_mut_ptr(), self.0) }
-            }
-            #[inline(always)]
-            fn lt(self, o: Self) -> $mask {
-                $mask(unsafe { cmp::<_CMP_LT_OQ>(self.0, o.0) })
-            }
-            #[inline(always)]
-            fn le(self, o: Self) -> $mask {
-                $mask(unsafe { cmp::<_CMP_LE_OQ>(self.0, o.0) })
-            }
-            #[inline(always)]
-            fn eq(self, o: Self) -> $mask {
-                $mask(unsafe { cmp::<_CMP_EQ_OQ>(self.0, o.0) })
-            }
-            #[inline(always)]
-            fn select(m: $mask, a: Self, b: Self) -> Self {
-                $name(unsafe { blend(m.0, b.0, a.0) })
-            }
-            #[inline(always)]
-            fn min(self, o: Self) -> Self {
-                $name(unsafe { min(self.0, o.0) })
-            }
-            #[inline(always)]
-            fn max(self, o: Self) -> Self {
-                $name(unsafe { max(self.0, o.0) })
-            }
-            #[inline(always)]
-            fn abs(self) -> Self {
-                $name(unsafe { andnot(set1(-0.0), self.0) })
-            }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                $name(unsafe { sqrt(self.0) })
-            }
-            #[inline(always)]
-            fn copysign(self, sign: Self) -> Self {
-                $name(unsafe { or(andnot(set1(-0.0), self.0), and(set1(-0.0), sign.0)) })
-            }
-            #[inline(always)]
-            fn round_even(self) -> Self {
-                $name(unsafe { roundscale::<NEAREST_EVEN>(self.0) })
             }
             #[inline(always)]
             fn pow2(self) -> Self {
@@ -130,41 +92,16 @@ macro_rules! avx512_lanes {
 
         // Masks are plain integers. The compiler keeps them in mask registers if that is faster.
         impl Mask for $mask {
-            #[inline(always)]
-            fn splat(b: bool) -> Self {
-                $mask($bits::MAX * b as $bits)
-            }
-            #[inline(always)]
-            fn from_bits(bits: u32) -> Self {
-                $mask(bits as $bits)
-            }
-            #[inline(always)]
-            fn bits(self) -> u32 {
-                self.0 as u32
-            }
-            #[inline(always)]
-            fn and(self, o: Self) -> Self {
-                $mask(self.0 & o.0)
-            }
-            #[inline(always)]
-            fn or(self, o: Self) -> Self {
-                $mask(self.0 | o.0)
-            }
-            #[inline(always)]
-            fn and_not(self, o: Self) -> Self {
-                $mask(self.0 & !o.0)
-            }
-            #[inline(always)]
-            fn not(self) -> Self {
-                $mask(!self.0)
-            }
-            #[inline(always)]
-            fn any(self) -> bool {
-                self.0 != 0
-            }
-            #[inline(always)]
-            fn all(self) -> bool {
-                self.0 == $bits::MAX
+            inline_functions! {
+                fn splat(b: bool) -> Self = $mask($bits::MAX * b as $bits);
+                fn from_bits(bits: u32) -> Self = $mask(bits as $bits);
+                fn bits(self) -> u32 = self.0 as u32;
+                fn and(self, o: Self) -> Self = $mask(self.0 & o.0);
+                fn or(self, o: Self) -> Self = $mask(self.0 | o.0);
+                fn and_not(self, o: Self) -> Self = $mask(self.0 & !o.0);
+                fn not(self) -> Self = $mask(!self.0);
+                fn any(self) -> bool = self.0 != 0;
+                fn all(self) -> bool = self.0 == $bits::MAX;
             }
         }
     };

@@ -209,12 +209,7 @@ macro_rules! at_level {
         let level: $crate::Level = $level;
         assert!(level.is_available(), "CPU level {level} is not available on this machine and build");
         match level {
-            $crate::Level::Avx512 => $crate::__if_avx512!({
-                struct Checked;
-                // SAFETY: the check is above.
-                unsafe impl $crate::HasAvx512 for Checked {}
-                $run::<<Checked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
-            }),
+            $crate::Level::Avx512 => $crate::at_avx512!($lanes, $run $(::<_, $($extra),+>)? ($($arg),*)),
             $crate::Level::Avx2 => $crate::__if_avx2!({
                 struct Checked;
                 // SAFETY: the check is above.

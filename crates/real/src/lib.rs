@@ -50,6 +50,8 @@ mod level;
 mod mask;
 mod operators;
 mod real;
+#[cfg(target_arch = "x86_64")]
+mod registers;
 mod scalar;
 mod single;
 #[cfg(target_arch = "x86_64")]

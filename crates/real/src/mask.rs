@@ -30,41 +30,16 @@ pub trait Mask: Copy + Debug + Send + Sync + 'static {
 }
 
 impl Mask for bool {
-    #[inline(always)]
-    fn splat(b: bool) -> Self {
-        b
-    }
-    #[inline(always)]
-    fn from_bits(bits: u32) -> Self {
-        bits & 1 != 0
-    }
-    #[inline(always)]
-    fn bits(self) -> u32 {
-        self as u32
-    }
-    // `&` and `|`, not `&&` and `||`: both operands are already computed, so a branch would not save time.
-    #[inline(always)]
-    fn and(self, o: Self) -> Self {
-        self & o
-    }
-    #[inline(always)]
-    fn or(self, o: Self) -> Self {
-        self | o
-    }
-    #[inline(always)]
-    fn and_not(self, o: Self) -> Self {
-        self & !o
-    }
-    #[inline(always)]
-    fn not(self) -> Self {
-        !self
-    }
-    #[inline(always)]
-    fn any(self) -> bool {
-        self
-    }
-    #[inline(always)]
-    fn all(self) -> bool {
-        self
+    crate::inline_functions! {
+        fn splat(b: bool) -> Self = b;
+        fn from_bits(bits: u32) -> Self = bits & 1 != 0;
+        fn bits(self) -> u32 = self as u32;
+        // `&` and `|`, not `&&` and `||`: both operands are already computed, so a branch would not save time.
+        fn and(self, o: Self) -> Self = self & o;
+        fn or(self, o: Self) -> Self = self | o;
+        fn and_not(self, o: Self) -> Self = self & !o;
+        fn not(self) -> Self = !self;
+        fn any(self) -> bool = self;
+        fn all(self) -> bool = self;
     }
 }

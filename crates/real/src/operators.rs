@@ -1,9 +1,16 @@
-//! Code that all lane types share: operators, `Default`, `Debug`, access to lanes, elementary functions, and `Real::vectorize`.
+//! Code that all lane types share: operators, inline functions, `Default`, `Debug`, access to lanes, elementary functions, and
+//! `Real::vectorize`.
 
-/// Implements the binary operators of a lane type from one expression each.
+/// Implements the operators of a lane type from one expression each. `[...]` has the generic parameters of the type.
 macro_rules! operators {
-    ($t:ident: $($op:ident $f:ident $assign:ident $f_assign:ident = |$a:ident, $b:ident| $e:expr;)*) => {$(
-        impl core::ops::$op for $t {
+    ($generics:tt $t:ty:
+     $($op:ident $f:ident $assign:ident $f_assign:ident = |$a:ident, $b:ident| $e:expr;)*
+     - = |$x:ident| $negative:expr;) => {
+        $(operators!(@binary $generics $t: $op $f $assign $f_assign = |$a, $b| $e);)*
+        operators!(@negative $generics $t: |$x| $negative);
+    };
+    (@binary [$($generics:tt)*] $t:ty: $op:ident $f:ident $assign:ident $f_assign:ident = |$a:ident, $b:ident| $e:expr) => {
+        impl<$($generics)*> core::ops::$op for $t {
             type Output = Self;
             #[inline(always)]
             fn $f(self, rhs: Self) -> Self {
@@ -11,11 +18,33 @@ macro_rules! operators {
                 $e
             }
         }
-        impl core::ops::$assign for $t {
+        impl<$($generics)*> core::ops::$assign for $t {
             #[inline(always)]
             fn $f_assign(&mut self, rhs: Self) {
                 *self = core::ops::$op::$f(*self, rhs);
             }
+        }
+    };
+    (@negative [$($generics:tt)*] $t:ty: |$x:ident| $negative:expr) => {
+        impl<$($generics)*> core::ops::Neg for $t {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                let $x = self;
+                $negative
+            }
+        }
+    };
+}
+
+/// Defines inline functions from one expression each. The macro is used inside an impl.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! inline_functions {
+    ($(fn $f:ident($($parameters:tt)*) -> $result:ty = $e:expr;)*) => {$(
+        #[inline(always)]
+        fn $f($($parameters)*) -> $result {
+            $e
         }
     )*};
 }
@@ -52,6 +81,19 @@ macro_rules! as_lanes {
                 write!(f, "{:?}", self.to_array())
             }
         }
+    };
+}
+
+/// Runs an expression as a kernel: as a separate function that is compiled with the instructions of a lane type's CPU level.
+///
+/// `kernel!(R, expression)` calls [`Real::vectorize`](crate::Real::vectorize) with a closure that is always inlined.
+#[macro_export]
+macro_rules! kernel {
+    ($real:ty, $kernel:expr) => {
+        <$real as $crate::Real>::vectorize(
+            #[inline(always)]
+            || $kernel,
+        )
     };
 }
 
@@ -99,35 +141,16 @@ macro_rules! lane_access {
 #[macro_export]
 macro_rules! elementary_functions {
     () => {
-        #[inline(always)]
-        fn sin_cos(self) -> (Self, Self) {
-            $crate::elementary::sin_cos(self)
-        }
-        #[inline(always)]
-        fn sin_cos_octant(self) -> (Self, Self) {
-            $crate::elementary::sin_cos_octant(self)
-        }
-        #[inline(always)]
-        fn ln(self) -> Self {
-            $crate::elementary::ln(self)
-        }
-        #[inline(always)]
-        fn ln_normal(self) -> Self {
-            $crate::elementary::ln_normal(self)
-        }
-        #[inline(always)]
-        fn exp(self) -> Self {
-            $crate::elementary::exp(self)
-        }
-        #[inline(always)]
-        fn atan2(self, x: Self) -> Self {
-            $crate::elementary::atan2(self, x)
-        }
-        #[inline(always)]
-        fn acos(self) -> Self {
-            $crate::elementary::acos(self)
+        $crate::inline_functions! {
+            fn sin_cos(self) -> (Self, Self) = $crate::elementary::sin_cos(self);
+            fn sin_cos_octant(self) -> (Self, Self) = $crate::elementary::sin_cos_octant(self);
+            fn ln(self) -> Self = $crate::elementary::ln(self);
+            fn ln_normal(self) -> Self = $crate::elementary::ln_normal(self);
+            fn exp(self) -> Self = $crate::elementary::exp(self);
+            fn atan2(self, x: Self) -> Self = $crate::elementary::atan2(self, x);
+            fn acos(self) -> Self = $crate::elementary::acos(self);
         }
     };
 }
 
-pub(crate) use {as_lanes, elementary_functions, lane_access, operators, vectorize};
+pub(crate) use {as_lanes, elementary_functions, inline_functions, lane_access, operators, vectorize};

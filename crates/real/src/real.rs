@@ -144,6 +144,7 @@ pub trait Real:
     ///
     /// The closure and all functions that it calls must be `#[inline(always)]`. Otherwise they run with baseline instructions, and every
     /// operation is a call. This also holds for the methods `map` and `from_fn` of arrays, which are not always inlined.
+    /// [`kernel!`](crate::kernel) makes such a closure.
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
 
     /// Lanes in which `self < o`; false for NaN.

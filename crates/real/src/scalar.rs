@@ -29,8 +29,6 @@ pub trait Scalar:
     const EPSILON: Self;
     /// Whether this is the type of single precision.
     const IS_SINGLE: bool = size_of::<Self>() < size_of::<f64>();
-    /// Largest finite number.
-    const MAX: Self;
     /// Smallest positive normal number.
     const MIN_POSITIVE: Self;
     /// Positive infinity.
@@ -52,7 +50,6 @@ macro_rules! scalar {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const EPSILON: Self = $t::EPSILON;
-            const MAX: Self = $t::MAX;
             const MIN_POSITIVE: Self = $t::MIN_POSITIVE;
             const INFINITY: Self = $t::INFINITY;
             const NAN: Self = $t::NAN;

@@ -1,6 +1,6 @@
 //! Plain `f64` (the reference) and `f32` as lane types of a single environment. They define the result of every operation for all backends.
 
-use crate::operators::{elementary_functions, vectorize};
+use crate::operators::{elementary_functions, inline_functions, vectorize};
 use crate::real::Real;
 
 macro_rules! single {
@@ -14,13 +14,18 @@ macro_rules! single {
             vectorize!();
             elementary_functions!();
 
-            #[inline(always)]
-            fn splat(x: $t) -> Self {
-                x
-            }
-            #[inline(always)]
-            fn load(s: &[$t]) -> Self {
-                s[0]
+            inline_functions! {
+                fn splat(x: $t) -> Self = x;
+                fn load(s: &[$t]) -> Self = s[0];
+                fn lt(self, o: Self) -> bool = self < o;
+                fn le(self, o: Self) -> bool = self <= o;
+                fn eq(self, o: Self) -> bool = self == o;
+                fn select(m: bool, a: Self, b: Self) -> Self = if m { a } else { b };
+                fn min(self, o: Self) -> Self = if self < o { self } else { o };
+                fn max(self, o: Self) -> Self = if self > o { self } else { o };
+                fn abs(self) -> Self = $t::abs(self);
+                fn sqrt(self) -> Self = $t::sqrt(self);
+                fn copysign(self, sign: Self) -> Self = $t::copysign(self, sign);
             }
             #[inline(always)]
             fn store(self, s: &mut [$t]) {
@@ -35,42 +40,6 @@ macro_rules! single {
             fn set_lane(&mut self, i: usize, x: $t) {
                 assert!(i == 0, "one lane only");
                 *self = x;
-            }
-            #[inline(always)]
-            fn lt(self, o: Self) -> bool {
-                self < o
-            }
-            #[inline(always)]
-            fn le(self, o: Self) -> bool {
-                self <= o
-            }
-            #[inline(always)]
-            fn eq(self, o: Self) -> bool {
-                self == o
-            }
-            #[inline(always)]
-            fn select(m: bool, a: Self, b: Self) -> Self {
-                if m { a } else { b }
-            }
-            #[inline(always)]
-            fn min(self, o: Self) -> Self {
-                if self < o { self } else { o }
-            }
-            #[inline(always)]
-            fn max(self, o: Self) -> Self {
-                if self > o { self } else { o }
-            }
-            #[inline(always)]
-            fn abs(self) -> Self {
-                $t::abs(self)
-            }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                $t::sqrt(self)
-            }
-            #[inline(always)]
-            fn copysign(self, sign: Self) -> Self {
-                $t::copysign(self, sign)
             }
             #[inline(always)]
             fn round_even(self) -> Self {

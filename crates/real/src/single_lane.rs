@@ -3,7 +3,7 @@
 //!
 //! AVX-512 gives no speedup here (measured on the models of `benches/comparison`), so that its level uses the same type.
 
-use crate::operators::{elementary_functions, operators, vectorize};
+use crate::operators::{elementary_functions, inline_functions, operators, vectorize};
 use crate::real::Real;
 
 /// Single-lane type of a precision at the levels AVX2 and AVX-512. For `f32` it is plain `f32`, because a type with AVX2 instructions is
@@ -23,19 +23,12 @@ pub(crate) use single;
 #[repr(transparent)]
 pub struct F64x1(f64);
 
-operators! { F64x1:
+operators! { [] F64x1:
     Add add AddAssign add_assign = |a, b| F64x1(a.0 + b.0);
     Sub sub SubAssign sub_assign = |a, b| F64x1(a.0 - b.0);
     Mul mul MulAssign mul_assign = |a, b| F64x1(a.0 * b.0);
     Div div DivAssign div_assign = |a, b| F64x1(a.0 / b.0);
-}
-
-impl core::ops::Neg for F64x1 {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        F64x1(-self.0)
-    }
+    - = |a| F64x1(-a.0);
 }
 
 impl Real for F64x1 {
@@ -47,13 +40,21 @@ impl Real for F64x1 {
     vectorize!("avx2");
     elementary_functions!();
 
-    #[inline(always)]
-    fn splat(x: f64) -> Self {
-        F64x1(x)
-    }
-    #[inline(always)]
-    fn load(s: &[f64]) -> Self {
-        F64x1(s[0])
+    inline_functions! {
+        fn splat(x: f64) -> Self = F64x1(x);
+        fn load(s: &[f64]) -> Self = F64x1(s[0]);
+        fn lane(self, i: usize) -> f64 = self.0.lane(i);
+        fn lt(self, o: Self) -> bool = self.0 < o.0;
+        fn le(self, o: Self) -> bool = self.0 <= o.0;
+        fn eq(self, o: Self) -> bool = self.0 == o.0;
+        fn select(m: bool, a: Self, b: Self) -> Self = if m { a } else { b };
+        fn min(self, o: Self) -> Self = F64x1(Real::min(self.0, o.0));
+        fn max(self, o: Self) -> Self = F64x1(Real::max(self.0, o.0));
+        fn abs(self) -> Self = F64x1(Real::abs(self.0));
+        fn sqrt(self) -> Self = F64x1(Real::sqrt(self.0));
+        fn copysign(self, sign: Self) -> Self = F64x1(Real::copysign(self.0, sign.0));
+        fn round_even(self) -> Self = F64x1(Real::round_even(self.0));
+        fn pow2(self) -> Self = F64x1(Real::pow2(self.0));
     }
     #[inline(always)]
     fn store(self, s: &mut [f64]) {
@@ -75,56 +76,8 @@ impl Real for F64x1 {
         out[..n].copy_from_slice(all);
     }
     #[inline(always)]
-    fn lane(self, i: usize) -> f64 {
-        self.0.lane(i)
-    }
-    #[inline(always)]
     fn set_lane(&mut self, i: usize, x: f64) {
         self.0.set_lane(i, x);
-    }
-    #[inline(always)]
-    fn lt(self, o: Self) -> bool {
-        self.0 < o.0
-    }
-    #[inline(always)]
-    fn le(self, o: Self) -> bool {
-        self.0 <= o.0
-    }
-    #[inline(always)]
-    fn eq(self, o: Self) -> bool {
-        self.0 == o.0
-    }
-    #[inline(always)]
-    fn select(m: bool, a: Self, b: Self) -> Self {
-        if m { a } else { b }
-    }
-    #[inline(always)]
-    fn min(self, o: Self) -> Self {
-        F64x1(Real::min(self.0, o.0))
-    }
-    #[inline(always)]
-    fn max(self, o: Self) -> Self {
-        F64x1(Real::max(self.0, o.0))
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        F64x1(Real::abs(self.0))
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        F64x1(Real::sqrt(self.0))
-    }
-    #[inline(always)]
-    fn copysign(self, sign: Self) -> Self {
-        F64x1(Real::copysign(self.0, sign.0))
-    }
-    #[inline(always)]
-    fn round_even(self) -> Self {
-        F64x1(Real::round_even(self.0))
-    }
-    #[inline(always)]
-    fn pow2(self) -> Self {
-        F64x1(Real::pow2(self.0))
     }
     #[inline(always)]
     fn split(self) -> (Self, Self) {

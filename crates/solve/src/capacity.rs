@@ -13,7 +13,7 @@ by_kind! {
         pub scalar_entries: usize,
         /// Largest number of coordinates at which one contact has Jacobian entries in any of its lanes.
         pub columns_per_contact: usize,
-    } each count
+    } each same usize
 }
 
 impl Capacity {

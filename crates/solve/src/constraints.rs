@@ -1,6 +1,6 @@
 //! Kinds of constraints, and the only list of all kinds.
 //!
-//! Each kind has a file with a set of constraints, its rows, and its implementation of [`ConstraintSet`](constraint_set::ConstraintSet).
+//! Each kind has a file with the rows of one constraint and their implementation of [`Row`](constraint_set::Row).
 //! The rest of the crate refers to a kind only by its line in `by_kind`, `each_kind` and `make_kinds`.
 
 pub(crate) mod constraint_set;
@@ -13,51 +13,36 @@ pub(crate) mod sliding;
 /// Declares a struct with a field for each kind of constraint (`scalars`, `contacts`, `rolling_contacts`), in the order in which sweeps
 /// visit them. The fields in the braces come first.
 ///
-/// The word after `each` selects the type of these fields: `set` is a set of constraints, `rows` a reference to its rows, and `own_rows` an
-/// owned list of rows. `impulses` is a list of impulses, `numbers` a list of numbers, `count` a number, and `saved` a list of saved
-/// constraints.
+/// The words after `each` are the type of these fields: `same T` is the type `T`. `T[A]` is `T<A, Row>`, for the type `Row` of the rows of
+/// one constraint of the kind.
 macro_rules! by_kind {
-    ($(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* } each $what:ident) => {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* } each same $type:ty) => {
         $crate::constraints::by_kind! {
-            @$what
-            [
-                "Equalities, limits and dry friction." scalars: $crate::constraints::scalar::ScalarRows<R>,
-                "Contacts with sliding friction, in their frames (n, t1, t2)." contacts: $crate::constraints::sliding::SlidingContacts<R>,
-                "Contacts with torsional or rolling friction, as their rows are scaled."
-                rolling_contacts: $crate::constraints::rolling::RollingContacts<R>,
-            ]
+            @ [$type] [$type] [$type] $(#[$meta])* $vis struct $name[$($generics)*] { $($fields)* }
+        }
+    };
+    ($(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* } each $type:ident[$($argument:tt)?]) => {
+        $crate::constraints::by_kind! {
+            @
+            [$type<$($argument,)? $crate::constraints::scalar::ScalarRow<R>>]
+            [$type<$($argument,)? $crate::constraints::sliding::SlidingContact<R>>]
+            [$type<$($argument,)? $crate::constraints::rolling::RollingContact<R>>]
             $(#[$meta])* $vis struct $name[$($generics)*] { $($fields)* }
         }
     };
-    (@set [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
-        $crate::constraints::by_kind! { @struct [$($doc $kind: $set,)+] $($rest)+ }
-    };
-    (@rows [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
-        $crate::constraints::by_kind! { @struct [$($doc $kind: &'a Rows<<$set as ConstraintSet<R>>::Row>,)+] $($rest)+ }
-    };
-    (@own_rows [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
-        $crate::constraints::by_kind! { @struct [$($doc $kind: Rows<<$set as ConstraintSet<R>>::Row>,)+] $($rest)+ }
-    };
-    (@impulses [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
-        $crate::constraints::by_kind! { @struct [$($doc $kind: Vec<<$set as ConstraintSet<R>>::Impulse>,)+] $($rest)+ }
-    };
-    (@numbers [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
-        $crate::constraints::by_kind! { @struct [$($doc $kind: Vec<R>,)+] $($rest)+ }
-    };
-    (@saved [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
-        $crate::constraints::by_kind! { @struct [$($doc $kind: Vec<SavedConstraint>,)+] $($rest)+ }
-    };
-    (@count [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
-        $crate::constraints::by_kind! { @struct [$($doc $kind: usize,)+] $($rest)+ }
-    };
     (
-        @struct [$($doc:literal $kind:ident: $type:ty,)+]
+        @ [$scalars:ty] [$contacts:ty] [$rolling_contacts:ty]
         $(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* }
     ) => {
         $(#[$meta])*
         $vis struct $name<$($generics)*> {
             $($fields)*
-            $(#[doc = $doc] pub $kind: $type,)+
+            /// Equalities, limits and dry friction.
+            pub scalars: $scalars,
+            /// Contacts with sliding friction, in their frames (n, t1, t2).
+            pub contacts: $contacts,
+            /// Contacts with torsional or rolling friction, as their rows are scaled.
+            pub rolling_contacts: $rolling_contacts,
         }
     };
 }
@@ -90,4 +75,23 @@ macro_rules! make_kinds {
     };
 }
 
-pub(crate) use {by_kind, each_kind, make_kinds};
+/// Evaluates an expression for contact `i`, of which there are `count` with three rows. They count first, then those with six rows (rolling
+/// friction).
+///
+/// `at_contact!(i of count, [set: &problem] => set.activate(i, lanes))` binds `set` as in [`each_kind`], and `i` to the index in the kind.
+macro_rules! at_contact {
+    ($i:ident of $count:expr, $([$binding:ident: $($place:tt)+])+ => $value:expr) => {
+        match $i.checked_sub($count) {
+            None => {
+                $(let $binding = $($place)+.contacts;)+
+                $value
+            }
+            Some($i) => {
+                $(let $binding = $($place)+.rolling_contacts;)+
+                $value
+            }
+        }
+    };
+}
+
+pub(crate) use {at_contact, by_kind, each_kind, make_kinds};

@@ -55,15 +55,6 @@ impl<T: Copy> Entries<T> {
         self.items.resize(self.len, self.blank);
     }
 
-    /// Replaces the list by the results of `map` for the entries of another list.
-    #[inline(always)]
-    pub(crate) fn map_from<U>(&mut self, others: &Entries<U>, map: impl Fn(&U) -> T) {
-        self.clear();
-        for (to, from) in self.extend_by(others.len).iter_mut().zip(&others.items) {
-            *to = map(from);
-        }
-    }
-
     /// The `n` entries from index `start` on.
     #[inline(always)]
     pub(crate) fn row(&self, start: usize, n: usize) -> &[T] {

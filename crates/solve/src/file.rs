@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{ConstraintSet, Impulse, SavedConstraint};
+use crate::constraints::constraint_set::{Impulse, SavedConstraint};
 use crate::constraints::{by_kind, each_kind, make_kinds};
 use crate::iterate::{Iterate, rows_of};
 use crate::problem::{Problem, System};
@@ -45,7 +45,7 @@ by_kind! {
         newton_steps: u32,
         tolerance: f64,
         newton_threshold: f64,
-    } each saved
+    } each same Vec<SavedConstraint>
 }
 
 /// Error of a saved problem that cannot be read.

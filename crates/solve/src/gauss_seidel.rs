@@ -16,7 +16,7 @@ use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::residual::residual;
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 /// Limits of a solve by sweeps (Gauss-Seidel iterations).
 #[derive(Clone, Copy, Debug)]
@@ -51,45 +51,39 @@ pub fn solve<'a, R: Real>(
     lanes: R::Mask,
 ) -> SweepOutcome<R> {
     let system = system.into();
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let tolerance = settings.tolerance;
-            let mut progress = Progress::new(lanes, tolerance, settings.sweeps.clamp(1, MOST_SWEEPS));
-            iterate.solve_eliminated(system, lanes);
-            let (mut worst, mut unsolved) = (R::zero(), lanes);
-            while unsolved.any() {
-                sweep_until_paused(system, iterate, &mut progress);
-                if !system.certified {
-                    unsolved = unsolved.and_not(progress.sweeps.lt(R::of(progress.most_sweeps)));
-                    if unsolved.none() {
-                        break;
-                    }
+    kernel!(R, {
+        let tolerance = settings.tolerance;
+        let mut progress = Progress::new(lanes, tolerance, settings.sweeps.clamp(1, MOST_SWEEPS));
+        iterate.solve_eliminated(system, lanes);
+        let (mut worst, mut unsolved) = (R::zero(), lanes);
+        while unsolved.any() {
+            sweep_until_paused(system, iterate, &mut progress);
+            if !system.certified {
+                unsolved = unsolved.and_not(progress.sweeps.lt(R::of(progress.most_sweeps)));
+                if unsolved.none() {
+                    break;
                 }
-                worst = R::select(unsolved, residual(system, iterate), worst);
-                unsolved = unsolved.and(worst.gt(tolerance)).and(progress.sweeps.lt(R::of(progress.most_sweeps)));
-                progress.running = unsolved;
-                progress.threshold = R::select(unsolved, progress.threshold * R::of(0.25), progress.threshold);
             }
-            SweepOutcome { residual: worst, sweeps: progress.sweeps }
-        },
-    )
+            worst = R::select(unsolved, residual(system, iterate), worst);
+            unsolved = unsolved.and(worst.gt(tolerance)).and(progress.sweeps.lt(R::of(progress.most_sweeps)));
+            progress.running = unsolved;
+            progress.threshold = R::select(unsolved, progress.threshold * R::of(0.25), progress.threshold);
+        }
+        SweepOutcome { residual: worst, sweeps: progress.sweeps }
+    })
 }
 
 /// Replaces the impulses of the lanes `lanes` by the result of `sweeps` Gauss-Seidel iterations from zero. This estimate depends on the
 /// problem alone.
 pub fn sweep_from_zero<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, sweeps: u32, lanes: R::Mask) {
     let system = problem.into();
-    R::vectorize(
-        #[inline(always)]
-        || {
-            iterate.clear_impulses(lanes);
-            iterate.solve_eliminated(system, lanes);
-            for _ in 0..sweeps {
-                iterate.sweep(system, SweepLanes { running: lanes, exact: lanes });
-            }
-        },
-    )
+    kernel!(R, {
+        iterate.clear_impulses(lanes);
+        iterate.solve_eliminated(system, lanes);
+        for _ in 0..sweeps {
+            iterate.sweep(system, SweepLanes { running: lanes, exact: lanes });
+        }
+    })
 }
 
 /// Estimates impulses by sweeps (Gauss-Seidel iterations) in the lanes `moving`, after solving the eliminated rows of the lanes `lanes`. A
@@ -98,16 +92,13 @@ pub fn sweep_from_zero<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, 
 /// The residual is not evaluated. Lanes outside `moving` keep all impulses except those of eliminated rows.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
     let system = problem.into();
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut progress = Progress::new(moving, settings.tolerance, settings.sweeps);
-            iterate.solve_eliminated(system, lanes);
-            if moving.any() {
-                sweep_until_paused(system, iterate, &mut progress);
-            }
-        },
-    )
+    kernel!(R, {
+        let mut progress = Progress::new(moving, settings.tolerance, settings.sweeps);
+        iterate.solve_eliminated(system, lanes);
+        if moving.any() {
+            sweep_until_paused(system, iterate, &mut progress);
+        }
+    })
 }
 
 /// Sweeps until every lane has paused. If the solve must certify its residual (`System::certified`), the scaled velocity change w is then

@@ -2,12 +2,12 @@
 
 use crate::capacity::Capacity;
 use crate::cone::masked;
-use crate::constraints::constraint_set::{ConstraintSet, Impulse, SweepLanes, Unknowns};
-use crate::constraints::{by_kind, each_kind, make_kinds};
+use crate::constraints::constraint_set::{Impulse, Impulses, SweepLanes, Unknowns};
+use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::gauss_seidel::history::History;
 use crate::lane_map::LaneMap;
 use crate::problem::{Problem, System};
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 by_kind! {
     /// Unknowns of a problem, with the history of sweeps. Impulses are in N s, those of angular rows in N m s.
@@ -25,13 +25,13 @@ by_kind! {
         pub(crate) compacted: Option<Box<Compacted<R::Half>>>,
         /// Copy of the impulses, which is restored if a further pass (sweeps and Newton steps) makes the residual larger.
         pub(crate) snapshot: Snapshot<R>,
-    } each impulses
+    } each Impulses[R]
 }
 
 by_kind! {
     /// Multipliers of friction discs (slip velocity divided by friction impulse, 1/kg): one number per contact.
     #[derive(Clone, Debug)]
-    pub(crate) struct Multipliers[R] {} each numbers
+    pub(crate) struct Multipliers[R] {} each same Vec<R>
 }
 
 by_kind! {
@@ -39,7 +39,7 @@ by_kind! {
     #[derive(Clone, Debug)]
     pub struct Snapshot[R: Real] {
         w: Vec<R>,
-    } each impulses
+    } each Impulses[R]
 }
 
 /// Problem and iterate of some lanes, gathered into registers of half the width.
@@ -75,18 +75,13 @@ impl<R: Real> Snapshot<R> {
     /// Copies the saved impulses back, in the lanes `lanes`.
     pub fn restore(&self, iterate: &mut Iterate<R>, lanes: R::Mask) {
         if lanes.any() {
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    copy_lanes(&self.w, &mut iterate.w, lanes);
-                    each_kind!([own: &self] [impulses: &mut iterate] => copy_lanes(Impulse::flatten(own), Impulse::flatten_mut(impulses), lanes));
-                },
-            );
+            kernel!(R, {
+                copy_lanes(&self.w, &mut iterate.w, lanes);
+                each_kind!([own: &self] [impulses: &mut iterate] => copy_lanes(Impulse::flatten(own), Impulse::flatten_mut(impulses), lanes));
+            });
         }
     }
-}
 
-impl<R: Real> Snapshot<R> {
     /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` is not
     /// updated.
     ///
@@ -95,9 +90,7 @@ impl<R: Real> Snapshot<R> {
     pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, weight: &mut impl FnMut(u32) -> f64) {
         each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, weight));
     }
-}
 
-impl<R: Real> Snapshot<R> {
     /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity
     /// change w.
     ///
@@ -105,26 +98,10 @@ impl<R: Real> Snapshot<R> {
     /// reads the first three numbers.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
-        let Self { contacts, rolling_contacts, w, .. } = self;
-        if i < contacts.len() + rolling_contacts.len() && contacts.len() == problem.contacts.len() {
-            set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
+        if i < self.contacts.len() + self.rolling_contacts.len() && self.contacts.len() == problem.contacts.len() {
+            at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &mut self] =>
+                set.set_first_impulse(i, lanes, lambda, impulses, &mut self.w));
         }
-    }
-}
-
-/// Sets the impulse of contact `i` of `problem` to `lambda` in the lanes `lanes`, and updates the scaled velocity change w. The last
-/// argument has the impulses of contacts with three rows, those with six rows, and w.
-#[inline(always)]
-fn set_first_impulse<R: Real>(
-    problem: &Problem<R>,
-    i: usize,
-    lanes: R::Mask,
-    lambda: [R; 6],
-    (contacts, rolling_contacts, w): (&mut [[R; 3]], &mut [[R; 6]], &mut [R]),
-) {
-    match i.checked_sub(problem.contacts.len()) {
-        None => problem.contacts.set_first_impulse(i, lanes, [lambda[0], lambda[1], lambda[2]], contacts, w),
-        Some(i) => problem.rolling_contacts.set_first_impulse(i, lanes, lambda, rolling_contacts, w),
     }
 }
 
@@ -138,15 +115,12 @@ impl<R: Real> Snapshot<R> {
     /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms mu
     /// |v_t|. The energy of the saved impulses may exceed that of `iterate` by at most a millionth.
     pub fn is_as_close(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let [mut saved, mut now] = [energy(&self.w), energy(&iterate.w)];
-                each_kind!([set: &problem] [impulses: &self] => saved = set.add_potential(impulses, saved));
-                each_kind!([set: &problem] [impulses: &iterate] => now = set.add_potential(impulses, now));
-                saved.le(now + now.abs() * R::of(NEGLIGIBLE_ENERGY))
-            },
-        )
+        kernel!(R, {
+            let [mut saved, mut now] = [energy(&self.w), energy(&iterate.w)];
+            each_kind!([set: &problem] [impulses: &self] => saved = set.add_potential(impulses, saved));
+            each_kind!([set: &problem] [impulses: &iterate] => now = set.add_potential(impulses, now));
+            saved.le(now + now.abs() * R::of(NEGLIGIBLE_ENERGY))
+        })
     }
 }
 
@@ -240,8 +214,8 @@ impl<R: Real> Iterate<R> {
     /// reads the first three numbers.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
-        let Self { contacts, rolling_contacts, w, .. } = self;
-        set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
+        at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &mut self] =>
+            set.set_first_impulse(i, lanes, lambda, impulses, &mut self.w));
     }
 
     /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change w. Returns the previous
@@ -250,14 +224,7 @@ impl<R: Real> Iterate<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn take_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask) -> [R; 6] {
-        let Self { contacts, rolling_contacts, w, .. } = self;
-        match i.checked_sub(problem.contacts.len()) {
-            None => {
-                let [n, a, b] = problem.contacts.take_impulse(i, lanes, contacts, w);
-                [n, a, b, R::zero(), R::zero(), R::zero()]
-            }
-            Some(i) => problem.rolling_contacts.take_impulse(i, lanes, rolling_contacts, w),
-        }
+        at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &mut self] => set.take_impulse(i, lanes, impulses, &mut self.w))
     }
 
     /// Work of the friction of contact `i`, J: its friction impulse times the mean of the slip velocities before and after all impulses.
@@ -265,10 +232,7 @@ impl<R: Real> Iterate<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn friction_work(&self, problem: &Problem<R>, i: usize) -> R {
-        match i.checked_sub(problem.contacts.len()) {
-            None => problem.contacts.friction_work(i, &self.contacts, &self.w),
-            Some(i) => problem.rolling_contacts.friction_work(i, &self.rolling_contacts, &self.w),
-        }
+        at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &self] => set.friction_work(i, impulses, &self.w))
     }
 
     /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
@@ -276,31 +240,22 @@ impl<R: Real> Iterate<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn impulse_rounding(&self, problem: &Problem<R>, i: usize) -> R {
-        match i.checked_sub(problem.contacts.len()) {
-            None => problem.contacts.impulse_rounding(i, &self.contacts),
-            Some(i) => problem.rolling_contacts.impulse_rounding(i, &self.rolling_contacts),
-        }
+        at_contact!(i of problem.contacts.len(), [set: &problem] [impulses: &self] => set.impulse_rounding(i, impulses))
     }
 
     /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes the scaled velocity change w there. `scratch` is a
     /// buffer of the length of w.
     pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for impulse in self.contacts.as_flattened_mut() {
-                    *impulse = R::select(lanes, R::zero(), *impulse);
-                }
-                for impulse in self.rolling_contacts.as_flattened_mut() {
-                    *impulse = R::select(lanes, R::zero(), *impulse);
-                }
-                scratch.copy_from_slice(&self.w);
-                self.compute_w(problem);
-                for (w, &kept) in self.w.iter_mut().zip(&*scratch) {
-                    *w = R::select(lanes, *w, kept);
-                }
-            },
-        );
+        kernel!(R, {
+            for impulse in self.contacts.as_flattened_mut().iter_mut().chain(self.rolling_contacts.as_flattened_mut()) {
+                *impulse = R::select(lanes, R::zero(), *impulse);
+            }
+            scratch.copy_from_slice(&self.w);
+            self.compute_w(problem);
+            for (w, &kept) in self.w.iter_mut().zip(&*scratch) {
+                *w = R::select(lanes, *w, kept);
+            }
+        });
     }
 
     /// Whether the impulses change any velocity in any lane.
@@ -323,7 +278,8 @@ impl<R: Real> Iterate<R> {
     pub fn compute_w(&mut self, problem: &Problem<R>) {
         self.w.fill(R::zero());
         each_kind!([set: &problem] [impulses: &self] => set.add_impulses(impulses, &mut self.w));
-        each_kind!([set: &problem] [multipliers: &mut self.multipliers] => multipliers.resize(set.multipliers(), R::zero()));
+        self.multipliers.contacts.resize(problem.contacts.len(), R::zero());
+        self.multipliers.rolling_contacts.resize(problem.rolling_contacts.len(), R::zero());
     }
 
     /// Makes one Gauss-Seidel iteration over all rows, except the eliminated equalities, which are solved separately. Returns the largest

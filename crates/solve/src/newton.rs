@@ -37,8 +37,8 @@ use crate::problem::System;
 use island::Island;
 use lane::Lane;
 use ordering::{Islands, Ordering};
-use proximal::{Criteria, ProximalPoint, SMALL};
-pub use proximal::{EXACT_RATIO, Terms};
+pub use proximal::{EXACT_RATIO, Search, Terms};
+use proximal::{ProximalPoint, SMALL};
 pub use response::{Response, Switch, SwitchDistance};
 use stepper_real::{Mask, Real, Scalar};
 
@@ -84,30 +84,6 @@ pub struct Work {
     pub rounds: u32,
 }
 
-/// Limits and tolerance of [`Newton::solve`].
-#[derive(Clone, Copy, Debug)]
-pub struct Search<R> {
-    /// Largest number of Newton steps of an island; [`EXACT_RATIO`] times as many for the exact friction law.
-    pub steps: u32,
-    /// Residual at which the search stops, m/s.
-    pub tolerance: R,
-    /// Treatment of De Saxce's terms mu |v_t| of Coulomb's law.
-    pub terms: Terms,
-}
-
-/// Criteria at which Newton's method stops in each lane of a group.
-#[derive(Clone, Copy, Debug)]
-struct LaneCriteria<R> {
-    /// Largest number of Newton steps of an island.
-    steps: u32,
-    /// Residual at which the search stops, m/s.
-    tolerance: R,
-    /// Whether to find the impulses of least norm among many possible ones, instead of those near the start.
-    least_norm: bool,
-    /// Treatment of De Saxce's terms mu |v_t| of Coulomb's law.
-    terms: Terms,
-}
-
 /// Result of Newton's method in one lane.
 #[derive(Clone, Copy, Debug)]
 struct LaneOutcome {
@@ -120,69 +96,30 @@ struct LaneOutcome {
 }
 
 impl Newton {
-    /// Improves the impulses of the lanes `lanes` whose residual is above the tolerance, lane by lane.
+    /// Improves the impulses of the lanes `lanes`, lane by lane: of those whose residual is above the tolerance, or of all for
+    /// [`Terms::LeastNorm`].
     ///
     /// `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the steps of this call. No
-    /// residual increases. If many impulses are possible, the solver finds those near the start.
+    /// residual increases, except to one within the tolerance. If many impulses are possible, the solver finds those near the start, or
+    /// those of least norm for [`Terms::LeastNorm`].
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
         iterate: &mut Iterate<R>,
-        Search { steps, tolerance, terms }: Search<R>,
-        lanes: R::Mask,
-        outcome: [&mut R; 2],
-    ) {
-        let lanes = lanes.and(outcome[0].gt(tolerance));
-        let criteria = LaneCriteria { steps, tolerance, least_norm: false, terms };
-        self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
-    }
-
-    /// Finds the impulses of least norm (in the metric of 1/rho) of the lanes `lanes`, if many impulses are possible.
-    ///
-    /// These impulses do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller
-    /// residual than before. `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the
-    /// steps of this call.
-    pub fn solve_least_norm<'a, R: Real>(
-        &mut self,
-        system: impl Into<System<'a, R>>,
-        iterate: &mut Iterate<R>,
-        steps: u32,
-        tolerance: R,
-        lanes: R::Mask,
-        outcome: [&mut R; 2],
-    ) {
-        let criteria = LaneCriteria { steps, tolerance, least_norm: true, terms: Terms::Constant };
-        self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
-    }
-
-    /// Numbers of islands, Newton steps and rounds of the last solve.
-    pub fn work(&self) -> Work {
-        self.work
-    }
-
-    /// Solves the lanes `lanes`, one after the other. The last argument holds the residuals and the numbers of Newton steps, which are
-    /// updated.
-    fn solve_lanes<R: Real>(
-        &mut self,
-        system: System<'_, R>,
-        iterate: &mut Iterate<R>,
-        criteria: LaneCriteria<R>,
+        search: Search<R>,
         lanes: R::Mask,
         [residual, taken]: [&mut R; 2],
     ) {
+        let system = system.into();
+        let lanes = if search.terms == Terms::LeastNorm { lanes } else { lanes.and(residual.gt(search.tolerance)) };
         self.work = Work::default();
         let mut rest = lanes.and(residual.is_finite()).bits();
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             self.lane.gather(system, iterate, lane);
-            let own = Criteria {
-                tolerance: criteria.tolerance.lane(lane).to_f64(),
-                steps: criteria.steps,
-                least_norm: criteria.least_norm,
-                terms: criteria.terms,
-            };
-            let result = self.solve_lane::<R>(own);
+            let Search { steps, tolerance, terms } = search;
+            let result = self.solve_lane::<R>(Search { steps, tolerance: tolerance.lane(lane).to_f64(), terms });
             if result.better {
                 self.lane.scatter(lane, iterate);
                 residual.set_lane(lane, Scalar::from_f64(result.residual));
@@ -191,9 +128,14 @@ impl Newton {
         }
     }
 
+    /// Numbers of islands, Newton steps and rounds of the last solve.
+    pub fn work(&self) -> Work {
+        self.work
+    }
+
     /// Solves all islands of the lane that has been gathered. Impulses are rounded to the precision of `R`, and their residual is that
     /// after rounding.
-    fn solve_lane<R: Real>(&mut self, criteria: Criteria) -> LaneOutcome {
+    fn solve_lane<R: Real>(&mut self, search: Search<f64>) -> LaneOutcome {
         let mut result = LaneOutcome { residual: 0.0, steps: 0, better: false };
         self.islands.find(&self.lane);
         self.ordering.list_blocks(&self.lane);
@@ -201,8 +143,8 @@ impl Newton {
             self.gather_island(name);
             let before = self.island.residual(&mut self.v);
             let mut after = before;
-            if criteria.least_norm || before > criteria.tolerance {
-                let [steps, rounds] = self.solve_island::<R>(criteria);
+            if search.terms == Terms::LeastNorm || before > search.tolerance {
+                let [steps, rounds] = self.solve_island::<R>(search);
                 result.steps += steps;
                 let work = &mut self.work;
                 *work = Work { islands: work.islands + 1, steps: work.steps + steps, rounds: work.rounds + rounds };
@@ -212,7 +154,7 @@ impl Newton {
                 after = self.island.residual(&mut self.v);
             }
             // Both comparisons are false for a NaN, which is no solution.
-            let better = after < before || after <= criteria.tolerance;
+            let better = after < before || after <= search.tolerance;
             if better {
                 self.island.scatter(&mut self.lane, &self.members, &self.ordering.coordinates);
                 result.better = true;
@@ -224,17 +166,17 @@ impl Newton {
 
     /// Improves the impulses of the island that has been gathered. Returns the number of Newton steps and the number of rounds of the outer
     /// loop.
-    fn solve_island<R: Real>(&mut self, criteria: Criteria) -> [u32; 2] {
+    fn solve_island<R: Real>(&mut self, search: Search<f64>) -> [u32; 2] {
         let Self { proximal, island, v, .. } = self;
         let [mut steps, mut rounds] = [0; 2];
-        let (small, constant) = (island.w.len() <= SMALL, criteria.terms == Terms::Constant);
-        if constant || small && criteria.terms == Terms::ConstantThenExact {
-            steps += proximal.solve::<R>(island, criteria);
+        let (small, constant) = (island.w.len() <= SMALL, matches!(search.terms, Terms::Constant | Terms::LeastNorm));
+        if constant || small && search.terms == Terms::ConstantThenExact {
+            steps += proximal.solve::<R>(island, search);
             rounds += proximal.rounds;
         }
-        let enough = !small || criteria.terms == Terms::Exact || criteria.steps >= MIN_STEPS_FOR_EXACT;
-        if !constant && enough && (steps == 0 || island.residual(v) > criteria.tolerance) {
-            steps += proximal.solve_exact::<R>(island, criteria);
+        let enough = !small || search.terms == Terms::Exact || search.steps >= MIN_STEPS_FOR_EXACT;
+        if !constant && enough && (steps == 0 || island.residual(v) > search.tolerance) {
+            steps += proximal.solve_exact::<R>(island, search);
             rounds += proximal.rounds;
         }
         [steps, rounds]

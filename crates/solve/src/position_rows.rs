@@ -12,8 +12,8 @@
 //! the bounds c_d meets the targets (weak duality).
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{ConstraintSet, Damping, ReferenceRows, Rows};
-use crate::constraints::{by_kind, each_kind, make_kinds};
+use crate::constraints::constraint_set::{Damping, ReferenceRows, Rows};
+use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::iterate::Iterate;
 use crate::problem::{Problem, System};
 use crate::reference::Reference;
@@ -23,7 +23,7 @@ by_kind! {
     /// Rows of the position solve: copies of the rows of a [`Problem`], with other offsets g and more compliance. The problem does not
     /// change.
     #[derive(Clone, Debug)]
-    pub struct PositionRows[R: Real] {} each own_rows
+    pub struct PositionRows[R: Real] {} each Rows[]
 }
 
 impl<R: Real> PositionRows<R> {
@@ -35,7 +35,7 @@ impl<R: Real> PositionRows<R> {
     /// Copies the rows of a problem. Their offsets are those of the velocity solve until [`PositionRows::exchange_offsets`].
     #[inline(always)]
     pub fn copy(&mut self, problem: &Problem<R>) {
-        each_kind!([own: &mut self] [set: &problem] => own.copy(set.rows()));
+        each_kind!([own: &mut self] [set: &problem] => own.copy(&set.rows));
     }
 
     /// System for a solver: these rows with the problem `problem`. The rows must be copies of the rows of that problem.
@@ -55,20 +55,14 @@ impl<R: Real> PositionRows<R> {
     /// velocity, in the scaled coordinates of w (scaled velocity change), see [`Problem::shift_contact`].
     #[inline(always)]
     pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
-        match i.checked_sub(self.contacts.items.len()) {
-            None => problem.contacts.shift_contact(&mut self.contacts.items[i], change, lanes, weights),
-            Some(i) => problem.rolling_contacts.shift_contact(&mut self.rolling_contacts.items[i], change, lanes, weights),
-        }
+        at_contact!(i of self.contacts.items.len(), [own: &mut self] [set: &problem] => set.shift_contact(&mut own.items[i], change, lanes, weights))
     }
 
     /// Removes contact `i` in the lanes `lanes`. The index `i` counts the contacts with three rows first, then those with six rows (rolling
     /// friction).
     #[inline(always)]
     pub fn leave_out_contact(&mut self, i: usize, lanes: R::Mask) {
-        let active = match i.checked_sub(self.contacts.items.len()) {
-            None => &mut self.contacts.items[i].active,
-            Some(i) => &mut self.rolling_contacts.items[i].active,
-        };
+        let active = at_contact!(i of self.contacts.items.len(), [own: &mut self] => &mut own.items[i].active);
         *active = active.and_not(lanes);
     }
 
@@ -76,10 +70,7 @@ impl<R: Real> PositionRows<R> {
     /// those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_offset(&self, i: usize) -> R {
-        match i.checked_sub(self.contacts.items.len()) {
-            None => self.contacts.items[i].position_g[0],
-            Some(i) => self.rolling_contacts.items[i].position_g[0],
-        }
+        at_contact!(i of self.contacts.items.len(), [own: &self] => own.items[i].position_g[0])
     }
 
     /// Replaces the offset of the normal row of contact `i` in the position solve, m/s, by the result of `offset_of` for it, in the lanes
@@ -88,11 +79,8 @@ impl<R: Real> PositionRows<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn replace_normal_offset(&mut self, i: usize, lanes: R::Mask, offset_of: impl FnOnce(R) -> R) {
-        let own = match i.checked_sub(self.contacts.items.len()) {
-            None => &mut self.contacts.items[i].position_g[0],
-            Some(i) => &mut self.rolling_contacts.items[i].position_g[0],
-        };
-        *own = R::select(lanes, offset_of(*own), *own);
+        let offset = at_contact!(i of self.contacts.items.len(), [own: &mut self] => &mut own.items[i].position_g[0]);
+        *offset = R::select(lanes, offset_of(*offset), *offset);
     }
 
     /// Exchanges, in every row, the offset of the velocity solve and that of the position solve. A solve of these rows is then a position

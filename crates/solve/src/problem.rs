@@ -1,14 +1,13 @@
 //! Constraint problem, which does not change after the assembly of its rows, and the system of rows that one solve reads.
 
 use crate::capacity::Capacity;
-use crate::constraints::constraint_set::{ConstraintSet, Rows};
-use crate::constraints::friction::{FrictionContacts, LocalSolver};
-use crate::constraints::{by_kind, each_kind, make_kinds};
+use crate::constraints::constraint_set::{ConstraintSet, RowsRef};
+use crate::constraints::{at_contact, by_kind, each_kind, make_kinds};
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Constraint problem of one step, for every lane: one set of constraints per kind (`each set`, see `by_kind`). Each row has an offset
+    /// Constraint problem of one step, for every lane: one set of constraints per kind (see `by_kind`). Each row has an offset
     /// for the velocity solve and one for the position solve. A solve does not change the problem.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
@@ -23,11 +22,11 @@ by_kind! {
         /// Mobility of a contact along its normal below which the contact is immovable, 1/kg, for the contacts that are appended from now
         /// on.
         pub least_mobility: R,
-    } each set
+    } each ConstraintSet[R]
 }
 
 by_kind! {
-    /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve (`each rows`, see
+    /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve (see
     /// `by_kind`).
     ///
     /// The system of a `&Problem` has the offsets of the velocity solve, that of [`PositionRows`](crate::PositionRows) those of the
@@ -39,13 +38,13 @@ by_kind! {
         /// Whether the solve ends with a certified residual. For this it recomputes the scaled velocity change w from the impulses, and
         /// evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little.
         pub(crate) certified: bool,
-    } each rows
+    } each RowsRef['a]
 }
 
 impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
     #[inline(always)]
     fn from(problem: &'a Problem<R>) -> Self {
-        make_kinds!(System { problem, certified: true, } [set: &problem] => set.rows())
+        make_kinds!(System { problem, certified: true, } [set: &problem] => &set.rows)
     }
 }
 
@@ -87,7 +86,7 @@ impl<R: Real> Problem<R> {
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         let mut empty = true;
-        each_kind!([set: &self] => empty &= set.rows().items.is_empty());
+        each_kind!([set: &self] => empty &= set.rows.items.is_empty());
         empty
     }
 
@@ -116,14 +115,12 @@ impl<R: Real> Problem<R> {
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
-            let mut rows = std::mem::take(set.rows_mut());
+            let mut rows = std::mem::take(&mut set.rows);
             set.shift(&mut rows, change, lanes);
-            *set.rows_mut() = rows;
+            set.rows = rows;
         });
     }
-}
 
-impl<R: Real> Problem<R> {
     /// Changes the offsets g of contact `i`, for velocities, in the lanes `lanes`, after a change of the free velocity. `change` is the
     /// change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity
     /// due to this change.
@@ -132,23 +129,19 @@ impl<R: Real> Problem<R> {
     /// the first of `weights` for the normal row, by the second for the other rows.
     #[inline(always)]
     pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
-        match i.checked_sub(self.contacts.len()) {
-            None => shift_own(&mut self.contacts, i, change, lanes, weights),
-            Some(i) => shift_own(&mut self.rolling_contacts, i, change, lanes, weights),
-        }
+        at_contact!(i of self.contacts.len(), [set: &mut self] => {
+            let mut rows = std::mem::take(&mut set.rows);
+            set.shift_contact(&mut rows.items[i], change, lanes, weights);
+            set.rows = rows;
+        });
     }
-}
 
-impl<R: Real> Problem<R> {
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn activate_contact(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.activate(i, lanes),
-            Some(i) => self.rolling_contacts.activate(i, lanes),
-        }
+        at_contact!(i of self.contacts.len(), [set: &mut self] => set.activate(i, lanes))
     }
 
     /// Defers the rows of contact `i` in the lanes `lanes`: the solver ignores them until they are activated. In these lanes they must be
@@ -157,10 +150,7 @@ impl<R: Real> Problem<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn defer_contact(&mut self, i: usize, lanes: R::Mask) {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.defer_contact(i, lanes),
-            Some(i) => self.rolling_contacts.defer_contact(i, lanes),
-        }
+        at_contact!(i of self.contacts.len(), [set: &mut self] => set.defer_contact(i, lanes))
     }
 
     /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
@@ -168,10 +158,7 @@ impl<R: Real> Problem<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_offset_mut(&mut self, i: usize) -> &mut R {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.normal_offset_mut(i),
-            Some(i) => self.rolling_contacts.normal_offset_mut(i),
-        }
+        at_contact!(i of self.contacts.len(), [set: &mut self] => &mut set[i].g[0])
     }
 
     /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
@@ -180,26 +167,8 @@ impl<R: Real> Problem<R> {
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_velocity(&self, i: usize, w: &[R]) -> R {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.normal_velocity(i, w),
-            Some(i) => self.rolling_contacts.normal_velocity(i, w),
-        }
+        at_contact!(i of self.contacts.len(), [set: &self] => set.normal_velocity(i, w))
     }
-}
-
-/// Changes the offsets g of contact `i` of the contacts `set`, after a change of the free velocity. The arguments are those of
-/// [`Problem::shift_contact`].
-#[inline(always)]
-fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
-    set: &mut FrictionContacts<R, N, L>,
-    i: usize,
-    change: &[R],
-    lanes: R::Mask,
-    weights: [R; 2],
-) {
-    let mut rows = std::mem::take(set.rows_mut());
-    set.shift_contact(&mut rows.items[i], change, lanes, weights);
-    *set.rows_mut() = rows;
 }
 
 impl<R: Real> System<'_, R> {

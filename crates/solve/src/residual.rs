@@ -1,10 +1,10 @@
 //! Certificate of a solve: the error of the impulses as a velocity, m/s.
 
-use crate::constraints::constraint_set::{ConstraintSet, number_of};
+use crate::constraints::constraint_set::number_of;
 use crate::constraints::each_kind;
 use crate::iterate::{Iterate, energy};
 use crate::problem::System;
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 /// Natural-map residual of the exact Coulomb problem in each lane, m/s (rad/s for angular rows).
 ///
@@ -30,26 +30,23 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
 /// `None` if all residuals are 0. A NaN counts as the largest.
 pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
     let system = system.into();
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (mut worst, mut i) = (None, 0);
-            each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(
-                rows,
-                impulses,
-                &iterate.w,
-                #[inline(always)]
-                |r: R| {
-                    let (r, most) = (number_of(r, lane), worst.map_or(0.0, |(_, most)| most));
-                    if r > most || r.is_nan() {
-                        worst = Some((i, r));
-                    }
-                    i += 1;
-                },
-            ));
-            worst
-        },
-    )
+    kernel!(R, {
+        let (mut worst, mut i) = (None, 0);
+        each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(
+            rows,
+            impulses,
+            &iterate.w,
+            #[inline(always)]
+            |r: R| {
+                let (r, most) = (number_of(r, lane), worst.map_or(0.0, |(_, most)| most));
+                if r > most || r.is_nan() {
+                    worst = Some((i, r));
+                }
+                i += 1;
+            },
+        ));
+        worst
+    })
 }
 
 /// Largest residual at which the impulses determine the kinetic energy, m/s, see [`energy_is_ambiguous`]. `negligible` is an energy, J.

@@ -10,7 +10,7 @@ use crate::iterate::Iterate;
 use crate::newton::{MIN_STEPS_FOR_EXACT, Newton, Search, Terms};
 use crate::problem::System;
 use crate::residual::residual;
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Limits of a solve.
 #[derive(Clone, Copy, Debug)]
@@ -91,10 +91,7 @@ pub fn solve<'a, R: Real>(
     newton: &mut Newton,
 ) -> Outcome<R> {
     let system = system.into();
-    R::vectorize(
-        #[inline(always)]
-        || solve_system(system, iterate, settings, lanes, newton),
-    )
+    kernel!(R, solve_system(system, iterate, settings, lanes, newton))
 }
 
 /// Improves the impulses of a system in the lanes `lanes`, until each lane meets the tolerance or the limits in `settings` are reached.
@@ -111,16 +108,14 @@ fn solve_system<R: Real>(
     let (mut rest, newly_loaded) = (lanes, lanes.and(system.problem.newly_loaded));
     if newton_steps > 0 && newly_loaded.any() {
         let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
-        let (left, slip) = R::vectorize(
-            #[inline(always)]
-            || {
-                iterate.solve_eliminated(system, newly_loaded);
-                (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
-            },
-        );
+        let (left, slip) = kernel!(R, {
+            iterate.solve_eliminated(system, newly_loaded);
+            (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
+        });
         outcome.residual = masked(newly_loaded, left);
         let redistributed = newly_loaded.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
-        newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
+        let search = Search { steps: newton_steps, tolerance: goal, terms: Terms::LeastNorm };
+        newton.solve(system, iterate, search, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A newly loaded lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
         // In such a lane, sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));

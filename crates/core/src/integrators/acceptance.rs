@@ -2,6 +2,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
+use stepper_solve::newton::{Search, Terms};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
@@ -79,7 +80,8 @@ fn solve_further<R: Real>(
     let goal = residual_for_energy(context, free, problem, velocity);
     let ([_, steps], Outcome { residual, newton_steps, .. }) = (options.effort(), &mut *outcome);
     let VelocitySolution { impulses, newton, .. } = &mut *velocity;
-    newton.solve_least_norm(&problem.rows, impulses, steps, goal, lanes, [residual, newton_steps]);
+    let search = Search { steps, tolerance: goal, terms: Terms::LeastNorm };
+    newton.solve(&problem.rows, impulses, search, lanes, [residual, newton_steps]);
     let left = lanes.and(ambiguous(context, free, problem, velocity, outcome.residual));
     if left.any() {
         let tolerance = residual_for_energy(context, free, problem, velocity);

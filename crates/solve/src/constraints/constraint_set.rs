@@ -1,8 +1,15 @@
-//! Operations that each kind of constraint implements: in a sweep, in the residual, in lane compaction, in Newton's method and in the
-//! position solve.
+//! Set of the constraints of one kind, and the operations that each kind implements for one constraint.
+//!
+//! The operations are for the residual, lane compaction, Newton's method and the position solve.
+
+use std::fmt::Debug;
+use std::ops::{Index, IndexMut};
+use std::slice::SliceIndex;
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
+use crate::cone::masked;
+use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
@@ -22,7 +29,7 @@ impl<T> Default for Rows<T> {
     }
 }
 
-impl<T: Row> Rows<T> {
+impl<T: Copy> Rows<T> {
     /// Empty list with capacity for `constraints` constraints.
     pub(crate) fn with_capacity(constraints: usize) -> Self {
         Self { items: Vec::with_capacity(constraints), compliant: false }
@@ -37,7 +44,10 @@ impl<T: Row> Rows<T> {
 
     /// Exchanges the two offsets of every row: that of the velocity solve and that of the position solve.
     #[inline(always)]
-    pub(crate) fn exchange_offsets(&mut self) {
+    pub(crate) fn exchange_offsets<R: Real>(&mut self)
+    where
+        T: Row<R>,
+    {
         for row in &mut self.items {
             row.exchange_offsets();
         }
@@ -52,27 +62,66 @@ impl<T: Row> Rows<T> {
     }
 }
 
-/// Impulse of one constraint: a number for each of its rows, N s or N m s.
-pub trait Impulse<R: Real>: Copy {
+/// Reference to the rows of all constraints of one kind.
+pub(crate) type RowsRef<'a, T> = &'a Rows<T>;
+
+/// Impulses of all constraints of one kind.
+pub(crate) type Impulses<R, T> = Vec<<T as Row<R>>::Impulse>;
+
+/// Impulse of one constraint: a number for each of its rows, N s or N m s. The Jacobian entries of the rows at one coordinate have the same
+/// type.
+pub trait Impulse<R: Real>: Copy + Debug {
     /// Number of rows of the constraint.
     const ROWS: usize;
+    /// Numbers of all rows in one lane.
+    type Numbers: AsRef<[f64]>;
 
-    /// Impulse of zero in every row.
-    fn zero() -> Self;
+    /// Impulse of zero in every row but the normal one.
+    fn of_normal(normal: R) -> Self;
+
+    /// Impulse of the normal row, or of the only row.
+    fn normal(self) -> R;
+
+    /// Scalar product: the sum over the rows.
+    fn dot(self, other: Self) -> R;
+
+    /// Numbers of the rows in the lane `lane`.
+    fn numbers(self, lane: usize) -> Self::Numbers;
 
     /// Numbers of all impulses as a flat list, constraint by constraint.
     fn flatten(impulses: &[Self]) -> &[R];
 
     /// Numbers of all impulses as a flat, mutable list, constraint by constraint.
     fn flatten_mut(impulses: &mut [Self]) -> &mut [R];
+
+    /// Impulse of zero in every row.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::of_normal(R::zero())
+    }
 }
 
 impl<R: Real> Impulse<R> for R {
     const ROWS: usize = 1;
+    type Numbers = [f64; 1];
 
     #[inline(always)]
-    fn zero() -> Self {
-        R::zero()
+    fn of_normal(normal: R) -> Self {
+        normal
+    }
+
+    #[inline(always)]
+    fn normal(self) -> R {
+        self
+    }
+
+    #[inline(always)]
+    fn dot(self, other: Self) -> R {
+        self * other
+    }
+
+    fn numbers(self, lane: usize) -> [f64; 1] {
+        [number_of(self, lane)]
     }
 
     #[inline(always)]
@@ -88,10 +137,31 @@ impl<R: Real> Impulse<R> for R {
 
 impl<R: Real, const N: usize> Impulse<R> for [R; N] {
     const ROWS: usize = N;
+    type Numbers = [f64; N];
 
     #[inline(always)]
-    fn zero() -> Self {
-        [R::zero(); N]
+    fn of_normal(normal: R) -> Self {
+        let mut impulse = [R::zero(); N];
+        impulse[0] = normal;
+        impulse
+    }
+
+    #[inline(always)]
+    fn normal(self) -> R {
+        self[0]
+    }
+
+    #[inline(always)]
+    fn dot(self, other: Self) -> R {
+        let mut sum = self[0] * other[0];
+        for k in 1..N {
+            sum += self[k] * other[k];
+        }
+        sum
+    }
+
+    fn numbers(self, lane: usize) -> [f64; N] {
+        self.map(|x| number_of(x, lane))
     }
 
     #[inline(always)]
@@ -105,15 +175,102 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
     }
 }
 
+/// Place of a constraint's coordinates and Jacobian entries in the lists of its set.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Span {
+    /// Index of the first coordinate in the list of coordinates.
+    pub(super) first_column: usize,
+    /// Index of the first Jacobian entry in the list of entries.
+    pub(super) y: usize,
+    /// Number of coordinates at which the constraint has Jacobian entries.
+    pub(super) num_columns: usize,
+}
+
 /// Rows of one constraint, with an offset for the velocity solve and one for the position solve.
-pub trait Row: Copy {
+pub trait Row<R: Real>: Copy + Debug {
+    /// Impulse of the constraint: a number, or an array with one for each row of a contact.
+    type Impulse: Impulse<R>;
+    /// Rows of a constraint of the same kind in half of the lanes.
+    type Half: Row<R::Half>;
+
+    /// Number of Jacobian entries for which `capacity` has memory, for `constraints` constraints of this kind.
+    fn num_entries(constraints: usize, capacity: &Capacity) -> usize;
+
+    /// Placeholder for a constraint that exists in no lane. All fields are overwritten before use.
+    fn blank() -> Self;
+
+    /// Place of the coordinates and Jacobian entries.
+    fn span(&self) -> Span;
+
+    /// Lanes in which the constraint exists.
+    fn active(&self) -> R::Mask;
+
+    /// Lanes in which no impulse can move the constraint, along its normal if it is a contact.
+    fn immovable(&self) -> R::Mask;
+
+    /// Offsets of the rows in the velocity solve and in the position solve, m/s or rad/s.
+    fn offsets(&self) -> [Self::Impulse; 2];
+
     /// Exchanges the two offsets of each row: the offset g, with which the row is solved, and the stored offset of the other solve.
     fn exchange_offsets(&mut self);
+
+    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel
+    /// iterations read. The compliances of contacts are among them if `compliant`.
+    fn gather(&self, map: &LaneMap, compliant: bool, out: &mut Self::Half);
+
+    /// Constraint of the lane `lane` for Newton's method.
+    fn lane_constraint(&self, lane: usize) -> LaneConstraint;
+
+    /// Constraint of the lane `lane` as a file stores it, without the data that all kinds have.
+    fn save(&self, lane: usize) -> SavedConstraint;
+
+    /// Velocity y . w + g of each row at the scaled velocity change `w`, m/s or rad/s. The rows have the entries `y` at the coordinates
+    /// `columns`. The part by the compliance is not included.
+    fn velocity(&self, columns: &[u32], y: &[Self::Impulse], w: &[R]) -> Self::Impulse;
+
+    /// Velocity of each row including the part by its compliance, from the velocity `v` without it. `compliant` is whether any constraint
+    /// of the list may have a compliance.
+    fn add_compliance(&self, v: Self::Impulse, compliant: bool, lambda: Self::Impulse) -> Self::Impulse;
+
+    /// Compliance that all rows of the constraint have, 1/kg, without the additional compliance of a contact's normal.
+    fn uniform_compliance(&self) -> R;
+
+    /// Residual |lambda - P_K(lambda - rho v)| / rho of the natural map, m/s. `has_eliminated` is whether the set has eliminated rows.
+    fn residual(&self, v: Self::Impulse, lambda: Self::Impulse, has_eliminated: bool) -> R;
+
+    /// Magnitude of the normal impulse, N s.
+    fn normal_impulse(lambda: Self::Impulse) -> R;
+
+    /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of the impulse lambda, J. R is the compliance.
+    fn add_potential(&self, lambda: Self::Impulse, sum: R) -> R;
+
+    /// Replaces the offset of the velocity solve by `moved` in the lanes `lanes`, and changes that of the position solve by as much.
+    fn shift(&mut self, moved: Self::Impulse, lanes: R::Mask);
+
+    /// Offset of the normal row without damping, m/s or rad/s.
+    fn undamped_offset(&self) -> R;
+
+    /// Damps the targets of the rows by a compliance. It acts on the difference from the impulse `lambda`, which therefore causes no
+    /// additional velocity. `floor` is a minimum mobility, 1/kg.
+    fn damp(&mut self, lambda: Self::Impulse, damping: Damping<R>, floor: R);
+
+    /// Velocity by which damping prevents the normal row from meeting its target, m/s or rad/s. `change` is the change of its impulse since
+    /// the reference solution, and zero for an eliminated row.
+    fn shortfall(&self, change: R) -> R;
+
+    /// Target of a row that no impulse can move, m/s or rad/s.
+    fn immovable_target(&self) -> R;
+
+    /// Velocity target, without its position correction, of a row that no impulse can move, m/s or rad/s.
+    fn unmet_velocity(&self) -> R;
+
+    /// Impulse of a proof of infeasibility, from the normal impulses after damping and before it.
+    fn witness(&self, now: R, before: R) -> R;
 }
 
 /// Lanes that take part in a sweep (one Gauss-Seidel iteration).
 #[derive(Clone, Copy)]
-pub struct SweepLanes<R: Real> {
+pub(crate) struct SweepLanes<R: Real> {
     /// Lanes whose impulses change in the sweep.
     pub(crate) running: R::Mask,
     /// Lanes in which a contact's local problem is solved exactly. The other lanes use the weaker update of
@@ -122,7 +279,7 @@ pub struct SweepLanes<R: Real> {
 }
 
 /// Unknowns that a sweep over one kind of constraint changes.
-pub struct Unknowns<'a, R, I> {
+pub(crate) struct Unknowns<'a, R, I> {
     /// Impulse of each constraint of one kind.
     pub(crate) impulses: &'a mut [I],
     /// Multiplier of the friction disc of each contact (slip velocity divided by friction impulse, 1/kg), from which its next local
@@ -146,7 +303,7 @@ pub struct Damping<R> {
 
 /// Normal impulses and offsets of a reference solution, for one kind of constraint.
 #[derive(Clone, Copy)]
-pub struct ReferenceRows<'a, R> {
+pub(crate) struct ReferenceRows<'a, R> {
     /// Normal impulse of each constraint, N s or N m s.
     pub(crate) lambda: &'a [R],
     /// Offset g of each normal row without damping, m/s or rad/s: its velocity before any impulse, plus its bias (minus the target
@@ -154,16 +311,11 @@ pub struct ReferenceRows<'a, R> {
     pub(crate) g: &'a [R],
 }
 
-/// One constraint of one lane with `N` rows, in scalar f64.
-pub struct LaneConstraint<const N: usize> {
+/// Admissible impulses and compliances of one constraint in one lane, in scalar f64.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneConstraint {
     /// Set of the constraint's admissible impulses.
     pub(crate) set: AdmissibleSet,
-    /// Index of the constraint among the constraints of its kind.
-    pub(crate) source: usize,
-    /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
-    pub(crate) g: [f64; N],
-    /// Impulse of each row of the constraint, N s.
-    pub(crate) lambda: [f64; N],
     /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
     pub(crate) compliance: f64,
     /// Additional compliance of the constraint's first row, 1/kg.
@@ -171,16 +323,6 @@ pub struct LaneConstraint<const N: usize> {
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
     /// Delassus matrix.
     pub(crate) trace_ratio: f64,
-}
-
-/// Receiver of the constraints of one lane, for Newton's method.
-pub trait LaneReceiver {
-    /// Adds a constraint whose rows have the `entries` at the coordinates `columns`, ascending.
-    fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, columns: &[u32], entries: impl Iterator<Item = [f64; N]>);
-
-    /// Adds the scaled velocity change by the impulse of an eliminated row: `change` at the coordinates `columns`. No other row depends on
-    /// it.
-    fn add_eliminated(&mut self, columns: &[u32], change: impl Iterator<Item = f64>);
 }
 
 /// Constraint of one lane, of any kind, as a file stores it. Lists with a number per row are in the order of the rows.
@@ -235,125 +377,370 @@ impl SavedConstraint {
     }
 }
 
-/// Operations of one kind of constraint on all constraints of that kind.
+/// Constraints of one kind, stored sparse.
 ///
-/// `self` has the parts that the velocity solve and the position solve share, and `rows` has the other parts for one of these solves.
-/// Functions that compute a sum or a maximum over all kinds get the result of the previous kinds as an argument. The order of the
-/// arithmetic is therefore that of the rows.
-pub trait ConstraintSet<R: Real>: Sized {
-    /// Rows of one constraint of this kind.
-    type Row: Row;
-    /// Impulse of one constraint: a number, or an array with one for each row of a contact.
-    type Impulse: Impulse<R>;
-    /// Constraints of the same kind in half of the lanes.
-    type Half: ConstraintSet<R::Half>;
+/// The columns of a constraint are the coordinates of w (scaled velocity change) at which it has entries in any lane, ascending. A lane
+/// without an entry at a listed coordinate has zeros there.
+///
+/// The set has the parts that the velocity solve and the position solve share. Its methods get the other parts as an argument, `rows`, for
+/// one of these solves. Methods that compute a sum or a maximum over all kinds get the result of the previous kinds as an argument. The
+/// order of the arithmetic is therefore that of the rows.
+#[derive(Clone, Debug)]
+pub struct ConstraintSet<R: Real, T: Row<R>> {
+    /// Rows of each constraint, with the offsets g of the velocity solve.
+    pub(crate) rows: Rows<T>,
+    /// Coordinates at which the constraints have Jacobian entries, one constraint after the other.
+    columns: Vec<u32>,
+    /// Entries of the scaled Jacobian, for all rows of a constraint, at the coordinates in `columns`.
+    pub(super) y: Entries<T::Impulse>,
+    /// Number of eliminated rows, which come first in the list, see [`ScalarRows::mark_eliminated`](crate::ScalarRows::mark_eliminated).
+    pub(crate) eliminated: usize,
+}
 
+impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     /// Empty set with capacity for `constraints` constraints.
-    fn new(constraints: usize, capacity: &Capacity) -> Self;
+    pub(crate) fn new(constraints: usize, capacity: &Capacity) -> Self {
+        let entries = T::num_entries(constraints, capacity);
+        Self {
+            rows: Rows::with_capacity(constraints),
+            columns: Vec::with_capacity(entries),
+            y: Entries::with_capacity(entries, Impulse::zero()),
+            eliminated: 0,
+        }
+    }
 
-    /// Rows with the offsets of the velocity solve.
-    fn rows(&self) -> &Rows<Self::Row>;
+    /// Number of constraints.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        self.rows.items.len()
+    }
 
-    /// Rows with the offsets of the velocity solve, mutable.
-    fn rows_mut(&mut self) -> &mut Rows<Self::Row>;
+    /// Whether there is no constraint.
+    #[inline(always)]
+    pub fn is_empty(&self) -> bool {
+        self.rows.items.is_empty()
+    }
 
-    /// Number of multipliers of friction discs (slip velocity divided by friction impulse) that sweeps store: one per contact.
-    fn multipliers(&self) -> usize {
-        0
+    /// Iterator over the constraints.
+    #[inline(always)]
+    pub fn iter(&self) -> std::slice::Iter<'_, T> {
+        self.rows.items.iter()
+    }
+
+    /// Coordinates of a constraint, and the entries of its rows at each.
+    #[inline(always)]
+    pub fn entries(&self, row: &T) -> (&[u32], &[T::Impulse]) {
+        let Span { first_column, y, num_columns } = row.span();
+        (&self.columns[first_column..first_column + num_columns], self.y.row(y, num_columns))
+    }
+
+    /// Velocity y . w + g of each row of a constraint at the scaled velocity change `w`, m/s or rad/s: y is the scaled Jacobian, and g the
+    /// velocity before any impulse. The part by the compliance is not included.
+    #[inline(always)]
+    pub fn velocity(&self, row: &T, w: &[R]) -> T::Impulse {
+        let (columns, y) = self.entries(row);
+        row.velocity(columns, y, w)
+    }
+
+    /// Velocity of each row of a constraint under the impulse `lambda`, including the part by its compliance, m/s or rad/s. `compliant` is
+    /// whether any constraint of the list may have a compliance.
+    #[inline(always)]
+    pub(super) fn velocity_under(&self, row: &T, compliant: bool, w: &[R], lambda: T::Impulse) -> T::Impulse {
+        row.add_compliance(self.velocity(row, w), compliant, lambda)
+    }
+
+    /// Adds the scaled velocity change by the impulse `d` of a constraint to `w`.
+    #[inline(always)]
+    pub fn add(&self, row: &T, d: T::Impulse, w: &mut [R]) {
+        let (columns, y) = self.entries(row);
+        add_transposed(columns, y, d, w);
+    }
+
+    /// Appends the coordinates `columns` and their entries `y`. Returns their place. `visit` is called with each entry.
+    #[inline(always)]
+    pub(super) fn push_entries(&mut self, columns: &[u32], y: impl Fn(usize) -> T::Impulse, mut visit: impl FnMut(T::Impulse)) -> Span {
+        let span = Span { first_column: self.columns.len(), y: self.y.len(), num_columns: columns.len() };
+        self.columns.extend_from_slice(columns);
+        for (entry, &c) in self.y.extend_by(columns.len()).iter_mut().zip(columns) {
+            *entry = y(c as usize);
+            visit(*entry);
+        }
+        span
+    }
+
+    /// Removes the constraint `first` and all constraints after it.
+    pub fn truncate(&mut self, first: usize) {
+        if let Some(row) = self.rows.items.get(first) {
+            let Span { first_column, y, .. } = row.span();
+            self.columns.truncate(first_column);
+            self.y.truncate(y);
+            self.rows.items.truncate(first);
+        }
     }
 
     /// Removes all constraints.
-    fn clear(&mut self);
+    #[inline(always)]
+    pub(crate) fn clear(&mut self) {
+        self.rows.clear();
+        self.columns.clear();
+        self.y.clear();
+        self.eliminated = 0;
+    }
 
     /// Gathers lanes of all constraints into `out`, whose registers are half as wide. `map` selects the lanes. Only the data that
     /// Gauss-Seidel iterations need are gathered.
-    fn gather(&self, rows: &Rows<Self::Row>, map: &LaneMap, out: &mut Self::Half);
+    #[inline(always)]
+    pub(crate) fn gather(&self, rows: &Rows<T>, map: &LaneMap, out: &mut ConstraintSet<R::Half, T::Half>) {
+        out.columns.clear();
+        out.columns.extend_from_slice(&self.columns);
+        out.y.clear();
+        let entries = Impulse::<R::Half>::flatten_mut(out.y.extend_by(self.y.len()));
+        map.gather_into(Impulse::<R>::flatten(self.y.row(0, self.y.len())), entries);
+        out.eliminated = self.eliminated;
+        out.rows.compliant = rows.compliant;
+        out.rows.items.resize_with(rows.items.len(), Row::blank);
+        for (row, out) in rows.items.iter().zip(&mut out.rows.items) {
+            row.gather(map, rows.compliant, out);
+        }
+    }
 
     /// Calls `f` for each constraint that exists in a lane. `f` gets an iterator over the coordinates at which this constraint has entries
     /// in the lane, ascending.
-    fn for_each_column_set(&self, rows: &Rows<Self::Row>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>));
+    pub(crate) fn for_each_column_set(&self, rows: &Rows<T>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
+        for row in rows.items.iter().filter(|row| has_lane::<R>(row.active(), lane)) {
+            f(&mut self.columns_in(row, lane));
+        }
+    }
 
-    /// Passes all constraints that exist in a lane to the receiver of Newton's method.
-    fn gather_lane(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize, to: &mut impl LaneReceiver);
+    /// Iterator over the coordinates at which a constraint has entries in a lane, ascending.
+    fn columns_in(&self, row: &T, lane: usize) -> impl Iterator<Item = u32> {
+        let (columns, y) = self.entries(row);
+        let touches = move |y: &T::Impulse| y.numbers(lane).as_ref().iter().any(|&y| y != 0.0);
+        columns.iter().zip(y).filter(move |(_, y)| touches(y)).map(|(c, _)| *c)
+    }
 
     /// Constraints of a lane, with their impulses, as a file stores them.
-    fn save(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize) -> Vec<SavedConstraint>;
-
-    /// Appends a constraint that was read from a file, with the same numbers in every lane.
-    fn load(&mut self, saved: &SavedConstraint);
+    pub(crate) fn save(&self, rows: &Rows<T>, impulses: &[T::Impulse], lane: usize) -> Vec<SavedConstraint> {
+        let exists = |row: &T| has_lane::<R>(row.active(), lane) || has_lane::<R>(row.immovable(), lane);
+        let there = rows.items.iter().zip(impulses).enumerate().filter(|(_, (row, _))| exists(row));
+        let save = |(i, (row, &impulse)): (usize, (&T, &T::Impulse))| {
+            let (columns, y) = self.entries(row);
+            let [g, position_g, impulse] = [row.offsets()[0], row.offsets()[1], impulse].map(|x| x.numbers(lane).as_ref().to_vec());
+            SavedConstraint {
+                columns: columns.to_vec(),
+                y: Impulse::<R>::flatten(y).iter().map(|&y| number_of(y, lane)).collect(),
+                g,
+                position_g,
+                impulse,
+                eliminated: i < self.eliminated,
+                immovable: has_lane::<R>(row.immovable(), lane),
+                ..row.save(lane)
+            }
+        };
+        there.map(save).collect()
+    }
 
     /// Replaces the impulses of a lane by a weighted mean of these impulses and the impulses `from`, see
     /// [`Snapshot::blend`](crate::Snapshot::blend).
-    fn blend(
+    pub(crate) fn blend(
         &self,
-        rows: &Rows<Self::Row>,
-        impulses: &mut [Self::Impulse],
-        from: &[Self::Impulse],
+        rows: &Rows<T>,
+        impulses: &mut [T::Impulse],
+        from: &[T::Impulse],
         lane: usize,
         weight: &mut impl FnMut(u32) -> f64,
-    );
+    ) {
+        let flat = Impulse::<R>::flatten_mut(impulses).chunks_exact_mut(T::Impulse::ROWS);
+        for ((row, numbers), from) in rows.items.iter().zip(flat).zip(Impulse::<R>::flatten(from).chunks_exact(T::Impulse::ROWS)) {
+            if let (Some(c), true) = (self.columns_in(row, lane).next(), has_lane::<R>(row.active(), lane)) {
+                let weight = weight(c);
+                for (number, from) in numbers.iter_mut().zip(from) {
+                    let [now, from] = [*number, *from].map(|x| number_of(x, lane));
+                    number.set_lane(lane, Scalar::from_f64(from + weight * (now - from)));
+                }
+            }
+        }
+    }
 
     /// Adds the scaled velocity change by all impulses to `w`.
-    fn add_impulses(&self, impulses: &[Self::Impulse], w: &mut [R]);
-
-    /// Makes one Gauss-Seidel iteration over the constraints of this kind: each in turn gets the impulse that solves it at constant other
-    /// impulses.
-    ///
-    /// Returns the larger of `change` and the largest change of a velocity, m/s.
-    fn sweep(&self, rows: &Rows<Self::Row>, unknowns: Unknowns<'_, R, Self::Impulse>, lanes: SweepLanes<R>, change: R) -> R;
+    #[inline(always)]
+    pub(crate) fn add_impulses(&self, impulses: &[T::Impulse], w: &mut [R]) {
+        for (row, &lambda) in self.rows.items.iter().zip(impulses) {
+            self.add(row, lambda, w);
+        }
+    }
 
     /// Appends the velocities of all rows at the scaled velocity change `w`, m/s or rad/s. They include the contribution of the compliance.
-    fn velocities(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], out: &mut Vec<R>);
+    #[inline(always)]
+    pub(crate) fn velocities(&self, rows: &Rows<T>, impulses: &[T::Impulse], w: &[R], out: &mut Vec<R>) {
+        for (row, &lambda) in rows.items.iter().zip(impulses) {
+            let v = self.velocity_under(row, rows.compliant, w, lambda);
+            out.extend_from_slice(Impulse::<R>::flatten(&[v]));
+        }
+    }
 
     /// Appends the compliance of each row, without the additional compliance of contact normals.
-    fn compliances(&self, rows: &Rows<Self::Row>, out: &mut Vec<R>);
+    pub(crate) fn compliances(&self, rows: &Rows<T>, out: &mut Vec<R>) {
+        out.extend(rows.items.iter().flat_map(|row| std::iter::repeat_n(row.uniform_compliance(), T::Impulse::ROWS)));
+    }
 
     /// Calls `f` with the natural-map residual |lambda - P_K(lambda - rho u)| / rho of each constraint in turn, m/s, see
     /// [`residual`](crate::residual()).
-    fn for_each_residual(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], f: impl FnMut(R));
+    #[inline(always)]
+    pub(crate) fn for_each_residual(&self, rows: &Rows<T>, impulses: &[T::Impulse], w: &[R], mut f: impl FnMut(R)) {
+        for (row, &lambda) in rows.items.iter().zip(impulses) {
+            let v = self.velocity_under(row, rows.compliant, w, lambda);
+            f(masked(row.active(), row.residual(v, lambda, self.eliminated > 0)));
+        }
+    }
 
     /// Sum of `sum` and the magnitudes of all normal impulses, N s.
-    fn sum_normal_impulses(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], sum: R) -> R;
+    #[inline(always)]
+    pub(crate) fn sum_normal_impulses(&self, rows: &Rows<T>, impulses: &[T::Impulse], mut sum: R) -> R {
+        for (row, &lambda) in rows.items.iter().zip(impulses) {
+            sum += masked(row.active(), T::normal_impulse(lambda));
+        }
+        sum
+    }
 
     /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of all impulses lambda, J. Here g are the offsets of the velocity solve
     /// and R the compliances.
-    fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
+    #[inline(always)]
+    pub(crate) fn add_potential(&self, impulses: &[T::Impulse], mut sum: R) -> R {
+        for (row, &lambda) in self.rows.items.iter().zip(impulses) {
+            sum = row.add_potential(lambda, sum);
+        }
+        sum
+    }
 
     /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the
     /// change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity
     /// due to this change.
-    fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
+    #[inline(always)]
+    pub(crate) fn shift(&self, rows: &mut Rows<T>, change: &[R], lanes: R::Mask) {
+        for row in &mut rows.items {
+            row.shift(self.velocity(row, change), lanes);
+        }
+    }
 
     /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the
     /// difference from the present `impulses`, which therefore cause no additional velocity.
     ///
     /// `floors` has a minimum mobility per constraint, 1/kg. `reference` are two lists, to which the normal impulses and the undamped
     /// targets are appended.
-    fn damp(&self, rows: &mut Rows<Self::Row>, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], reference: [&mut Vec<R>; 2]);
+    #[inline(always)]
+    pub(crate) fn damp(
+        &self,
+        rows: &mut Rows<T>,
+        impulses: &[T::Impulse],
+        damping: Damping<R>,
+        floors: &[R],
+        [reference_lambda, reference_g]: [&mut Vec<R>; 2],
+    ) {
+        for (k, ((row, &lambda), &floor)) in rows.items.iter_mut().zip(impulses).zip(floors).enumerate() {
+            reference_lambda.push(lambda.normal());
+            reference_g.push(row.undamped_offset());
+            // Eliminated rows are damped at assembly, because other rows are combined with them.
+            if k >= self.eliminated {
+                row.damp(lambda, damping, floor);
+            }
+        }
+        rows.compliant = true;
+    }
 
     /// Larger of `most` and the largest velocity by which damping prevents a normal row from meeting its target, m/s or rad/s. `before` are
     /// the impulses of the reference solution, at which damping causes no velocity.
-    fn shortfall(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
+    #[inline(always)]
+    pub(crate) fn shortfall(&self, rows: &Rows<T>, impulses: &[T::Impulse], before: &[R], mut most: R) -> R {
+        for (k, ((row, now), &before)) in rows.items.iter().zip(impulses).zip(before).enumerate() {
+            let change = if k < self.eliminated { R::zero() } else { now.normal() - before };
+            most = most.max(masked(row.active(), row.shortfall(change)));
+        }
+        most
+    }
 
     /// Larger of `most` and the largest target of a row that no impulse can move, m/s or rad/s.
-    fn immovable_target(&self, rows: &Rows<Self::Row>, most: R) -> R;
+    #[inline(always)]
+    pub(crate) fn immovable_target(&self, rows: &Rows<T>, mut most: R) -> R {
+        for row in &rows.items {
+            most = most.max(masked(row.immovable(), row.immovable_target()));
+        }
+        most
+    }
 
     /// Larger of `most` and the largest velocity target, without its position correction, of a row that no impulse can move, m/s or rad/s.
-    fn unmet_velocity(&self, rows: &Rows<Self::Row>, most: R) -> R;
+    #[inline(always)]
+    pub(crate) fn unmet_velocity(&self, rows: &Rows<T>, mut most: R) -> R {
+        for row in &rows.items {
+            most = most.max(masked(row.immovable(), row.unmet_velocity()));
+        }
+        most
+    }
 
     /// Adds the constraints of this kind to a proof of infeasibility, see [`System::witness`](crate::System::witness).
     ///
     /// Let z be the impulses beyond the reference, and u the velocities by which the rows miss their targets under the impulses of the
     /// reference. The function adds the scaled momentum J^T z to `momentum`, and returns `missing_work` - z . u, J.
-    fn witness(
+    #[inline(always)]
+    pub(crate) fn witness(
         &self,
-        rows: &Rows<Self::Row>,
-        impulses: &[Self::Impulse],
+        rows: &Rows<T>,
+        impulses: &[T::Impulse],
         reference: ReferenceRows<'_, R>,
         w: &[R],
         momentum: &mut [R],
-        missing_work: R,
-    ) -> R;
+        mut missing_work: R,
+    ) -> R {
+        for ((row, now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
+            let z = row.witness(now.normal(), before);
+            let u = self.velocity(row, w).normal() - row.offsets()[0].normal() + g;
+            missing_work -= z * u;
+            self.add(row, Impulse::of_normal(z), momentum);
+        }
+        missing_work
+    }
+}
+
+impl<R: Real, T: Row<R>, I: SliceIndex<[T]>> Index<I> for ConstraintSet<R, T> {
+    type Output = I::Output;
+
+    #[inline(always)]
+    fn index(&self, i: I) -> &I::Output {
+        &self.rows.items[i]
+    }
+}
+
+impl<R: Real, T: Row<R>, I: SliceIndex<[T]>> IndexMut<I> for ConstraintSet<R, T> {
+    #[inline(always)]
+    fn index_mut(&mut self, i: I) -> &mut I::Output {
+        &mut self.rows.items[i]
+    }
+}
+
+/// Adds the product J^T x to `out`, for the rows J of one constraint, which have the entries `y` at the coordinates `columns`.
+#[inline(always)]
+pub(crate) fn add_transposed<R: Real, I: Impulse<R>>(columns: &[u32], y: &[I], x: I, out: &mut [R]) {
+    for (&c, &y) in columns.iter().zip(y) {
+        out[c as usize] += y.dot(x);
+    }
+}
+
+/// Product J w of the rows J of one contact, which have the entries `y` at the coordinates `columns`.
+#[inline(always)]
+pub(crate) fn multiply<R: Real, const N: usize>(columns: &[u32], y: &[[R; N]], w: &[R]) -> [R; N] {
+    let mut v = [R::zero(); N];
+    for (&c, y) in columns.iter().zip(y) {
+        let w = w[c as usize];
+        for k in 0..N {
+            v[k] += y[k] * w;
+        }
+    }
+    v
+}
+
+/// Whether a mask has the lane `lane`.
+pub(crate) fn has_lane<R: Real>(mask: R::Mask, lane: usize) -> bool {
+    mask.bits() >> lane & 1 == 1
 }
 
 /// Whether `d` is nonzero in any lane.
@@ -362,15 +749,6 @@ pub trait ConstraintSet<R: Real>: Sized {
 #[inline(always)]
 pub(crate) fn is_nonzero<R: Real>(d: R) -> bool {
     !d.eq(R::zero()).all()
-}
-
-/// Replaces the number x in the lane `lane` of each entry of `numbers` by y + weight (x - y). Here y is the number in the same lane of the
-/// corresponding entry of `from`.
-pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, weight: f64) {
-    for (number, from) in numbers.iter_mut().zip(from) {
-        let [now, from] = [*number, *from].map(|x| number_of(x, lane));
-        number.set_lane(lane, Scalar::from_f64(from + weight * (now - from)));
-    }
 }
 
 /// Number of `x` in lane `lane`, as f64.

@@ -4,22 +4,18 @@
 //! Delassus matrix G.
 
 use std::fmt::Debug;
-use std::ops::{Index, IndexMut};
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{masked, movable, project};
 use crate::constraints::constraint_set::{
-    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, blend_lane,
-    is_nonzero, number_of,
+    ConstraintSet, Damping, LaneConstraint, Row, Rows, SavedConstraint, Span, SweepLanes, Unknowns, is_nonzero, multiply, number_of,
 };
-use crate::entries::Entries;
 use crate::lane_map::LaneMap;
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
-/// Solver of the friction problem of a single contact. The impulses of all other constraints stay constant.
-///
-/// The admissible impulses are the circular cone of Coulomb's law unless the implementation replaces it.
+/// Solver of the friction problem of a single contact. The impulses of all other constraints stay constant. The admissible impulses are
+/// the circular cone of Coulomb's law.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Solver of the same kind in half of the lanes.
     type Half: LocalSolver<R::Half, N>;
@@ -56,23 +52,6 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
 
     /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide.
     fn gather(&self, map: &LaneMap, out: &mut Self::Half);
-
-    /// De Saxce's term mu |v_t| at the velocity `v`, m/s.
-    #[inline(always)]
-    fn slip(mu: R, v: &[R; N]) -> R {
-        mu * tangential_speed(v)
-    }
-
-    /// Projection of an impulse on the set of admissible impulses.
-    #[inline(always)]
-    fn project(x: [R; N], mu: R) -> [R; N] {
-        project(x, mu)
-    }
-
-    /// Set of admissible impulses for Newton's method.
-    fn admissible_set(mu: f64) -> AdmissibleSet {
-        AdmissibleSet::Cone { mu }
-    }
 }
 
 /// Step length rho of a contact's natural map, lambda - P_K(lambda - rho u) for the impulse lambda and the velocity u. P_K is the
@@ -107,12 +86,8 @@ impl<R: Real> NaturalStep<R> {
 /// Contact with friction in `N` rows: the normal row and the tangential rows. `L` solves the friction problem of the contact alone.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
-    /// Index of the contact's first coordinate in the list of coordinates of all contacts with `N` rows.
-    first_column: usize,
-    /// Index of the contact's first Jacobian entry in the list of entries of all contacts with `N` rows.
-    y: usize,
-    /// Number of coordinates at which the contact has Jacobian entries.
-    num_columns: usize,
+    /// Place of the contact's coordinates and Jacobian entries.
+    span: Span,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
     /// Lanes in which no impulse can move the contact along its normal. The contact has no rows in these lanes, and its impulse does not
@@ -142,117 +117,17 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
-    /// Damps all rows by a compliance, 1/kg. It acts on the difference from the impulse `lambda`, which therefore causes no additional
-    /// velocity.
+    /// Hard contact with the friction coefficient `mu`, the offsets `g`, and the block `gram` of the Delassus matrix. It exists in the
+    /// first of the `lanes`, and is immovable in the second.
     #[inline(always)]
-    fn damp(&mut self, compliance: R, lambda: [R; N]) {
-        self.damping += compliance;
-        for k in 0..N {
-            self.g[k] -= compliance * lambda[k];
-        }
-        self.local.damp(compliance, &mut self.step);
-    }
-
-    /// Placeholder for a contact that exists in no lane. All fields are overwritten before use.
-    fn blank() -> Self {
-        let (none, zero) = (R::Mask::splat(false), R::zero());
-        let (local, trace) = L::new(&[[zero; N]; N], none);
-        Self {
-            first_column: 0,
-            y: 0,
-            num_columns: 0,
-            active: none,
-            immovable: none,
-            deferred: none,
-            mu: zero,
-            g: [zero; N],
-            position_g: [zero; N],
-            compliance: zero,
-            rigid_fraction: R::one(),
-            damping: zero,
-            step: NaturalStep::of_trace::<N>(trace),
-            local,
-        }
-    }
-
-    /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel
-    /// iterations read. The compliances are among them if `compliant`.
-    #[inline(always)]
-    fn gather(&self, map: &LaneMap, compliant: bool, out: &mut FrictionContact<R::Half, N, L::Half>) {
-        (out.first_column, out.y, out.num_columns) = (self.first_column, self.y, self.num_columns);
-        out.active = map.gather_mask::<R>(self.active);
-        out.mu = map.gather(self.mu);
-        map.gather_into(&self.g, &mut out.g);
-        if compliant {
-            out.compliance = map.gather(self.compliance);
-            out.damping = map.gather(self.damping);
-        }
-        out.step.inv_rho = map.gather(self.step.inv_rho);
-        self.local.gather(map, &mut out.local);
-    }
-}
-
-/// Contacts with `N` rows each, stored sparse.
-///
-/// A contact's columns are the coordinates of w (scaled velocity change) at which it has entries in any lane, ascending. A lane without
-/// an entry at a listed coordinate has zeros there.
-#[derive(Clone, Debug)]
-pub struct FrictionContacts<R: Real, const N: usize, L> {
-    /// Rows of each contact, with the offsets g of the velocity solve.
-    pub(super) rows: Rows<FrictionContact<R, N, L>>,
-    /// Coordinates at which the contacts have Jacobian entries, one contact after the other.
-    columns: Vec<u32>,
-    /// Entries of the scaled Jacobian, for all rows of a contact, at the coordinates in `columns`.
-    y: Entries<[R; N]>,
-}
-
-impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
-    /// Number of contacts.
-    #[inline(always)]
-    pub fn len(&self) -> usize {
-        self.rows.items.len()
-    }
-
-    /// Whether there is no contact.
-    #[inline(always)]
-    pub fn is_empty(&self) -> bool {
-        self.rows.items.is_empty()
-    }
-
-    /// Iterator over the contacts.
-    #[inline(always)]
-    pub fn iter(&self) -> std::slice::Iter<'_, FrictionContact<R, N, L>> {
-        self.rows.items.iter()
-    }
-
-    /// Appends a contact whose rows have the entries `y` at the coordinates `columns`, ascending.
-    ///
-    /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
-    /// its bias (minus the target velocity). A contact whose normal mobility is below `least`, 1/kg, is immovable.
-    #[inline(always)]
-    pub(crate) fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
-        let (s0, y0) = (self.columns.len(), self.y.len());
-        let mut gram = [[R::zero(); N]; N];
-        self.columns.extend_from_slice(columns);
-        for (entry, &c) in self.y.extend_by(columns.len()).iter_mut().zip(columns) {
-            let y = y(c as usize);
-            *entry = y;
-            for i in 0..N {
-                for j in i..N {
-                    gram[i][j] += y[i] * y[j];
-                }
-            }
-        }
-        let exists = movable(active, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
-        let (local, trace) = L::new(&gram, exists);
+    fn new(span: Span, [active, immovable]: [R::Mask; 2], mu: R, g: [R; N], gram: &[[R; N]; N]) -> Self {
+        let (local, trace) = L::new(gram, active);
         let mut position_g = [R::zero(); N];
         position_g[0] = g[0];
-        self.rows.items.push(FrictionContact {
-            first_column: s0,
-            y: y0,
-            num_columns: columns.len(),
-            active: exists,
-            immovable: active.and_not(exists),
+        Self {
+            span,
+            active,
+            immovable,
             deferred: R::Mask::splat(false),
             mu,
             g,
@@ -262,7 +137,29 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             damping: R::zero(),
             step: NaturalStep::of_trace::<N>(trace),
             local,
-        });
+        }
+    }
+}
+
+/// Contacts with `N` rows each.
+pub type FrictionContacts<R, const N: usize, L> = ConstraintSet<R, FrictionContact<R, N, L>>;
+
+impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
+    /// Appends a contact whose rows have the entries `y` at the coordinates `columns`, ascending.
+    ///
+    /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
+    /// its bias (minus the target velocity). A contact whose normal mobility is below `least`, 1/kg, is immovable.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
+        let mut gram = [[R::zero(); N]; N];
+        let span = self.push_entries(
+            columns,
+            y,
+            #[inline(always)]
+            |y| add_products(&mut gram, &y),
+        );
+        let exists = movable(active, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
+        self.rows.items.push(FrictionContact::new(span, [exists, active.and_not(exists)], mu, g, &gram));
     }
 
     /// Lanes in which the last contact of the list is immovable along its normal.
@@ -274,19 +171,19 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. The caller must do this
     /// before setting the trace ratio and the compliance of the contact.
     pub fn make_movable(&mut self, lanes: R::Mask) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Some(contact) = self.rows.items.last_mut() else { return };
-                let released = lanes.and(contact.immovable);
-                contact.active = contact.active.or(released);
-                contact.immovable = contact.immovable.and_not(released);
-                let gram = gram(self.y.row(contact.y, contact.num_columns));
-                let (local, trace) = L::new(&gram, contact.active);
-                contact.local = local;
-                contact.step = NaturalStep::of_trace::<N>(trace);
-            },
-        )
+        kernel!(R, {
+            let Some(contact) = self.rows.items.last_mut() else { return };
+            let released = lanes.and(contact.immovable);
+            contact.active = contact.active.or(released);
+            contact.immovable = contact.immovable.and_not(released);
+            let mut gram = [[R::zero(); N]; N];
+            for y in self.y.row(contact.span.y, contact.span.num_columns) {
+                add_products(&mut gram, y);
+            }
+            let (local, trace) = L::new(&gram, contact.active);
+            contact.local = local;
+            contact.step = NaturalStep::of_trace::<N>(trace);
+        })
     }
 
     /// Clears a small approach speed of the last contact of the list: sets the offset g of its normal row to zero, m/s.
@@ -294,14 +191,11 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// The function changes lanes in which no impulse can move the contact along its normal, and the approach speed is at most
     /// `negligible`, m/s.
     pub fn clear_negligible_approach(&mut self, negligible: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Some(contact) = self.rows.items.last_mut() else { return };
-                let none = contact.immovable.and((-contact.g[0]).le(negligible));
-                contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
-            },
-        )
+        kernel!(R, {
+            let Some(contact) = self.rows.items.last_mut() else { return };
+            let none = contact.immovable.and((-contact.g[0]).le(negligible));
+            contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
+        })
     }
 
     /// Sets the trace ratio of the last contact of the list: trace(G_ii) before elimination of equality rows divided by that after it. The
@@ -363,12 +257,6 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
     }
 
-    /// Offset g of the normal row of contact `i` in the velocity solve, m/s.
-    #[inline(always)]
-    pub(crate) fn normal_offset_mut(&mut self, i: usize) -> &mut R {
-        &mut self.rows.items[i].g[0]
-    }
-
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     #[inline(always)]
     pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
@@ -389,23 +277,24 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous
-    /// impulse, N s.
+    /// impulse, N s, with zeros up to six numbers.
     #[inline(always)]
-    pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; N] {
-        let before = impulses[i];
-        let mut change = before;
-        for (change, impulse) in change.iter_mut().zip(&mut impulses[i]) {
-            *change = -masked(lanes, *impulse);
-            *impulse = R::select(lanes, R::zero(), *impulse);
+    pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; 6] {
+        let (mut before, mut change) = ([R::zero(); 6], [R::zero(); N]);
+        for k in 0..N {
+            before[k] = impulses[i][k];
+            change[k] = -masked(lanes, before[k]);
+            impulses[i][k] = R::select(lanes, R::zero(), before[k]);
         }
         self.add(&self.rows.items[i], change, w);
         before
     }
 
-    /// Sets the impulse of contact `i`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity change `w`.
+    /// Sets the impulse of contact `i`, which must be zero, to the first numbers of `lambda` in the lanes `lanes`, and updates the scaled
+    /// velocity change `w`.
     #[inline(always)]
-    pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; N], impulses: &mut [[R; N]], w: &mut [R]) {
-        let mut d = lambda;
+    pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; 6], impulses: &mut [[R; N]], w: &mut [R]) {
+        let mut d = [R::zero(); N];
         for k in 0..N {
             d[k] = masked(lanes, lambda[k]);
             impulses[i][k] = R::select(lanes, lambda[k], impulses[i][k]);
@@ -426,29 +315,6 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Coordinates of a contact, and the Jacobian entries of its rows at each.
-    #[inline(always)]
-    pub fn entries(&self, contact: &FrictionContact<R, N, L>) -> (&[u32], &[[R; N]]) {
-        (&self.columns[contact.first_column..contact.first_column + contact.num_columns], self.y.row(contact.y, contact.num_columns))
-    }
-
-    /// Velocities of the rows of a contact at the scaled velocity change `w`, m/s, without the part by its compliance.
-    #[inline(always)]
-    pub fn velocity(&self, contact: &FrictionContact<R, N, L>, w: &[R]) -> [R; N] {
-        let (columns, y) = self.entries(contact);
-        let mut v = [R::zero(); N];
-        for (&c, y) in columns.iter().zip(y) {
-            let w = w[c as usize];
-            for k in 0..N {
-                v[k] += y[k] * w;
-            }
-        }
-        for k in 0..N {
-            v[k] += contact.g[k];
-        }
-        v
-    }
-
     /// Changes the offsets g of a contact in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
     /// velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to this change.
     ///
@@ -462,190 +328,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Velocities of the rows of a contact at the scaled velocity change `w` and its impulse `lambda`, m/s. They include the part by its
-    /// compliance if `compliant`.
-    #[inline(always)]
-    fn velocity_under(&self, contact: &FrictionContact<R, N, L>, compliant: bool, w: &[R], lambda: &[R; N]) -> [R; N] {
-        let mut v = self.velocity(contact, w);
-        if compliant {
-            v[0] += (contact.damping + contact.compliance) * lambda[0];
-            for k in 1..N {
-                v[k] += contact.damping * lambda[k];
-            }
-        }
-        v
-    }
-
-    /// Adds the scaled velocity change by the impulse `d` of a contact to `w`.
-    #[inline(always)]
-    pub fn add(&self, contact: &FrictionContact<R, N, L>, d: [R; N], w: &mut [R]) {
-        let (columns, y) = self.entries(contact);
-        for (&c, y) in columns.iter().zip(y) {
-            let mut sum = y[0] * d[0];
-            for k in 1..N {
-                sum += y[k] * d[k];
-            }
-            w[c as usize] += sum;
-        }
-    }
-
-    /// Largest tangential speed of a contact with a positive normal impulse, m/s.
-    #[inline(always)]
-    pub(crate) fn fastest_slip(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R]) -> R {
-        let mut most = R::zero();
-        for (contact, lambda) in rows.items.iter().zip(impulses) {
-            let v = self.velocity(contact, w);
-            most = most.max(masked(contact.active.and(lambda[0].gt(R::zero())), tangential_speed(&v)));
-        }
-        most
-    }
-}
-
-/// Upper triangle of the block of the Delassus matrix of a contact whose rows have these Jacobian entries, 1/kg.
-#[inline(always)]
-fn gram<R: Real, const N: usize>(entries: &[[R; N]]) -> [[R; N]; N] {
-    let mut gram = [[R::zero(); N]; N];
-    for y in entries {
-        for i in 0..N {
-            for j in i..N {
-                gram[i][j] += y[i] * y[j];
-            }
-        }
-    }
-    gram
-}
-
-/// Length of the tangential part of a contact's velocity, m/s.
-#[inline(always)]
-fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
-    let mut square = v[1] * v[1];
-    for &v in &v[2..] {
-        square += v * v;
-    }
-    square.sqrt()
-}
-
-/// Compliance that damps a contact with the mobility `mobility`, 1/kg, and the velocity correction `correction`, m/s. It is 0 for a
-/// negligible correction.
-#[inline(always)]
-fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) -> R {
-    masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility)
-}
-
-impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row for FrictionContact<R, N, L> {
-    #[inline(always)]
-    fn exchange_offsets(&mut self) {
-        let Self { g, position_g, .. } = self;
-        std::mem::swap(&mut g[0], &mut position_g[0]);
-        for k in 1..N {
-            g[k] += position_g[k];
-            position_g[k] = -position_g[k];
-        }
-    }
-}
-
-impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for FrictionContacts<R, N, L> {
-    type Row = FrictionContact<R, N, L>;
-    type Impulse = [R; N];
-    type Half = FrictionContacts<R::Half, N, L::Half>;
-
-    fn new(contacts: usize, capacity: &Capacity) -> Self {
-        let entries = contacts * capacity.columns_per_contact;
-        Self {
-            rows: Rows::with_capacity(contacts),
-            columns: Vec::with_capacity(entries),
-            y: Entries::with_capacity(entries, [R::zero(); N]),
-        }
-    }
-
-    #[inline(always)]
-    fn rows(&self) -> &Rows<FrictionContact<R, N, L>> {
-        &self.rows
-    }
-
-    #[inline(always)]
-    fn rows_mut(&mut self) -> &mut Rows<FrictionContact<R, N, L>> {
-        &mut self.rows
-    }
-
-    #[inline(always)]
-    fn multipliers(&self) -> usize {
-        self.rows.items.len()
-    }
-
-    #[inline(always)]
-    fn clear(&mut self) {
-        self.rows.clear();
-        self.columns.clear();
-        self.y.clear();
-    }
-
-    #[inline(always)]
-    fn gather(&self, rows: &Rows<FrictionContact<R, N, L>>, map: &LaneMap, out: &mut Self::Half) {
-        out.columns.clear();
-        out.columns.extend_from_slice(&self.columns);
-        out.y.map_from(
-            &self.y,
-            #[inline(always)]
-            |y| map.gather_array(y),
-        );
-        out.rows.compliant = rows.compliant;
-        out.rows.items.resize_with(rows.items.len(), FrictionContact::blank);
-        for (contact, out) in rows.items.iter().zip(&mut out.rows.items) {
-            contact.gather(map, rows.compliant, out);
-        }
-    }
-
-    fn for_each_column_set(&self, rows: &Rows<FrictionContact<R, N, L>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
-        let touches = |y: &[R; N]| y.iter().any(|y| y.lane(lane).to_f64() != 0.0);
-        for contact in rows.items.iter().filter(|contact| contact.active.bits() >> lane & 1 == 1) {
-            let (columns, y) = self.entries(contact);
-            f(&mut columns.iter().zip(y).filter(|(_, y)| touches(y)).map(|(c, _)| *c));
-        }
-    }
-
-    fn gather_lane(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], lane: usize, to: &mut impl LaneReceiver) {
-        let number = |x: R| number_of(x, lane);
-        for (i, (contact, lambda)) in rows.items.iter().zip(impulses).enumerate() {
-            if contact.active.bits() >> lane & 1 == 1 {
-                let (columns, y) = self.entries(contact);
-                let constraint = LaneConstraint {
-                    set: L::admissible_set(number(contact.mu)),
-                    source: i,
-                    g: contact.g.map(number),
-                    lambda: lambda.map(number),
-                    compliance: number(contact.damping),
-                    normal_compliance: number(contact.compliance),
-                    trace_ratio: number(contact.step.trace_ratio),
-                };
-                to.add(constraint, columns, y.iter().map(|y| y.map(number)));
-            }
-        }
-    }
-
-    fn save(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], lane: usize) -> Vec<SavedConstraint> {
-        let number = |x: R| number_of(x, lane);
-        let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
-        let there = rows.items.iter().zip(impulses).filter(|(contact, _)| exists(contact.active) || exists(contact.immovable));
-        let save = |(contact, impulse): (&FrictionContact<R, N, L>, &[R; N])| {
-            let (columns, y) = self.entries(contact);
-            SavedConstraint {
-                columns: columns.to_vec(),
-                y: y.iter().flatten().map(|&y| number(y)).collect(),
-                g: contact.g.map(number).to_vec(),
-                position_g: contact.position_g.map(number).to_vec(),
-                impulse: impulse.map(number).to_vec(),
-                set: [number(contact.mu); 2],
-                compliance: number(contact.compliance),
-                trace_ratio: number(contact.step.trace_ratio),
-                immovable: exists(contact.immovable),
-                ..SavedConstraint::default()
-            }
-        };
-        there.map(save).collect()
-    }
-
-    fn load(&mut self, saved: &SavedConstraint) {
+    /// Appends a constraint that was read from a file, with the same numbers in every lane.
+    pub(crate) fn load(&mut self, saved: &SavedConstraint) {
         let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
         let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
         self.push(&saved.columns, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
@@ -656,32 +340,17 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         }
     }
 
-    fn blend(
+    /// Makes one Gauss-Seidel iteration over the contacts: each in turn gets the impulse that solves it at constant other impulses.
+    ///
+    /// Returns the larger of `change` and the largest change of a velocity, m/s.
+    #[inline(always)]
+    pub(crate) fn sweep(
         &self,
         rows: &Rows<FrictionContact<R, N, L>>,
-        impulses: &mut [[R; N]],
-        from: &[[R; N]],
-        lane: usize,
-        weight: &mut impl FnMut(u32) -> f64,
-    ) {
-        for (contact, (impulse, from)) in rows.items.iter().zip(impulses.iter_mut().zip(from)) {
-            let (columns, y) = self.entries(contact);
-            let first = columns.iter().zip(y).find(|(_, y)| y.iter().any(|&y| number_of(y, lane) != 0.0));
-            if let (Some((&c, _)), true) = (first, contact.active.bits() >> lane & 1 == 1) {
-                blend_lane(impulse, from, lane, weight(c));
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn add_impulses(&self, impulses: &[[R; N]], w: &mut [R]) {
-        for (contact, &lambda) in self.rows.items.iter().zip(impulses) {
-            self.add(contact, lambda, w);
-        }
-    }
-
-    #[inline(always)]
-    fn sweep(&self, rows: &Rows<FrictionContact<R, N, L>>, unknowns: Unknowns<'_, R, [R; N]>, lanes: SweepLanes<R>, mut change: R) -> R {
+        unknowns: Unknowns<'_, R, [R; N]>,
+        lanes: SweepLanes<R>,
+        mut change: R,
+    ) -> R {
         let Unknowns { impulses, multipliers, w } = unknowns;
         let SweepLanes { running, exact } = lanes;
         for (i, contact) in rows.items.iter().enumerate() {
@@ -691,7 +360,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
                 continue;
             }
             let lambda = impulses[i];
-            let v = self.velocity_under(contact, rows.compliant, w, &lambda);
+            let v = self.velocity_under(contact, rows.compliant, w, lambda);
             let (mut next, multiplier) = contact.local.solve(contact.mu, v, lambda, multipliers[i], lanes);
             if lanes.and_not(exact).any() {
                 let weak = contact.local.relax(contact.mu, v, lambda, contact.active);
@@ -717,153 +386,217 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         change
     }
 
+    /// Largest tangential speed of a contact with a positive normal impulse, m/s.
     #[inline(always)]
-    fn velocities(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R], out: &mut Vec<R>) {
+    pub(crate) fn fastest_slip(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R]) -> R {
+        let mut most = R::zero();
         for (contact, lambda) in rows.items.iter().zip(impulses) {
-            out.extend_from_slice(&self.velocity_under(contact, rows.compliant, w, lambda));
+            let v = self.velocity(contact, w);
+            most = most.max(masked(contact.active.and(lambda[0].gt(R::zero())), tangential_speed(&v)));
+        }
+        most
+    }
+}
+
+/// Adds the products of the entries of a contact's rows at one coordinate to the upper triangle of its block of the Delassus matrix.
+#[inline(always)]
+fn add_products<R: Real, const N: usize>(gram: &mut [[R; N]; N], y: &[R; N]) {
+    for i in 0..N {
+        for j in i..N {
+            gram[i][j] += y[i] * y[j];
+        }
+    }
+}
+
+/// Length of the tangential part of a contact's velocity, m/s.
+#[inline(always)]
+fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
+    let mut square = v[1] * v[1];
+    for &v in &v[2..] {
+        square += v * v;
+    }
+    square.sqrt()
+}
+
+impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R, N, L> {
+    type Impulse = [R; N];
+    type Half = FrictionContact<R::Half, N, L::Half>;
+
+    fn num_entries(contacts: usize, capacity: &Capacity) -> usize {
+        contacts * capacity.columns_per_contact
+    }
+
+    fn blank() -> Self {
+        Self::new(Span::default(), [R::Mask::splat(false); 2], R::zero(), [R::zero(); N], &[[R::zero(); N]; N])
+    }
+
+    #[inline(always)]
+    fn span(&self) -> Span {
+        self.span
+    }
+
+    #[inline(always)]
+    fn active(&self) -> R::Mask {
+        self.active
+    }
+
+    #[inline(always)]
+    fn immovable(&self) -> R::Mask {
+        self.immovable
+    }
+
+    #[inline(always)]
+    fn offsets(&self) -> [[R; N]; 2] {
+        [self.g, self.position_g]
+    }
+
+    #[inline(always)]
+    fn exchange_offsets(&mut self) {
+        let Self { g, position_g, .. } = self;
+        std::mem::swap(&mut g[0], &mut position_g[0]);
+        for k in 1..N {
+            g[k] += position_g[k];
+            position_g[k] = -position_g[k];
         }
     }
 
-    fn compliances(&self, rows: &Rows<FrictionContact<R, N, L>>, out: &mut Vec<R>) {
-        out.extend(rows.items.iter().flat_map(|contact| [contact.damping; N]));
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, compliant: bool, out: &mut Self::Half) {
+        out.span = self.span;
+        out.active = map.gather_mask::<R>(self.active);
+        out.mu = map.gather(self.mu);
+        map.gather_into(&self.g, &mut out.g);
+        if compliant {
+            out.compliance = map.gather(self.compliance);
+            out.damping = map.gather(self.damping);
+        }
+        out.step.inv_rho = map.gather(self.step.inv_rho);
+        self.local.gather(map, &mut out.local);
     }
 
-    #[inline(always)]
-    fn for_each_residual(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R], mut f: impl FnMut(R)) {
-        for (contact, &lambda) in rows.items.iter().zip(impulses) {
-            let (v, mu, rho) = (self.velocity_under(contact, rows.compliant, w, &lambda), contact.mu, contact.step.rho);
-            let slip = L::slip(mu, &v);
-            let mut moved = lambda;
-            for k in 1..N {
-                moved[k] -= rho * v[k];
-            }
-            // The two forms are the same sum in different orders, with different rounding.
-            if N == 3 {
-                moved[0] -= rho * (v[0] + slip);
-            } else {
-                moved[0] -= rho * v[0];
-                moved[0] -= rho * slip;
-            }
-            let image = L::project(moved, mu);
-            let mut apart = ((lambda[0] - image[0]) * contact.rigid_fraction).square();
-            for k in 1..N {
-                apart += (lambda[k] - image[k]).square();
-            }
-            f(masked(contact.active, apart.sqrt() * contact.step.inv_rho));
+    fn lane_constraint(&self, lane: usize) -> LaneConstraint {
+        let number = |x: R| number_of(x, lane);
+        LaneConstraint {
+            set: AdmissibleSet::Cone { mu: number(self.mu) },
+            compliance: number(self.damping),
+            normal_compliance: number(self.compliance),
+            trace_ratio: number(self.step.trace_ratio),
         }
     }
 
+    fn save(&self, lane: usize) -> SavedConstraint {
+        let [mu, compliance, trace_ratio] = [self.mu, self.compliance, self.step.trace_ratio].map(|x| number_of(x, lane));
+        SavedConstraint { set: [mu; 2], compliance, trace_ratio, ..SavedConstraint::default() }
+    }
+
     #[inline(always)]
-    fn sum_normal_impulses(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], mut sum: R) -> R {
-        for (contact, lambda) in rows.items.iter().zip(impulses) {
-            sum += masked(contact.active, lambda[0]);
+    fn velocity(&self, columns: &[u32], y: &[[R; N]], w: &[R]) -> [R; N] {
+        let mut v = multiply(columns, y, w);
+        for k in 0..N {
+            v[k] += self.g[k];
+        }
+        v
+    }
+
+    #[inline(always)]
+    fn add_compliance(&self, mut v: [R; N], compliant: bool, lambda: [R; N]) -> [R; N] {
+        if compliant {
+            v[0] += (self.damping + self.compliance) * lambda[0];
+            for k in 1..N {
+                v[k] += self.damping * lambda[k];
+            }
+        }
+        v
+    }
+
+    fn uniform_compliance(&self) -> R {
+        self.damping
+    }
+
+    #[inline(always)]
+    fn residual(&self, v: [R; N], lambda: [R; N], _has_eliminated: bool) -> R {
+        let (mu, rho) = (self.mu, self.step.rho);
+        let slip = mu * tangential_speed(&v);
+        let mut moved = lambda;
+        for k in 1..N {
+            moved[k] -= rho * v[k];
+        }
+        // The two forms are the same sum in different orders, with different rounding.
+        if N == 3 {
+            moved[0] -= rho * (v[0] + slip);
+        } else {
+            moved[0] -= rho * v[0];
+            moved[0] -= rho * slip;
+        }
+        let image = project(moved, mu);
+        let mut apart = ((lambda[0] - image[0]) * self.rigid_fraction).square();
+        for k in 1..N {
+            apart += (lambda[k] - image[k]).square();
+        }
+        apart.sqrt() * self.step.inv_rho
+    }
+
+    #[inline(always)]
+    fn normal_impulse(lambda: [R; N]) -> R {
+        lambda[0]
+    }
+
+    #[inline(always)]
+    fn add_potential(&self, lambda: [R; N], mut sum: R) -> R {
+        sum += self.compliance * R::of(0.5) * lambda[0].square();
+        for k in 0..N {
+            sum += self.g[k] * lambda[k];
         }
         sum
     }
 
     #[inline(always)]
-    fn add_potential(&self, impulses: &[[R; N]], mut sum: R) -> R {
-        for (contact, lambda) in self.rows.items.iter().zip(impulses) {
-            sum += contact.compliance * R::of(0.5) * lambda[0].square();
-            for k in 0..N {
-                sum += contact.g[k] * lambda[k];
-            }
+    fn shift(&mut self, moved: [R; N], lanes: R::Mask) {
+        let before = self.g[0];
+        for k in 0..N {
+            self.g[k] = R::select(lanes, moved[k], self.g[k]);
         }
-        sum
+        let position = self.position_g[0];
+        self.position_g[0] = R::select(lanes, position + (self.g[0] - before), position);
     }
 
     #[inline(always)]
-    fn shift(&self, rows: &mut Rows<FrictionContact<R, N, L>>, change: &[R], lanes: R::Mask) {
-        for contact in &mut rows.items {
-            let moved = self.velocity(contact, change);
-            let before = contact.g[0];
-            for k in 0..N {
-                contact.g[k] = R::select(lanes, moved[k], contact.g[k]);
-            }
-            let position = contact.position_g[0];
-            contact.position_g[0] = R::select(lanes, position + (contact.g[0] - before), position);
+    fn undamped_offset(&self) -> R {
+        self.g[0]
+    }
+
+    #[inline(always)]
+    fn damp(&mut self, lambda: [R; N], damping: Damping<R>, floor: R) {
+        let mobility = self.local.mobility(&self.step) + floor;
+        let correction = self.position_g[0] - self.g[0];
+        let compliance = masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility);
+        self.damping += compliance;
+        for k in 0..N {
+            self.g[k] -= compliance * lambda[k];
         }
+        self.local.damp(compliance, &mut self.step);
     }
 
     #[inline(always)]
-    fn damp(
-        &self,
-        rows: &mut Rows<FrictionContact<R, N, L>>,
-        impulses: &[[R; N]],
-        damping: Damping<R>,
-        floors: &[R],
-        [reference_lambda, reference_g]: [&mut Vec<R>; 2],
-    ) {
-        for ((contact, &lambda), &floor) in rows.items.iter_mut().zip(impulses).zip(floors) {
-            reference_lambda.push(lambda[0]);
-            reference_g.push(contact.g[0]);
-            let mobility = contact.local.mobility(&contact.step) + floor;
-            contact.damp(damping_compliance(damping, contact.position_g[0] - contact.g[0], mobility), lambda);
-        }
-        rows.compliant = true;
+    fn shortfall(&self, change: R) -> R {
+        (self.damping * change).abs()
     }
 
     #[inline(always)]
-    fn shortfall(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], before: &[R], mut most: R) -> R {
-        for ((contact, now), &before) in rows.items.iter().zip(impulses).zip(before) {
-            most = most.max(masked(contact.active, (contact.damping * (now[0] - before)).abs()));
-        }
-        most
+    fn immovable_target(&self) -> R {
+        -self.g[0]
     }
 
     #[inline(always)]
-    fn immovable_target(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
-        for contact in &rows.items {
-            most = most.max(masked(contact.immovable, -contact.g[0]));
-        }
-        most
+    fn unmet_velocity(&self) -> R {
+        -(self.g[0].max(self.position_g[0]))
     }
 
     #[inline(always)]
-    fn unmet_velocity(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
-        for contact in &rows.items {
-            most = most.max(masked(contact.immovable, -(contact.g[0].max(contact.position_g[0]))));
-        }
-        most
-    }
-
-    #[inline(always)]
-    fn witness(
-        &self,
-        rows: &Rows<FrictionContact<R, N, L>>,
-        impulses: &[[R; N]],
-        reference: ReferenceRows<'_, R>,
-        w: &[R],
-        momentum: &mut [R],
-        mut missing_work: R,
-    ) -> R {
-        for ((contact, now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
-            // A compliant row can always meet its target.
-            let hard = contact.active.and_not(contact.compliance.gt(R::zero()));
-            let z = masked(hard, (now[0] - before).max(R::zero()));
-            let u = self.velocity(contact, w)[0] - contact.g[0] + g;
-            missing_work -= z * u;
-            let mut d = [R::zero(); N];
-            d[0] = z;
-            self.add(contact, d, momentum);
-        }
-        missing_work
-    }
-}
-
-impl<R: Real, const N: usize, L> Index<usize> for FrictionContacts<R, N, L> {
-    type Output = FrictionContact<R, N, L>;
-
-    #[inline(always)]
-    fn index(&self, i: usize) -> &Self::Output {
-        &self.rows.items[i]
-    }
-}
-
-impl<R: Real, const N: usize, L> IndexMut<usize> for FrictionContacts<R, N, L> {
-    #[inline(always)]
-    fn index_mut(&mut self, i: usize) -> &mut Self::Output {
-        &mut self.rows.items[i]
+    fn witness(&self, now: R, before: R) -> R {
+        // A compliant row can always meet its target.
+        let hard = self.active.and_not(self.compliance.gt(R::zero()));
+        masked(hard, (now - before).max(R::zero()))
     }
 }
 
@@ -883,7 +616,7 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
 
 /// Largest number of iterations for the friction multiplier of a sliding contact. Each is a Newton step, or a bisection where a Newton step
 /// would leave the interval that contains the solution. One to three iterations are usual; bisections from a poor start take more.
-pub(super) const MAX_NEWTON: usize = 24;
+const MAX_NEWTON: usize = 24;
 
 /// Relative accuracy at which the Newton search for a sliding impulse takes its last step. The measure is the distance of the impulse from
 /// the surface of its friction cone, divided by the impulse.
@@ -891,6 +624,36 @@ pub(super) const MAX_NEWTON: usize = 24;
 /// A Newton step squares this distance. An accuracy of about the square root of the rounding error is therefore enough before the last
 /// step.
 #[inline(always)]
-pub(super) fn near<R: Real>() -> R {
+fn near<R: Real>() -> R {
     R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())
+}
+
+/// Multiplier s > 0 of the friction disc of a slipping contact, for which |x(s)| = mu n(s). Here x is the tangential and n the normal
+/// impulse.
+///
+/// Newton's method solves mu n / |x| = 1 in the lanes `todo`, inside a bracket and from `guess`. Where the bracket has no upper end, it
+/// grows by `widening`. Once the relative error is below [`near`], the method makes one more step and does not test the error again.
+/// `sliding` returns |x|^2, n, and the derivative of mu n / |x| with respect to s, times |x|^3 / mu.
+#[inline(always)]
+pub(super) fn slip_multiplier<R: Real>(mu: R, guess: R, widening: R, mut todo: R::Mask, sliding: impl Fn(R) -> [R; 3]) -> R {
+    let near = near::<R>();
+    let unbounded = R::of(f64::INFINITY);
+    let (mut lo, mut hi, mut s) = (R::zero(), unbounded, guess);
+    for _ in 0..MAX_NEWTON {
+        let [square, n, slope] = sliding(s);
+        let length = square.sqrt();
+        let excess = mu * n - length;
+        let low = excess.lt(R::zero());
+        lo = R::select(low, s, lo);
+        hi = R::select(low, hi, s);
+        let newton = s - excess * square / (mu * slope);
+        let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + widening);
+        let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
+        s = R::select(todo, R::select(inside, newton, bisect), s);
+        todo = todo.and_not(excess.abs().le(near * length));
+        if todo.none() {
+            break;
+        }
+    }
+    s
 }

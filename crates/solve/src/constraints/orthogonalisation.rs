@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use crate::cone::masked;
 use crate::constraints::scalar::{ScalarRow, ScalarRows};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Ratio of the squared length of a row after projection to that before it, above which the row is independent of the others. For smaller
 /// ratios the sizes of the entries decide.
@@ -92,8 +92,8 @@ impl<R: Real> ScalarRows<R> {
         let tolerance = R::of(dependence_threshold::<R>());
         let RowScales { lengths, velocities, mut entries } = scales;
         for (k, &length) in rows.clone().zip(lengths) {
-            let at = self.rows.items[k].y;
-            let n = self.rows.items[k].num_columns;
+            let at = self.rows.items[k].span.y;
+            let n = self.rows.items[k].span.num_columns;
             for j in rows.start..k {
                 let coefficient = self.remove_projection(k, j, None);
                 let (i, square) = (j - rows.start, coefficient * coefficient);
@@ -145,35 +145,32 @@ impl<R: Real> ScalarRows<R> {
         [scales, coefficients]: [&mut [R]; 2],
         right_hand_sides: &mut [[R; N]],
     ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let threshold = R::of(entry_threshold::<R>());
-                let rounding = R::of(ROUNDING_RATIO / entry_threshold::<R>());
-                let n = scales.len();
-                for (j, coefficient) in others.clone().zip(&mut *coefficients) {
-                    let row = &self.rows.items[j];
-                    let mut square = R::zero();
-                    for (&scale, &y) in scales.iter().zip(self.y.row(row.y, n)) {
-                        square += scale * y.square();
-                    }
-                    *coefficient = square * row.inv_diagonal.square();
+        kernel!(R, {
+            let threshold = R::of(entry_threshold::<R>());
+            let rounding = R::of(ROUNDING_RATIO / entry_threshold::<R>());
+            let n = scales.len();
+            for (j, coefficient) in others.clone().zip(&mut *coefficients) {
+                let row = &self.rows.items[j];
+                let mut square = R::zero();
+                for (&scale, &y) in scales.iter().zip(self.y.row(row.span.y, n)) {
+                    square += scale * y.square();
                 }
-                for (j, &error) in others.clone().zip(&*coefficients) {
-                    let coefficient = self.remove_projection(k, j, Some(lanes));
-                    let square = error + rounding * coefficient.square();
-                    subtract_right_hand_sides(right_hand_sides, k - others.start, j - others.start, coefficient);
-                    for (x, &y) in scales.iter_mut().zip(self.y.row(self.rows.items[j].y, n)) {
-                        *x += square * y.square();
-                    }
+                *coefficient = square * row.inv_diagonal.square();
+            }
+            for (j, &error) in others.clone().zip(&*coefficients) {
+                let coefficient = self.remove_projection(k, j, Some(lanes));
+                let square = error + rounding * coefficient.square();
+                subtract_right_hand_sides(right_hand_sides, k - others.start, j - others.start, coefficient);
+                for (x, &y) in scales.iter_mut().zip(self.y.row(self.rows.items[j].span.y, n)) {
+                    *x += square * y.square();
                 }
-                let mut independent = R::Mask::splat(false);
-                for (&y, &scale) in self.y.row(self.rows.items[k].y, n).iter().zip(&*scales) {
-                    independent = independent.or(y.square().gt(threshold * scale));
-                }
-                independent.and(lanes)
-            },
-        )
+            }
+            let mut independent = R::Mask::splat(false);
+            for (&y, &scale) in self.y.row(self.rows.items[k].span.y, n).iter().zip(&*scales) {
+                independent = independent.or(y.square().gt(threshold * scale));
+            }
+            independent.and(lanes)
+        })
     }
 
     /// Squared length of the row whose `n` entries begin at index `at`.
@@ -189,9 +186,9 @@ impl<R: Real> ScalarRows<R> {
     /// Subtracts from row `k` its projection on the earlier row `j`, in `lanes` or in all lanes. Returns the coefficient.
     #[inline(always)]
     fn remove_projection(&mut self, k: usize, j: usize, lanes: Option<R::Mask>) -> R {
-        let n = self.rows.items[k].num_columns;
-        debug_assert_eq!(n, self.rows.items[j].num_columns, "rows with the same columns");
-        let (before, row) = self.y.two_rows(self.rows.items[j].y, self.rows.items[k].y, n);
+        let n = self.rows.items[k].span.num_columns;
+        debug_assert_eq!(n, self.rows.items[j].span.num_columns, "rows with the same columns");
+        let (before, row) = self.y.two_rows(self.rows.items[j].span.y, self.rows.items[k].span.y, n);
         let mut product = R::zero();
         for (&a, &b) in before.iter().zip(row.iter()) {
             product += a * b;

@@ -6,7 +6,7 @@
 //! row of zeros.
 
 use crate::cone::{masked, positive};
-use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
+use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
@@ -65,43 +65,32 @@ impl<R: Real> RollingSolver<R> {
 
     /// Solution for a sliding contact in the lanes `todo`.
     ///
-    /// The function solves |x(s)| = mu n(s) for the multiplier s > 0 by Newton's method on mu n / |x| = 1, inside a bracket and from
-    /// `guess`. Here x is the tangential and n the normal impulse. `push` is the normal impulse, N s, and `p` the tangential velocity in
-    /// the principal axes, m/s, both without any tangential impulse.
+    /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
+    /// The search for the multiplier starts at `guess`. The function returns the tangential impulse in the principal axes, the normal
+    /// impulse, and the multiplier.
     #[inline(always)]
-    fn slip(&self, mu: R, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
-        let zero = R::zero();
-        let near = near::<R>();
-        let unbounded = R::of(f64::INFINITY);
-        let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
-        for _ in 0..MAX_NEWTON {
-            let (rate, x, n) = self.sliding(p, push, s);
-            let length2 = dot(x, x);
-            let length = length2.sqrt();
-            let excess = mu * n - length;
-            let low = excess.lt(zero);
-            lo = R::select(low, s, lo);
-            hi = R::select(low, hi, s);
-            // Derivative of mu n / |x| with respect to s, times |x|^3 / mu.
-            let slope = dot(self.coupling, rate) * length2 + n * dot(x, rate);
-            let newton = s - excess * length2 / (mu * slope);
-            let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.nn);
-            let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
-            s = R::select(todo, R::select(inside, newton, bisect), s);
-            todo = todo.and_not(excess.abs().le(near * length));
-            if todo.none() {
-                break;
-            }
-        }
+    fn slip(&self, mu: R, p: [R; T], push: R, guess: R, todo: R::Mask) -> ([R; T], R, R) {
+        let s = slip_multiplier(
+            mu,
+            guess,
+            self.nn,
+            todo,
+            #[inline(always)]
+            |s| {
+                let (rate, x, n) = self.sliding(p, push, s);
+                let square = dot(x, x);
+                [square, n, dot(self.coupling, rate) * square + n * dot(x, rate)]
+            },
+        );
         // Scaling removes the remaining error of Newton's method, so that the impulse is on its cone.
         let (_, mut x, n) = self.sliding(p, push, s);
-        let n = n.max(zero);
+        let n = n.max(R::zero());
         let length = dot(x, x).sqrt();
-        let scale = mu * n / R::select(length.gt(zero), length, R::one());
+        let scale = mu * n / R::select(length.gt(R::zero()), length, R::one());
         for x in &mut x {
             *x *= scale;
         }
-        Slip { x, n, s }
+        (x, n, s)
     }
 
     /// Impulses of a sliding contact at the multiplier s of its friction disc. Returns minus the derivative of the tangential impulse with
@@ -190,10 +179,10 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
         if slides.any() {
             let slip = self.slip(mu, p, push, guess, slides);
             for i in 0..T {
-                x[i] = R::select(slides, slip.x[i], x[i]);
+                x[i] = R::select(slides, slip.0[i], x[i]);
             }
-            n = R::select(slides, slip.n, n);
-            s = masked(slides, slip.s);
+            n = R::select(slides, slip.1, n);
+            s = masked(slides, slip.2);
         }
         (self.impulse(masked(closing, n), x, closing), s)
     }
@@ -242,16 +231,6 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
         map.gather_into(&self.coupling, &mut out.coupling);
         out.step = map.gather(self.step);
     }
-}
-
-/// Solution of a sliding contact.
-struct Slip<R: Real> {
-    /// Tangential impulse in the principal axes, N s.
-    x: [R; T],
-    /// Normal impulse, N s.
-    n: R,
-    /// Multiplier of the friction disc |x_t| <= mu n, 1/kg: slip velocity divided by friction impulse.
-    s: R,
 }
 
 /// Largest number of iterations of Jacobi's method over all pairs of axes. The method converges quadratically: five dimensions take four to

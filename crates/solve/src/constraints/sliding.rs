@@ -2,10 +2,10 @@
 //! contact.
 
 use crate::cone::{masked, norm2};
-use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
+use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, NaturalStep, least_tangent, slip_multiplier};
 use crate::constraints::orthogonalisation::velocity_rounding;
 use crate::lane_map::LaneMap;
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Contact with sliding friction: rows (n, t1, t2).
 pub type SlidingContact<R> = FrictionContact<R, 3, SlidingSolver<R>>;
@@ -93,39 +93,28 @@ impl<R: Real> SlidingSolver<R> {
     /// Impulse of a slipping contact in the lanes `todo`, at the multiplier s > 0 for which |lambda_t(s)| = mu lambda_n(s).
     ///
     /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
-    /// Newton's method starts at `guess`. Once the relative error is below [`near`], the method makes one more step and does not test the
-    /// error again.
+    /// The search for the multiplier starts at `guess`. The function returns the tangential impulse in the principal axes, the normal
+    /// impulse, and the multiplier.
     #[inline(always)]
-    fn slip(&self, mu: R, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
-        let zero = R::zero();
-        let near = near::<R>();
-        let unbounded = R::of(f64::INFINITY);
-        let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
-        for _ in 0..MAX_NEWTON {
-            let Sliding { x, n, dn, .. } = self.sliding(p, push, s);
-            let length2 = x[0] * x[0] + x[1] * x[1];
-            let length = length2.sqrt();
-            let excess = mu * n - length;
-            let low = excess.lt(zero);
-            lo = R::select(low, s, lo);
-            hi = R::select(low, hi, s);
-            // Derivative of mu n / |x| with respect to s, times |x|^3 / mu.
-            let slope = dn * length2 + n * (x[0] * p[0] + x[1] * p[1]);
-            let newton = s - excess * length2 / (mu * slope);
-            let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.a[0]);
-            let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
-            s = R::select(todo, R::select(inside, newton, bisect), s);
-            todo = todo.and_not(excess.abs().le(near * length));
-            if todo.none() {
-                break;
-            }
-        }
+    fn slip(&self, mu: R, p: [R; 2], push: R, guess: R, todo: R::Mask) -> ([R; 2], R, R) {
+        let s = slip_multiplier(
+            mu,
+            guess,
+            self.a[0],
+            todo,
+            #[inline(always)]
+            |s| {
+                let Sliding { x, n, dn, .. } = self.sliding(p, push, s);
+                let square = x[0] * x[0] + x[1] * x[1];
+                [square, n, dn * square + n * (x[0] * p[0] + x[1] * p[1])]
+            },
+        );
         // Scaling removes the remaining error of Newton's method, so that the impulse is on its cone.
         let Sliding { x, n, d, .. } = self.sliding(p, push, s);
-        let n = (n / d).max(zero);
+        let n = (n / d).max(R::zero());
         let length = norm2(x[0], x[1]);
-        let scale = mu * n / R::select(length.gt(zero), length, R::one());
-        Slip { x: [x[0] * scale, x[1] * scale], n, s }
+        let scale = mu * n / R::select(length.gt(R::zero()), length, R::one());
+        ([x[0] * scale, x[1] * scale], n, s)
     }
 
     /// Impulse of a slipping contact at the multiplier s of its friction disc, times det(A + s), so that no division is needed.
@@ -149,12 +138,12 @@ impl<R: Real> SlidingContacts<R> {
     /// If fewer than three degrees of freedom move the contact, some impulse changes no velocity. If the cone contains this impulse, the
     /// impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot produce then have no solution.
     pub fn is_self_locking(&self) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || match self.rows.items.last() {
+        kernel!(
+            R,
+            match self.rows.items.last() {
                 Some(contact) => contact.active.and(contact.local.is_self_locking(contact.mu, contact.g)),
                 None => R::Mask::splat(false),
-            },
+            }
         )
     }
 }
@@ -211,9 +200,9 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         let (mut x, mut n, mut s) = (stick, R::select(has_friction, sticking, push), zero);
         if slides.any() {
             let slip = self.slip(mu, p, push, guess, slides);
-            x = [R::select(slides, slip.x[0], x[0]), R::select(slides, slip.x[1], x[1])];
-            n = R::select(slides, slip.n, n);
-            s = masked(slides, slip.s);
+            x = [R::select(slides, slip.0[0], x[0]), R::select(slides, slip.0[1], x[1])];
+            n = R::select(slides, slip.1, n);
+            s = masked(slides, slip.2);
         }
         let x = [masked(has_friction, x[0]), masked(has_friction, x[1])];
         ([masked(closing, n), masked(closing, cos * x[0] - sin * x[1]), masked(closing, sin * x[0] + cos * x[1])], s)
@@ -281,14 +270,4 @@ struct Sliding<R: Real> {
     dn: R,
     /// Determinant det(A + s) of the tangential matrix A plus the multiplier s (slip velocity divided by friction impulse).
     d: R,
-}
-
-/// Solution of a sliding contact.
-struct Slip<R: Real> {
-    /// Tangential impulse of the contact in the principal axes of the tangential matrix A, N s.
-    x: [R; 2],
-    /// Normal impulse of the contact, N s.
-    n: R,
-    /// Multiplier of the friction disc |x_t| <= mu n, 1/kg: slip velocity divided by friction impulse.
-    s: R,
 }

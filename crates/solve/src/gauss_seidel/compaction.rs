@@ -7,7 +7,7 @@ use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::{Compacted, Iterate};
 use crate::lane_map::LaneMap;
 use crate::problem::System;
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 /// Gathers the running lanes into registers of half the width, if they fit there, and makes sweeps (Gauss-Seidel iterations) until all have
 /// paused. Returns whether they fit.
@@ -32,14 +32,11 @@ pub(super) fn sweep_compacted<R: Real>(system: System<'_, R>, iterate: &mut Iter
         most_sweeps: progress.most_sweeps,
         extrapolated: map.gather_mask::<R>(progress.extrapolated),
     };
-    R::Half::vectorize(
-        #[inline(always)]
-        || {
-            while half.running.any() {
-                half.sweep((&*part).into(), own);
-            }
-        },
-    );
+    kernel!(R::Half, {
+        while half.running.any() {
+            half.sweep((&*part).into(), own);
+        }
+    });
     iterate.scatter(&map, own);
     map.scatter(half.sweeps, &mut progress.sweeps);
     map.scatter_mask::<R>(half.extrapolated, &mut progress.extrapolated);

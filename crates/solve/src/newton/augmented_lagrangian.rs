@@ -14,7 +14,7 @@ use crate::newton::dense::Dense;
 use crate::newton::island::{Block, Island};
 use crate::newton::skyline::Skyline;
 use crate::vectors::{add_scaled, inner, norm};
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 /// Smallest size of a pivot of Newton's matrix for the exact friction law. Without constraints the matrix is the identity. Friction may
 /// reduce a pivot to zero, in Painleve's paradox.
@@ -110,10 +110,7 @@ impl AugmentedLagrangian {
     /// Returns an upper bound of the gradient, expressed as the velocity of a row, m/s, or infinity if the matrix cannot be factorised.
     /// Nearly all of the time is spent here, so that it runs with the instructions of the CPU level of `R`.
     pub(super) fn advance<R: Real>(&mut self, rows: &mut Island, implicit: bool) -> f64 {
-        R::vectorize(
-            #[inline(always)]
-            || self.step(rows, implicit),
-        )
+        kernel!(R, self.step(rows, implicit))
     }
 
     /// Makes a Newton step with a line search, without selecting the CPU level: the body of [`AugmentedLagrangian::advance`].

@@ -8,6 +8,7 @@ use stepper_real::Real;
 use std::ops::Range;
 
 use crate::admissible_set::AdmissibleSet;
+use crate::constraints::constraint_set::LaneConstraint;
 use crate::newton::lane::Lane;
 use crate::vectors::{TILE, add_to_tiles, dot, inner};
 
@@ -93,26 +94,23 @@ impl Island {
             }
             self.g.extend(bits(used_rows).map(|r| lane.g[block.rows.start + r]));
             self.lambda.extend(bits(used_rows).map(|r| lane.lambda[block.rows.start + r]));
-            let own = if block.normal_compliance > 0.0 { dim } else { 0 };
+            let LaneConstraint { set, compliance, normal_compliance, trace_ratio } = block.constraint;
+            let own = if normal_compliance > 0.0 { dim } else { 0 };
             let bodies = &entries[..entries.len() - own];
-            let damped = block.compliance * dim as f64;
-            let trace = (inner(entries, entries) + damped) * block.trace_ratio;
-            let normal = bodies.iter().step_by(dim).map(|y| y * y).sum::<f64>() + block.compliance;
+            let damped = compliance * dim as f64;
+            let trace = (inner(entries, entries) + damped) * trace_ratio;
+            let normal = bodies.iter().step_by(dim).map(|y| y * y).sum::<f64>() + compliance;
             self.blocks.push(Block {
-                set: block.set,
+                set,
                 tiles,
                 y: at..self.y.len(),
                 rows: row..self.g.len(),
                 used_rows,
                 trace,
                 rho: dim as f64 / trace,
-                compliance: block.compliance,
-                natural_step: if own == 0 {
-                    dim as f64 / trace
-                } else {
-                    dim as f64 / ((inner(bodies, bodies) + damped) * block.trace_ratio)
-                },
-                rigid_fraction: if own == 0 { 1.0 } else { normal / (normal + block.normal_compliance) },
+                compliance,
+                natural_step: if own == 0 { dim as f64 / trace } else { dim as f64 / ((inner(bodies, bodies) + damped) * trace_ratio) },
+                rigid_fraction: if own == 0 { 1.0 } else { normal / (normal + normal_compliance) },
             });
         }
     }

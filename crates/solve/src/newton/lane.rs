@@ -4,8 +4,7 @@
 
 use std::ops::Range;
 
-use crate::admissible_set::AdmissibleSet;
-use crate::constraints::constraint_set::{ConstraintSet, Impulse, LaneConstraint, LaneReceiver, number_of};
+use crate::constraints::constraint_set::{ConstraintSet, Impulse, LaneConstraint, Row, Rows, has_lane, number_of};
 use crate::constraints::each_kind;
 use crate::iterate::Iterate;
 use crate::problem::System;
@@ -14,8 +13,9 @@ use stepper_real::{Real, Scalar};
 /// Rows of one constraint of a lane.
 #[derive(Clone, Debug)]
 pub(super) struct LaneBlock {
-    /// Set of the constraint's admissible impulses.
-    pub(super) set: AdmissibleSet,
+    /// Admissible impulses and compliances. If the additional compliance is not 0, the constraint has an extra coordinate, whose entry is
+    /// the root of this compliance.
+    pub(super) constraint: LaneConstraint,
     /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
     pub(super) kind: usize,
     /// Index of the constraint among the constraints of its kind, in the problem of all lanes.
@@ -26,14 +26,6 @@ pub(super) struct LaneBlock {
     y: usize,
     /// Range of the constraint's rows in [`Lane::g`] and [`Lane::lambda`].
     pub(super) rows: Range<usize>,
-    /// Compliance R >= 0 of each row of the constraint, 1/kg: it is added to the diagonal of the Delassus matrix G.
-    pub(super) compliance: f64,
-    /// Additional compliance of the constraint's first row, 1/kg. If it is not 0, the constraint has an extra coordinate, whose entry is
-    /// the root of this compliance.
-    pub(super) normal_compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
-    /// Delassus matrix.
-    pub(super) trace_ratio: f64,
 }
 
 /// Rows of one lane, stored sparse.
@@ -44,7 +36,7 @@ pub(super) struct Lane {
     /// Index of the kind of constraint that is being gathered.
     kind: usize,
     /// Coordinates of the constraints, one constraint after the other.
-    columns: Vec<u32>,
+    pub(super) columns: Vec<u32>,
     /// Entries of the scaled Jacobian: for each coordinate, those of all rows of the constraint.
     y: Vec<f64>,
     /// Offset g of each row, m/s: its velocity before any impulse, plus its bias (minus the target velocity).
@@ -57,8 +49,8 @@ pub(super) struct Lane {
     /// Part of the scaled velocity change w by eliminated rows. These rows are solved already, and no other row depends on this part.
     eliminated: Vec<f64>,
     /// Extra coordinates of the scaled velocity change w: one for each normal row with an additional compliance
-    /// ([`LaneBlock::normal_compliance`]). In the scaled Jacobian, this row has the square root of that compliance there, and no other row
-    /// has an entry.
+    /// ([`LaneConstraint::normal_compliance`]). In the scaled Jacobian, this row has the square root of that compliance there, and no
+    /// other row has an entry.
     ///
     /// The coordinates have the effect of the additional compliances. Newton's method itself supports only compliances that are the same
     /// for all rows of a cone.
@@ -79,7 +71,7 @@ impl Lane {
         self.eliminated.resize(iterate.w.len(), 0.0);
         self.kind = 0;
         each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
-            set.gather_lane(rows, impulses, lane, self);
+            self.gather_kind(set, rows, impulses, lane);
             self.kind += 1;
         });
         self.w.extend(iterate.w.iter().zip(&self.eliminated).map(|(&x, part)| number_of(x, lane) - part));
@@ -113,11 +105,6 @@ impl Lane {
         busy
     }
 
-    /// Coordinates of all constraints, one constraint after the other.
-    pub(super) fn all_columns(&self) -> &[u32] {
-        &self.columns
-    }
-
     /// Copies the impulses and the scaled velocity change w back to lane `lane` of an iterate.
     pub(super) fn scatter<R: Real>(&self, lane: usize, iterate: &mut Iterate<R>) {
         let mut kinds = 0..;
@@ -134,34 +121,50 @@ impl Lane {
             to.set_lane(lane, Scalar::from_f64(x + part));
         }
     }
-}
 
-impl LaneReceiver for Lane {
-    /// Appends a constraint. An immovable constraint (without entries) is left out, because its impulses have no effect.
-    fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, columns: &[u32], entries: impl Iterator<Item = [f64; N]>) {
-        let LaneConstraint { set, source, g, lambda, compliance, normal_compliance, trace_ratio } = constraint;
-        let (s0, y0, row) = (self.columns.len(), self.y.len(), self.g.len());
-        for (&c, y) in columns.iter().zip(entries) {
-            if y.iter().any(|&y| y != 0.0) {
-                self.columns.push(c);
-                self.y.extend_from_slice(&y);
+    /// Gathers the constraints of one kind that exist in lane `lane`.
+    fn gather_kind<R: Real, T: Row<R>>(&mut self, set: &ConstraintSet<R, T>, rows: &Rows<T>, impulses: &[T::Impulse], lane: usize) {
+        for (source, (row, &lambda)) in rows.items.iter().zip(impulses).enumerate() {
+            let (columns, y) = set.entries(row);
+            let entries = y.iter().map(|y| y.numbers(lane));
+            let [g, lambda] = [row.offsets()[0], lambda].map(|x| x.numbers(lane));
+            if source < set.eliminated {
+                let change = entries.map(|y| y.as_ref()[0] * lambda.as_ref()[0]);
+                columns.iter().zip(change).for_each(|(&c, change)| self.eliminated[c as usize] += change);
+            } else if has_lane::<R>(row.active(), lane) {
+                self.add(row.lane_constraint(lane), source, [g.as_ref(), lambda.as_ref()], columns, entries);
             }
-        }
-        if self.columns.len() > s0 {
-            if normal_compliance > 0.0 {
-                let entry = normal_compliance.sqrt();
-                self.columns.push((self.eliminated.len() + self.own.len()) as u32);
-                self.y.extend((0..N).map(|row| if row == 0 { entry } else { 0.0 }));
-                self.own.push(entry * lambda[0]);
-            }
-            self.g.extend_from_slice(&g);
-            self.lambda.extend_from_slice(&lambda);
-            let (columns, rows) = (s0..self.columns.len(), row..row + N);
-            self.blocks.push(LaneBlock { set, kind: self.kind, source, columns, y: y0, rows, compliance, normal_compliance, trace_ratio });
         }
     }
 
-    fn add_eliminated(&mut self, columns: &[u32], change: impl Iterator<Item = f64>) {
-        columns.iter().zip(change).for_each(|(&c, change)| self.eliminated[c as usize] += change);
+    /// Appends a constraint with the offsets g and the impulses lambda of its rows. `source` is its index among the constraints of its
+    /// kind. An immovable constraint (without entries) is left out, because its impulses have no effect.
+    pub(super) fn add<T: AsRef<[f64]>>(
+        &mut self,
+        constraint: LaneConstraint,
+        source: usize,
+        [g, lambda]: [&[f64]; 2],
+        columns: &[u32],
+        entries: impl Iterator<Item = T>,
+    ) {
+        let (s0, y0, row) = (self.columns.len(), self.y.len(), self.g.len());
+        for (&c, y) in columns.iter().zip(entries) {
+            if y.as_ref().iter().any(|&y| y != 0.0) {
+                self.columns.push(c);
+                self.y.extend_from_slice(y.as_ref());
+            }
+        }
+        if self.columns.len() > s0 {
+            if constraint.normal_compliance > 0.0 {
+                let entry = constraint.normal_compliance.sqrt();
+                self.columns.push((self.eliminated.len() + self.own.len()) as u32);
+                self.y.extend((0..g.len()).map(|row| if row == 0 { entry } else { 0.0 }));
+                self.own.push(entry * lambda[0]);
+            }
+            self.g.extend_from_slice(g);
+            self.lambda.extend_from_slice(lambda);
+            let (columns, rows) = (s0..self.columns.len(), row..row + g.len());
+            self.blocks.push(LaneBlock { constraint, kind: self.kind, source, columns, y: y0, rows });
+        }
     }
 }

@@ -81,14 +81,14 @@ impl Ordering {
         let n = lane.w.len();
         self.begin.clear();
         self.begin.resize(n + 2, 0);
-        for &c in lane.all_columns() {
+        for &c in &lane.columns {
             self.begin[c as usize + 2] += 1;
         }
         for c in 2..n + 2 {
             self.begin[c] += self.begin[c - 1];
         }
         self.blocks.clear();
-        self.blocks.resize(lane.all_columns().len(), 0);
+        self.blocks.resize(lane.columns.len(), 0);
         for (i, block) in lane.blocks.iter().enumerate() {
             for &c in lane.columns(block) {
                 let at = &mut self.begin[c as usize + 1];

@@ -6,7 +6,7 @@
 //! theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until every step reduces the residual to a
 //! tenth. Rounding bounds kappa, see [`largest_kappa`].
 //!
-//! Every loop has a bound. A search makes at most `Criteria::steps` Newton steps, [`EXACT_RATIO`] times as many for the exact friction law,
+//! Every loop has a bound. A search makes at most `Search::steps` Newton steps, [`EXACT_RATIO`] times as many for the exact friction law,
 //! and as many rounds. Besides its Newton steps, each round evaluates the problem at most twice. The search ends when a round changes
 //! nothing.
 
@@ -72,19 +72,23 @@ pub enum Terms {
     ConstantThenExact,
     /// The friction law is exact: De Saxce's terms mu |v_t| follow the velocities in every Newton step.
     Exact,
+    /// Terms as in [`Terms::Constant`], for the impulses of least norm (in the metric of 1/rho) if many impulses are possible.
+    ///
+    /// These impulses do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller
+    /// residual than before.
+    LeastNorm,
 }
 
-/// Criteria at which the search of an island stops.
+/// Limits, tolerance and method of [`Newton::solve`](crate::newton::Newton::solve). `T` has one tolerance, or one per lane.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Criteria {
+pub struct Search<T> {
+    /// Largest number of Newton steps of an island, and of rounds of the outer loop; [`EXACT_RATIO`] times as many for the exact friction
+    /// law.
+    pub steps: u32,
     /// Residual at which the search stops, m/s.
-    pub(super) tolerance: f64,
-    /// Largest number of Newton steps, and of rounds of the outer loop; [`EXACT_RATIO`] times as many for the exact friction law.
-    pub(super) steps: u32,
-    /// Whether to find the impulses of least norm among many possible ones, instead of those near the start.
-    pub(super) least_norm: bool,
+    pub tolerance: T,
     /// Treatment of De Saxce's terms mu |v_t| of Coulomb's law.
-    pub(super) terms: Terms,
+    pub terms: Terms,
 }
 
 /// Proximal-point method on one island: its workspace and its progress.
@@ -141,15 +145,12 @@ impl ProximalPoint {
     /// steps.
     ///
     /// The residual never increases, unless impulses of least norm are sought.
-    pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
-        self.lagrangian.reset(rows);
-        (self.steps, self.rounds) = (0, 0);
-        self.residual = rows.residual(&mut self.v);
-        self.best.save(rows, self.residual);
+    pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, search: Search<f64>) -> u32 {
+        self.start(rows);
         self.reset_slip(rows);
-        let mut most = largest_kappa(&self.lagrangian.slip, criteria.tolerance);
+        let mut most = largest_kappa(&self.lagrangian.slip, search.tolerance);
         let mut kappa = KAPPA[0].min(most);
-        if criteria.least_norm {
+        if search.terms == Terms::LeastNorm {
             // A proximal step from zero impulses. Newton's method starts at the present motion.
             rows.lambda.fill(0.0);
             self.best.residual = f64::INFINITY;
@@ -162,16 +163,13 @@ impl ProximalPoint {
         let (mut rounds_to_try, mut next_wait) = (1, 1);
         // Kappa at which the matrix had no factors.
         let mut broken = f64::INFINITY;
-        while self.steps < criteria.steps
-            && self.rounds < criteria.steps
-            && self.best.residual > criteria.tolerance
-            && self.residual.is_finite()
+        while self.steps < search.steps && self.rounds < search.steps && self.best.residual > search.tolerance && self.residual.is_finite()
         {
             self.rounds += 1;
             if rounds_to_try == 0 {
                 self.lagrangian.kappa = implicit_kappa;
                 let last = self.residual;
-                if self.try_implicit::<R>(rows, criteria) && (self.residual < 0.9 * last || implicit_kappa < KAPPA[1].min(most)) {
+                if self.try_implicit::<R>(rows, search) && (self.residual < 0.9 * last || implicit_kappa < KAPPA[1].min(most)) {
                     implicit_kappa = (10.0 * implicit_kappa).min(KAPPA[1]).min(most);
                     next_wait = 1;
                     continue;
@@ -182,7 +180,7 @@ impl ProximalPoint {
             rounds_to_try -= 1;
             self.lagrangian.kappa = kappa;
             let before = self.residual;
-            if !self.minimise::<R>(rows, criteria) {
+            if !self.minimise::<R>(rows, search) {
                 // Repeats the step with a kappa whose matrix has factors, from the last finite result.
                 rows.w.clone_from(&self.best.w);
                 broken = kappa;
@@ -196,7 +194,7 @@ impl ProximalPoint {
             let off = self.recompute_slip(rows);
             // A residual that remains although De Saxce's terms are right is caused by proximal steps that are too short.
             let short = self.residual > 0.1 * before && off < 0.1 * self.residual;
-            most = largest_kappa(&self.lagrangian.slip, criteria.tolerance).min(0.01 * broken);
+            most = largest_kappa(&self.lagrangian.slip, search.tolerance).min(0.01 * broken);
             let last = kappa;
             kappa = if short { 10.0 * kappa } else { kappa }.max(KAPPA[1]).min(most);
             if !moved && off == 0.0 && kappa == last {
@@ -213,20 +211,17 @@ impl ProximalPoint {
     /// With De Saxce's terms mu |v_t| constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at
     /// once. A long step of the exact friction law switches too many of them for Newton's method. A short step is a small correction, and
     /// unlike a sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
-    pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
-        self.lagrangian.reset(rows);
-        (self.steps, self.rounds) = (0, 0);
-        self.residual = rows.residual(&mut self.v);
-        self.best.save(rows, self.residual);
+    pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, search: Search<f64>) -> u32 {
+        self.start(rows);
         let small = rows.w.len() <= SMALL;
         // The other steps of the limit are for the search with constant terms.
-        let ratio = if small && criteria.terms == Terms::ConstantThenExact { EXACT_RATIO - 1 } else { EXACT_RATIO };
-        let most_steps = criteria.steps.saturating_mul(ratio);
+        let ratio = if small && search.terms == Terms::ConstantThenExact { EXACT_RATIO - 1 } else { EXACT_RATIO };
+        let most_steps = search.steps.saturating_mul(ratio);
         let mut kappa = FIRST_EXACT_KAPPA[usize::from(!small)];
-        while self.steps < most_steps && self.best.residual > criteria.tolerance && self.residual.is_finite() {
+        while self.steps < most_steps && self.best.residual > search.tolerance && self.residual.is_finite() {
             self.rounds += 1;
             self.lagrangian.kappa = kappa;
-            match self.step_exactly::<R>(rows, criteria, most_steps) {
+            match self.step_exactly::<R>(rows, search, most_steps) {
                 Some((_, false)) if kappa >= MOST_EXACT_KAPPA => break,
                 Some((steps, _)) if steps <= FEW_STEPS => kappa = (2.0 * kappa).min(MOST_EXACT_KAPPA),
                 Some(_) => {}
@@ -236,23 +231,31 @@ impl ProximalPoint {
         }
         // The remaining error of a sticking contact would accumulate from step to step. One more long proximal step removes nearly all of
         // it.
-        if self.steps > 0 && self.best.residual <= criteria.tolerance {
+        if self.steps > 0 && self.best.residual <= search.tolerance {
             self.rounds += 1;
             self.lagrangian.kappa = MOST_EXACT_KAPPA;
-            self.step_exactly::<R>(rows, criteria, most_steps.min(self.steps + LAST_STEPS));
+            self.step_exactly::<R>(rows, search, most_steps.min(self.steps + LAST_STEPS));
         }
         self.best.restore(rows);
         self.steps
+    }
+
+    /// Resets the workspace for the search of an island.
+    fn start(&mut self, rows: &Island) {
+        self.lagrangian.reset(rows);
+        (self.steps, self.rounds) = (0, 0);
+        self.residual = rows.residual(&mut self.v);
+        self.best.save(rows, self.residual);
     }
 
     /// Makes a proximal step with the exact friction law, to an error of at most a tenth of the present residual. Returns its number of
     /// Newton steps, and whether it changed any impulse.
     ///
     /// Returns `None`, and changes nothing, if Newton's method does not converge. `most_steps` limits the Newton steps of the whole search.
-    fn step_exactly<R: Real>(&mut self, rows: &mut Island, criteria: Criteria, most_steps: u32) -> Option<(u32, bool)> {
+    fn step_exactly<R: Real>(&mut self, rows: &mut Island, search: Search<f64>, most_steps: u32) -> Option<(u32, bool)> {
         self.before.save(rows, self.residual);
         let start = self.lagrangian.evaluate(rows, true);
-        let enough = 0.1 * self.residual.max(criteria.tolerance);
+        let enough = 0.1 * self.residual.max(search.tolerance);
         for taken in 1..=MOST_STEPS {
             if self.steps >= most_steps {
                 break;
@@ -293,11 +296,11 @@ impl ProximalPoint {
     /// while these terms have large errors.
     ///
     /// Returns false if the matrix has no factors, or if numbers have diverged.
-    fn minimise<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
-        let enough = 0.1 * criteria.tolerance.max(0.1 * self.residual.min(1e-3));
+    fn minimise<R: Real>(&mut self, rows: &mut Island, search: Search<f64>) -> bool {
+        let enough = 0.1 * search.tolerance.max(0.1 * self.residual.min(1e-3));
         let mut error = self.lagrangian.evaluate(rows, false);
         // A NaN error ends the loop too.
-        while error > enough && error.is_finite() && self.steps < criteria.steps {
+        while error > enough && error.is_finite() && self.steps < search.steps {
             self.steps += 1;
             error = self.lagrangian.advance::<R>(rows, false);
         }
@@ -306,11 +309,11 @@ impl ProximalPoint {
 
     /// Attempts a proximal step with the exact friction law. Returns whether Newton's method converged. If it did not, the impulses are
     /// unchanged.
-    fn try_implicit<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
+    fn try_implicit<R: Real>(&mut self, rows: &mut Island, search: Search<f64>) -> bool {
         self.before.save(rows, self.residual);
         let mut error = self.lagrangian.evaluate(rows, true);
         let (mut least, mut patience) = (error, PATIENCE);
-        while error > 0.1 * criteria.tolerance {
+        while error > 0.1 * search.tolerance {
             self.steps += 1;
             error = self.lagrangian.advance::<R>(rows, true);
             // Steps that find which contacts slip need not reduce the error.
@@ -322,7 +325,7 @@ impl ProximalPoint {
                 patience = 0;
                 least = f64::NAN;
             }
-            if least.is_nan() || self.steps >= criteria.steps {
+            if least.is_nan() || self.steps >= search.steps {
                 self.before.restore(rows);
                 return false;
             }

@@ -11,14 +11,16 @@
 //! Here dv is the change of the rows' velocities at constant impulses, due to changes of the free velocity, the targets or the Jacobians.
 //! The matrix is computed once. The change of the impulses is then a matrix-vector product (Le Lidec et al. 2024).
 
+use std::ops::Range;
+
 use crate::admissible_set::{AdmissibleSet, Piece, Product};
-use crate::constraints::constraint_set::{ConstraintSet, Impulse, number_of};
+use crate::constraints::constraint_set::{Impulse, number_of};
 use crate::constraints::each_kind;
 use crate::iterate::{Iterate, rows_of};
 use crate::newton::lane::{Lane, LaneBlock};
 use crate::problem::System;
 use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 /// Ratio of a pivot to the largest one below which a row depends linearly on the previous rows. Independent rows of a robot have far larger
 /// pivots.
@@ -137,6 +139,16 @@ struct Block {
 }
 
 impl Block {
+    /// Whether the impulse follows the loads: it is not at a bound, or at the tip of the cone.
+    fn is_active(&self) -> bool {
+        matches!(self.piece, Piece::Held | Piece::Sliding)
+    }
+
+    /// Range of the rows in the lists of the lane.
+    fn rows(&self) -> Range<usize> {
+        self.first..self.first + self.dim
+    }
+
     /// Whether exactly one of two constraints is damped: this one, and one with the compliance `compliance`, 1/kg.
     fn switches_damping(&self, compliance: f64) -> bool {
         self.compliance.min(compliance) < SAME_COMPLIANCE * self.compliance.max(compliance)
@@ -248,7 +260,7 @@ impl<R: Real> Response<R> {
                 let source = source.or_else(|| (0..counts[block.kind]).find(is_it));
                 let first = source.map(|source| kinds[block.kind][0] + block.dim * source);
                 found.push(first);
-                let own = &lambda[block.first..block.first + block.dim];
+                let own = &lambda[block.rows()];
                 match first {
                     Some(first) => set_lanes(&mut impulses[first..first + block.dim], l, own.iter().copied()),
                     None if own.iter().any(|&x| x != 0.0) => lost |= 1 << l,
@@ -328,13 +340,10 @@ impl<R: Real> Response<R> {
             rest = others;
         });
         let _ = rest;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                iterate.compute_w(system.problem);
-                iterate.solve_eliminated(system, R::Mask::splat(true));
-            },
-        );
+        kernel!(R, {
+            iterate.compute_w(system.problem);
+            iterate.solve_eliminated(system, R::Mask::splat(true));
+        });
     }
 
     /// Computes the velocities of all rows at the impulses of an iterate.
@@ -342,14 +351,11 @@ impl<R: Real> Response<R> {
         self.collect_impulses(iterate);
         self.velocities.clear();
         let velocities = &mut self.velocities;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
-                    set.velocities(rows, impulses, &iterate.w, velocities);
-                });
-            },
-        );
+        kernel!(R, {
+            each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
+                set.velocities(rows, impulses, &iterate.w, velocities);
+            });
+        });
     }
 
     /// Appends the compliances of all rows of a system to the list `compliances`.
@@ -384,7 +390,7 @@ impl LaneResponse {
         self.lambda.extend_from_slice(&lane.lambda);
         for block in &lane.blocks {
             self.blocks.push(Block {
-                set: block.set,
+                set: block.constraint.set,
                 piece: Piece::Open,
                 margin: 0.0,
                 kind: block.kind,
@@ -393,7 +399,7 @@ impl LaneResponse {
                 first: block.rows.start,
                 dim: block.rows.len(),
                 rho: natural_step(lane, block),
-                compliance: block.compliance,
+                compliance: block.constraint.compliance,
             });
         }
     }
@@ -402,11 +408,11 @@ impl LaneResponse {
     fn find_pieces(&mut self) {
         self.active.clear();
         for block in &mut self.blocks {
-            let rows = block.first..block.first + block.dim;
+            let rows = block.rows();
             let z = moved(block, &self.lambda[rows.clone()], &self.velocity[rows.clone()]);
             block.piece = block.set.piece(&z[..block.dim]);
             block.margin = block.set.margin(block.piece, &z[..block.dim]).0;
-            if matches!(block.piece, Piece::Held | Piece::Sliding) {
+            if block.is_active() {
                 self.active.extend(rows);
             }
         }
@@ -435,15 +441,14 @@ impl LaneResponse {
     fn update_impulses<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
         let Self { blocks, lambda, velocity, matrix, found, change, .. } = self;
         change.clear();
-        let active = |block: &Block| matches!(block.piece, Piece::Held | Piece::Sliding);
-        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| active(block)) {
+        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.is_active()) {
             // A constraint that no longer exists has been reported already.
             change
                 .extend((0..block.dim).map(|i| first.map_or(0.0, |first| number_of(velocities[first + i], l) - velocity[block.first + i])));
         }
         change.resize(change.len().next_multiple_of(TILE), 0.0);
         let mut rows = matrix.chunks_exact(change.len().max(1));
-        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| active(block)) {
+        for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| block.is_active()) {
             for (i, row) in (0..block.dim).zip(&mut rows) {
                 if let Some(first) = first {
                     let answer = lambda[block.first + i] + inner_of_tiles(row, change);
@@ -460,7 +465,7 @@ impl LaneResponse {
 fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
     let (_, entries) = lane.entries(block);
     let dim = block.rows.len() as f64;
-    dim / (inner(entries, entries) + block.compliance * dim)
+    dim / (inner(entries, entries) + block.constraint.compliance * dim)
 }
 
 impl Linear {
@@ -468,20 +473,21 @@ impl Linear {
     /// bound) is known. Returns false if the motion depends on impulses that the rows do not determine.
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
-        let active = |block: &(&Block, &LaneBlock)| matches!(block.0.piece, Piece::Held | Piece::Sliding);
-        let blocks: Vec<(&Block, &LaneBlock)> = own.blocks.iter().zip(&lane.blocks).filter(active).collect();
+        let (mut blocks, mut next) = (vec![], 0);
+        for (block, from) in own.blocks.iter().zip(&lane.blocks).filter(|(block, _)| block.is_active()) {
+            blocks.push((next, block, from));
+            next += block.dim;
+        }
         let width = (dimension + lane.blocks.len()).next_multiple_of(TILE);
         self.dense.clear();
         self.dense.resize(n * width, 0.0);
-        let mut row = 0;
-        for (block, from) in &blocks {
+        for &(row, block, from) in &blocks {
             let (columns, entries) = lane.entries(from);
             for (&c, entries) in columns.iter().zip(entries.chunks_exact(block.dim)) {
                 for (i, &y) in entries.iter().enumerate() {
                     self.dense[(row + i) * width + c as usize] = y;
                 }
             }
-            row += block.dim;
         }
         let stride = n.next_multiple_of(TILE);
         self.delassus.clear();
@@ -493,18 +499,15 @@ impl Linear {
                 self.delassus[j * stride + i] = g;
             }
         }
-        let mut row = 0;
-        for (block, from) in &blocks {
-            (row..row + block.dim).for_each(|i| self.delassus[i * stride + i] += from.compliance);
-            row += block.dim;
+        for (row, block, _) in &blocks {
+            (*row..row + block.dim).for_each(|i| self.delassus[i * stride + i] += block.compliance);
         }
         self.left.clear();
         self.left.resize(n * stride, 0.0);
         self.right.clear();
         self.right.resize(n * stride, 0.0);
-        let mut row = 0;
-        for (block, _) in &blocks {
-            let (dim, rows) = (block.dim, block.first..block.first + block.dim);
+        for &(row, block, _) in &blocks {
+            let (dim, rows) = (block.dim, block.rows());
             let (lambda, v) = (&own.lambda[rows.clone()], &own.velocity[rows]);
             let z = &moved(block, lambda, v)[..dim];
             // The velocity of a constraint that does not slip is rounding error, and has no direction.
@@ -529,7 +532,6 @@ impl Linear {
                     self.right[(row + i) * stride + row + j] = -derivative[j];
                 }
             }
-            row += dim;
         }
         let rank = self.eliminate(n, stride);
         self.substitute(n, stride, rank, &mut own.matrix);
@@ -579,7 +581,7 @@ impl Linear {
         let [n, stride] = [own.active.len(), own.active.len().next_multiple_of(TILE)];
         let mut compliance = vec![0.0; own.lambda.len()];
         for (block, before) in own.blocks.iter().zip(&before.blocks) {
-            compliance[block.first..block.first + block.dim].fill(block.compliance - before.compliance);
+            compliance[block.rows()].fill(block.compliance - before.compliance);
         }
         before.undetermined.chunks_exact(before.active.len().max(1)).any(|load| {
             let mut yielding = vec![0.0; own.lambda.len()];
@@ -657,7 +659,7 @@ impl Linear {
 }
 
 /// Subtracts `factor` times the row `from` of whole tiles from the row that begins at index `to`.
-fn subtract_row(matrix: &mut [f64], to: usize, from: std::ops::Range<usize>, factor: f64) {
+fn subtract_row(matrix: &mut [f64], to: usize, from: Range<usize>, factor: f64) {
     let (to, from) = if to < from.start {
         let (before, after) = matrix.split_at_mut(from.start);
         (&mut before[to..to + from.len()], &after[..from.len()])

@@ -1,14 +1,13 @@
 //! Tests of Newton's method on single-lane problems with equalities, with compliance, and with cones of any number of tangents.
 
 use crate::admissible_set::AdmissibleSet;
-use crate::constraints::constraint_set::{LaneConstraint, LaneReceiver};
+use crate::constraints::constraint_set::LaneConstraint;
 use crate::newton::lane::Lane;
-use crate::newton::proximal::Criteria;
 use crate::newton::skyline::Skyline;
-use crate::newton::{Newton, Terms};
+use crate::newton::{Newton, Search, Terms};
 use crate::vectors::TILE;
 
-const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, terms: Terms::Constant };
+const SEARCH: Search<f64> = Search { steps: 100, tolerance: 1e-11, terms: Terms::Constant };
 const FREE: AdmissibleSet = AdmissibleSet::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
 /// Pseudorandom number in [-1, 1] that depends on the seed alone.
@@ -26,9 +25,9 @@ fn lane(dimension: usize) -> Newton {
 fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64; N], compliance: f64) {
     let n = lane.w.len();
     let columns: Vec<u32> = (0..n as u32).collect();
-    let entries = (0..n).map(|c| std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)));
-    let constraint = LaneConstraint { set, source: 0, g, lambda: [0.0; N], compliance, normal_compliance: 0.0, trace_ratio: 1.0 };
-    lane.add(constraint, &columns, entries);
+    let entries = (0..n).map(|c| -> [f64; N] { std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)) });
+    let constraint = LaneConstraint { set, compliance, normal_compliance: 0.0, trace_ratio: 1.0 };
+    lane.add(constraint, 0, [&g, &[0.0; N]], &columns, entries);
 }
 
 /// Velocity y . w + R lambda + g of every row of a lane, m/s.
@@ -38,7 +37,7 @@ fn velocities(lane: &Lane) -> Vec<f64> {
         let (columns, y) = lane.entries(block);
         for (r, row) in block.rows.clone().enumerate() {
             let sum: f64 = columns.iter().enumerate().map(|(k, &c)| y[k * block.rows.len() + r] * lane.w[c as usize]).sum();
-            v.push(sum + block.compliance * lane.lambda[row] + lane.g[row]);
+            v.push(sum + block.constraint.compliance * lane.lambda[row] + lane.g[row]);
         }
     }
     v
@@ -50,7 +49,7 @@ fn equalities_hold_and_compliance_gives() {
     for (i, compliance) in [0.0, 0.3, 2.0].into_iter().enumerate() {
         row(&mut newton.lane, i, FREE, [noise(77 + i)], compliance);
     }
-    let result = newton.solve_lane::<f64>(CRITERIA);
+    let result = newton.solve_lane::<f64>(SEARCH);
     assert!(result.residual <= 1e-11, "{}", result.residual);
     // A linear problem: one proximal step for each kappa, each of one Newton step, and one to polish.
     assert!(result.steps <= 4, "{}", result.steps);
@@ -64,7 +63,7 @@ fn equalities_that_say_the_same_share_evenly() {
     for _ in 0..3 {
         row(&mut newton.lane, 4, FREE, [0.7], 0.0);
     }
-    let result = newton.solve_lane::<f64>(CRITERIA);
+    let result = newton.solve_lane::<f64>(SEARCH);
     assert!(result.residual <= 1e-11);
     let lambda = &newton.lane.lambda;
     assert!((lambda[0] - lambda[1]).abs() + (lambda[0] - lambda[2]).abs() <= 1e-12);
@@ -74,7 +73,7 @@ fn equalities_that_say_the_same_share_evenly() {
 fn bounds_saturate() {
     let mut newton = lane(5);
     row(&mut newton.lane, 1, AdmissibleSet::Interval { lo: -0.1, hi: 0.1 }, [3.0], 0.0);
-    let result = newton.solve_lane::<f64>(CRITERIA);
+    let result = newton.solve_lane::<f64>(SEARCH);
     assert!(result.residual <= 1e-11);
     assert_eq!(newton.lane.lambda, [-0.1]);
 }
@@ -85,7 +84,7 @@ fn cone<const T: usize>(mu: f64, pull: f64) {
     let mut newton = lane(9);
     let g: [f64; T] = std::array::from_fn(|k| if k == 0 { -1.0 } else { pull * noise(5 + k) });
     row(&mut newton.lane, 2, AdmissibleSet::Cone { mu }, g, 0.0);
-    let result = newton.solve_lane::<f64>(CRITERIA);
+    let result = newton.solve_lane::<f64>(SEARCH);
     assert!(result.residual <= 1e-11, "{T} rows: {}", result.residual);
     let (v, lambda) = (velocities(&newton.lane), &newton.lane.lambda);
     let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -113,11 +112,10 @@ fn islands_are_solved_apart() {
     for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
         let entries = (0..3).map(|c| [noise(100 * i + c)]);
         let columns = [start, start + 1, start + 3];
-        let constraint =
-            LaneConstraint { set: FREE, source: 0, g: [1.0], lambda: [0.0], compliance: 0.0, normal_compliance: 0.0, trace_ratio: 1.0 };
-        newton.lane.add(constraint, &columns, entries);
+        let constraint = LaneConstraint { set: FREE, compliance: 0.0, normal_compliance: 0.0, trace_ratio: 1.0 };
+        newton.lane.add(constraint, 0, [&[1.0], &[0.0]], &columns, entries);
     }
-    let result = newton.solve_lane::<f64>(CRITERIA);
+    let result = newton.solve_lane::<f64>(SEARCH);
     assert_eq!(newton.islands.count, 2);
     assert_eq!(newton.islands.of_block, [0, 1, 0, 1]);
     assert!(result.residual <= 1e-11);

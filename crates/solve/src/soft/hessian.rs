@@ -31,7 +31,7 @@ pub(super) struct Hessian<R: Real> {
     /// rows.
     follows: Vec<bool>,
     /// Number of multiplications of a factorisation with the present pattern and of a solution with the factors, together.
-    work: usize,
+    pub(super) work: usize,
     /// Buffer for a vector in the order of the matrix rows.
     ordered: Vec<R>,
 }
@@ -96,11 +96,6 @@ impl<R: Real> Hessian<R> {
                 own[parent / 64] |= 1 << (parent % 64);
             }
         }
-    }
-
-    /// Number of multiplications of a factorisation with the last pattern and of a solution with the factors, together.
-    pub(super) fn work(&self) -> usize {
-        self.work
     }
 
     /// Computes the Hessian at the relative accelerations `argument` of all rows.

@@ -6,7 +6,7 @@
 
 use std::cell::RefCell;
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::soft::cone::Cone;
 use crate::soft::newton::{Effort, SoftOutcome, SoftSolver};
@@ -81,10 +81,7 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
         let mut buffer = self.buffer.borrow_mut();
         buffer.clear();
         buffer.extend(x.iter().map(|x| R::splat(x.lane(0))));
-        R::vectorize(
-            #[inline(always)]
-            || self.all.solve(&mut buffer),
-        );
+        kernel!(R, self.all.solve(&mut buffer));
         copy_lane(&buffer, self.lane, x);
     }
 }
@@ -161,7 +158,7 @@ impl<R: Real> LaneSolver<R> {
             outcome.steps.set_lane(lane, found.steps.lane(0));
             scatter(acceleration, a, lane);
             scatter(solver.forces(), forces, lane);
-            let at = solver.argument();
+            let at = &solver.argument;
             for (&place, u) in places[0].iter().zip(&at.rows) {
                 argument.rows[place as usize].set_lane(lane, u.lane(0));
             }

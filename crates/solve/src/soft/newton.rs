@@ -3,10 +3,11 @@
 //! The objective is strictly convex and its gradient is piecewise smooth. The method therefore converges from any start, and quadratically
 //! near the solution (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
+use crate::constraints::constraint_set::add_transposed;
 use crate::soft::hessian::{Argument, Hessian, advance};
-use crate::soft::noslip::{ContactVisit, ForceResponse, NoSlip, SlipCapacity, SlipEffort};
+use crate::soft::noslip::{ContactVisit, NoSlip, SlipCapacity, SlipEffort};
 use crate::soft::problem::{Metric, SoftProblem};
 
 /// Limits of a solve of the soft problem.
@@ -34,7 +35,7 @@ pub struct SoftSolver<R: Real> {
     /// Hessian of the soft problem's objective, and its factors.
     hessian: Hessian<R>,
     /// Acceleration of each row relative to its reference, at the present acceleration.
-    argument: Argument<R>,
+    pub(super) argument: Argument<R>,
     /// Change of each row's relative acceleration along Newton's direction.
     change: Argument<R>,
     /// Gradient of the soft problem's objective.
@@ -110,36 +111,21 @@ impl<R: Real> SoftSolver<R> {
     ) -> SoftOutcome<R> {
         self.forces_without_slip = false;
         self.hessian.find_pattern(problem, metric);
-        R::vectorize(
-            #[inline(always)]
-            || self.begin(problem, metric, free, a),
-        );
+        kernel!(R, self.begin(problem, metric, free, a));
         let (mut outcome, mut running) = (SoftOutcome { residual: R::zero(), steps: R::zero() }, lanes);
         for step in 0..=effort.steps {
-            let residual = R::vectorize(
-                #[inline(always)]
-                || self.find_gradient(problem, metric),
-            );
+            let residual = kernel!(R, self.find_gradient(problem, metric));
             outcome.residual = R::select(running, residual, outcome.residual);
             running = running.and_not(residual.le(effort.tolerance));
             if running.none() || step == effort.steps {
                 break;
             }
-            R::vectorize(
-                #[inline(always)]
-                || self.hessian.assemble(problem, metric, &self.argument),
-            );
-            R::vectorize(
-                #[inline(always)]
-                || self.hessian.factor(),
-            );
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    self.descend(problem, metric, running, a);
-                    outcome.steps += R::select(running, R::one(), R::zero());
-                },
-            );
+            kernel!(R, self.hessian.assemble(problem, metric, &self.argument));
+            kernel!(R, self.hessian.factor());
+            kernel!(R, {
+                self.descend(problem, metric, running, a);
+                outcome.steps += R::select(running, R::one(), R::zero());
+            });
         }
         outcome
     }
@@ -173,54 +159,46 @@ impl<R: Real> SoftSolver<R> {
             self.hessian.find_pattern(problem, metric);
         }
         // In this function, the buffer `inertial` holds the acceleration without constraints, and `direction` the acceleration with them.
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.inertial.copy_from_slice(free);
-                if coupled {
-                    multiply(metric, free, &mut self.inertial);
-                    self.factor_metric(problem, metric, constraints, false);
-                    self.hessian.solve(&mut self.inertial);
-                    self.factor_metric(problem, metric, constraints, true);
-                }
-                noslip.add_forces(problem, &mut self.forces);
-                self.direction.copy_from_slice(&self.forces);
-                if coupled {
-                    self.hessian.solve(&mut self.direction)
-                } else {
-                    metric.solve(&mut self.direction)
-                }
-                advance(&mut self.direction, &self.inertial, R::one());
-            },
-        );
+        kernel!(R, {
+            self.inertial.copy_from_slice(free);
+            if coupled {
+                multiply(metric, free, &mut self.inertial);
+                self.factor_metric(problem, metric, constraints, false);
+                self.hessian.solve(&mut self.inertial);
+                self.factor_metric(problem, metric, constraints, true);
+            }
+            noslip.add_forces(problem, &mut self.forces);
+            self.direction.copy_from_slice(&self.forces);
+            if coupled {
+                self.hessian.solve(&mut self.direction)
+            } else {
+                metric.solve(&mut self.direction)
+            }
+            advance(&mut self.direction, &self.inertial, R::one());
+        });
         let running = &mut self.direction;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                if coupled {
-                    noslip.find_responses(problem, &mut self.hessian, constraints)
-                } else {
-                    noslip.find_responses(problem, &mut Uncoupled(metric), constraints)
-                }
-            },
-        );
+        kernel!(R, {
+            noslip.find_responses(
+                problem,
+                constraints,
+                #[inline(always)]
+                |x| if coupled { self.hessian.solve(x) } else { metric.solve(x) },
+            )
+        });
         let sweeps = noslip.sweep(problem, constraints, visits, effort, lanes, running);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                noslip.add_forces(problem, &mut self.forces);
-                self.direction.copy_from_slice(&self.forces);
-                if coupled {
-                    self.factor_metric(problem, metric, constraints, false);
-                    self.hessian.solve(&mut self.direction);
-                } else {
-                    metric.solve(&mut self.direction);
-                }
-                for ((a, &free), &change) in a.iter_mut().zip(&self.inertial).zip(&self.direction) {
-                    *a = R::select(lanes, free + change, *a);
-                }
-            },
-        );
+        kernel!(R, {
+            noslip.add_forces(problem, &mut self.forces);
+            self.direction.copy_from_slice(&self.forces);
+            if coupled {
+                self.factor_metric(problem, metric, constraints, false);
+                self.hessian.solve(&mut self.direction);
+            } else {
+                metric.solve(&mut self.direction);
+            }
+            for ((a, &free), &change) in a.iter_mut().zip(&self.inertial).zip(&self.direction) {
+                *a = R::select(lanes, free + change, *a);
+            }
+        });
         self.noslip = Some(noslip);
         self.forces_without_slip = true;
         sweeps
@@ -243,17 +221,11 @@ impl<R: Real> SoftSolver<R> {
     /// without constraints.
     pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.begin(problem, metric, free, a);
-                self.hessian.assemble(problem, metric, &self.argument);
-            },
-        );
-        R::vectorize(
-            #[inline(always)]
-            || self.hessian.factor(),
-        );
+        kernel!(R, {
+            self.begin(problem, metric, free, a);
+            self.hessian.assemble(problem, metric, &self.argument);
+        });
+        kernel!(R, self.hessian.factor());
     }
 
     /// Approximates the solution of a problem that is similar to that of the last [`SoftSolver::settle`]. `a` must be the stored
@@ -262,19 +234,16 @@ impl<R: Real> SoftSolver<R> {
     /// The function makes two Newton steps with the stored Hessian. The first step gives the change by the implicit function theorem. The
     /// second adds the effect of the cones' curvature between the two problems.
     pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for _ in 0..RESPONSE_STEPS {
-                    self.begin(problem, metric, free, a);
-                    self.find_gradient(problem, metric);
-                    self.hessian.solve(&mut self.gradient);
-                    for (a, &change) in a.iter_mut().zip(&self.gradient) {
-                        *a -= change;
-                    }
+        kernel!(R, {
+            for _ in 0..RESPONSE_STEPS {
+                self.begin(problem, metric, free, a);
+                self.find_gradient(problem, metric);
+                self.hessian.solve(&mut self.gradient);
+                for (a, &change) in a.iter_mut().zip(&self.gradient) {
+                    *a -= change;
                 }
-            },
-        );
+            }
+        });
     }
 
     /// Generalized constraint forces at the solution, N or N m.
@@ -285,12 +254,7 @@ impl<R: Real> SoftSolver<R> {
     /// Estimated number of multiplications of a Newton step for a problem.
     pub(super) fn estimate_work(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> usize {
         self.hessian.find_pattern(problem, metric);
-        self.hessian.work() + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
-    }
-
-    /// Relative accelerations of all rows at the solution.
-    pub(super) fn argument(&self) -> &Argument<R> {
-        &self.argument
+        self.hessian.work + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
     }
 
     /// Buffers of the generalized forces and of the rows' relative accelerations, set to zero, for the solution of another solver.
@@ -303,14 +267,14 @@ impl<R: Real> SoftSolver<R> {
 
     /// Force of scalar row `i` at the solution, N or N m.
     pub fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
-        self.noslip_forces().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.row(i))
+        self.noslip_forces().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.rows.force[i][0])
     }
 
     /// Force of contact `i` with three rows at the solution, N.
     #[inline(always)]
     pub fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
         match self.noslip_forces() {
-            Some(noslip) => noslip.contact(i),
+            Some(noslip) => noslip.contacts.force[i],
             None => problem.cone.force(&problem.contacts.items[i], &self.argument.contacts[i]),
         }
     }
@@ -319,7 +283,7 @@ impl<R: Real> SoftSolver<R> {
     #[inline(always)]
     pub fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
         match self.noslip_forces() {
-            Some(noslip) => noslip.rolling_contact(i),
+            Some(noslip) => noslip.rolling.force[i],
             None => problem.cone.force(&problem.rolling_contacts.items[i], &self.argument.rolling_contacts[i]),
         }
     }
@@ -342,9 +306,7 @@ impl<R: Real> SoftSolver<R> {
         self.forces.fill(R::zero());
         for (row, &u) in problem.rows.iter().zip(&self.argument.rows) {
             let ((columns, jacobian), force) = (problem.entries(row), row.force(u));
-            for (&d, &j) in columns.iter().zip(jacobian) {
-                self.forces[d as usize] += j * force;
-            }
+            add_transposed(columns, jacobian, force, &mut self.forces);
         }
         problem.contacts.add_forces(problem.cone, &self.argument.contacts, &mut self.forces);
         problem.rolling_contacts.add_forces(problem.cone, &self.argument.rolling_contacts, &mut self.forces);
@@ -437,23 +399,6 @@ impl<R: Real> SoftSolver<R> {
         }
         let sum = problem.contacts.add_curvatures(problem.cone, &argument.contacts, &change.contacts, step, sum);
         problem.rolling_contacts.add_curvatures(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, sum)
-    }
-}
-
-/// Mass matrix without couplings.
-struct Uncoupled<'a, M>(&'a M);
-
-impl<R: Real, M: Metric<R>> ForceResponse<R> for Uncoupled<'_, M> {
-    #[inline(always)]
-    fn respond(&mut self, x: &mut [R]) {
-        self.0.solve(x);
-    }
-}
-
-impl<R: Real> ForceResponse<R> for Hessian<R> {
-    #[inline(always)]
-    fn respond(&mut self, x: &mut [R]) {
-        self.solve(x);
     }
 }
 

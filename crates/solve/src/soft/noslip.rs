@@ -11,8 +11,9 @@
 
 use std::ops::Range;
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
+use crate::constraints::constraint_set::add_transposed;
 use crate::soft::cone::Cone;
 use crate::soft::contact::SoftContact;
 use crate::soft::hessian::Argument;
@@ -69,9 +70,9 @@ const ROUNDING: f64 = 16.0;
 
 /// Forces of all rows of one type, and the response of the acceleration to a unit force in each friction row.
 #[derive(Clone, Debug)]
-struct Friction<R: Real, const N: usize> {
+pub(super) struct Friction<R: Real, const N: usize> {
     /// Forces of each item (a scalar row or a contact), N or N m.
-    force: Vec<[R; N]>,
+    pub(super) force: Vec<[R; N]>,
     /// Bound on each friction force. For an elliptic contact it is the normal force. For a pyramid it is the sum of the forces of the two
     /// edges, which must still be multiplied by the friction coefficient.
     bound: Vec<[R; N]>,
@@ -116,7 +117,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
     #[inline(always)]
     fn push_responses(
         &mut self,
-        metric: &mut impl ForceResponse<R>,
+        respond: &mut impl FnMut(&mut [R]),
         trees: &[u32],
         (columns, jacobian): (&[u32], &[[R; N]]),
         rows: Range<usize>,
@@ -136,7 +137,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
             for (&d, j) in columns.iter().zip(jacobian) {
                 work[d as usize] = j[k];
             }
-            metric.respond(work);
+            respond(work);
             for (&d, response) in self.dofs[start..].iter().zip(&mut self.response[start..]) {
                 response[k] = work[d as usize];
             }
@@ -156,31 +157,19 @@ impl<R: Real, const N: usize> Friction<R, N> {
     #[inline(always)]
     fn accelerate(&self, i: usize, change: &[R; N], a: &mut [R]) {
         let span = self.spans[i].clone();
-        for (&d, response) in self.dofs[span.clone()].iter().zip(&self.response[span]) {
-            let mut sum = response[0] * change[0];
-            for k in 1..N {
-                sum += response[k] * change[k];
-            }
-            a[d as usize] += sum;
-        }
+        add_transposed(&self.dofs[span.clone()], &self.response[span], *change, a);
     }
-}
-
-/// Response of the acceleration to forces.
-pub(super) trait ForceResponse<R: Real> {
-    /// Replaces the generalized forces `x` by the acceleration M^-1 x, where M is the mass matrix.
-    fn respond(&mut self, x: &mut [R]);
 }
 
 /// Noslip solver, with its workspace.
 #[derive(Clone, Debug)]
 pub(super) struct NoSlip<R: Real> {
     /// Forces and responses of the scalar rows.
-    rows: Friction<R, 1>,
+    pub(super) rows: Friction<R, 1>,
     /// Forces and responses of the contacts with three rows.
-    contacts: Friction<R, 3>,
+    pub(super) contacts: Friction<R, 3>,
     /// Forces and responses of the contacts with six rows.
-    rolling: Friction<R, 6>,
+    pub(super) rolling: Friction<R, 6>,
     /// Kinematic tree of each degree of freedom.
     trees: Vec<u32>,
     /// Number of kinematic trees.
@@ -220,37 +209,19 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Force of scalar row `i`, N or N m.
-    pub(super) fn row(&self, i: usize) -> R {
-        self.rows.force[i][0]
-    }
-
-    /// Forces of contact `i` with three rows, N.
-    pub(super) fn contact(&self, i: usize) -> [R; 3] {
-        self.contacts.force[i]
-    }
-
-    /// Forces of contact `i` with six rows, N or N m.
-    pub(super) fn rolling_contact(&self, i: usize) -> [R; 6] {
-        self.rolling.force[i]
-    }
-
     /// Stores the forces of all rows at a solution, at which their relative accelerations are `argument`. Scalar rows with an index of at
     /// least `constraints` are couplings of the mass matrix and have no force.
     pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
         self.find_trees(metric);
         let Self { rows, contacts, rolling, .. } = self;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                rows.clear();
-                for (i, (row, &u)) in problem.rows.iter().zip(&argument.rows).enumerate() {
-                    rows.force.push([if i < constraints { row.force(u) } else { R::zero() }]);
-                }
-                contacts.begin(problem.cone, &problem.contacts, &argument.contacts);
-                rolling.begin(problem.cone, &problem.rolling_contacts, &argument.rolling_contacts);
-            },
-        );
+        kernel!(R, {
+            rows.clear();
+            for (i, (row, &u)) in problem.rows.iter().zip(&argument.rows).enumerate() {
+                rows.force.push([if i < constraints { row.force(u) } else { R::zero() }]);
+            }
+            contacts.begin(problem.cone, &problem.contacts, &argument.contacts);
+            rolling.begin(problem.cone, &problem.rolling_contacts, &argument.rolling_contacts);
+        });
         self.find_islands(problem, constraints);
     }
 
@@ -333,49 +304,44 @@ impl<R: Real> NoSlip<R> {
             if any == 0 {
                 break;
             }
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    sweeps += R::select(R::Mask::from_bits(any), R::one(), R::zero());
-                    self.visit_rows(problem, constraints, a);
-                    self.visit_contacts(problem, visits, a);
-                },
-            );
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    let tolerance = R::splat(effort.tolerance);
-                    let Self { running, improvement, inertia, count, .. } = self;
-                    for ((running, improvement), &inertia) in running[..*count].iter_mut().zip(improvement).zip(&inertia[1]) {
-                        // A NaN improvement ends the island.
-                        *running &= improvement.ge(tolerance * inertia).bits();
-                        *improvement = R::zero();
-                    }
-                },
-            );
+            kernel!(R, {
+                sweeps += R::select(R::Mask::from_bits(any), R::one(), R::zero());
+                self.visit_rows(problem, constraints, a);
+                self.visit_contacts(problem, visits, a);
+            });
+            kernel!(R, {
+                let tolerance = R::splat(effort.tolerance);
+                let Self { running, improvement, inertia, count, .. } = self;
+                for ((running, improvement), &inertia) in running[..*count].iter_mut().zip(improvement).zip(&inertia[1]) {
+                    // A NaN improvement ends the island.
+                    *running &= improvement.ge(tolerance * inertia).bits();
+                    *improvement = R::zero();
+                }
+            });
         }
         sweeps
     }
 
     /// Computes the response of the acceleration to a unit force in each friction row. It is called once, before [`NoSlip::sweep`].
+    /// `respond` replaces a force by the acceleration that it causes.
     #[inline(always)]
-    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl ForceResponse<R>, constraints: usize) {
+    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, constraints: usize, mut respond: impl FnMut(&mut [R])) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
         for (i, row) in problem.rows.iter().enumerate() {
             let (columns, jacobian) = problem.entries(row);
             if i < constraints && is_dry_friction(row.bounds) {
                 let least = LEAST_INVERSE_INERTIA[0];
-                rows.push_responses(metric, trees, (columns, as_rows(jacobian)), 0..1, work, least);
+                rows.push_responses(&mut respond, trees, (columns, as_rows(jacobian)), 0..1, work, least);
             } else {
                 rows.spans.push(0..0);
                 rows.inertia.push([[R::zero()]]);
             }
         }
         for contact in &problem.contacts.items {
-            contacts.push_responses(metric, trees, problem.contacts.entries(contact), 1..3, work, LEAST_INVERSE_INERTIA[1]);
+            contacts.push_responses(&mut respond, trees, problem.contacts.entries(contact), 1..3, work, LEAST_INVERSE_INERTIA[1]);
         }
         for contact in &problem.rolling_contacts.items {
-            rolling.push_responses(metric, trees, problem.rolling_contacts.entries(contact), 1..6, work, LEAST_INVERSE_INERTIA[1]);
+            rolling.push_responses(&mut respond, trees, problem.rolling_contacts.entries(contact), 1..6, work, LEAST_INVERSE_INERTIA[1]);
         }
     }
 
@@ -436,16 +402,8 @@ impl<R: Real> NoSlip<R> {
                 continue;
             }
             let (columns, jacobian) = problem.entries(row);
-            let mut slip = -row.reference;
-            for (&d, &j) in columns.iter().zip(jacobian) {
-                slip += j * a[d as usize];
-            }
-            let (inertia, force) = (self.rows.inertia[i][0][0], self.rows.force[i][0]);
-            let next = (force - slip / inertia).max(row.bounds[0]).min(row.bounds[1]);
-            let change = R::select(lanes, next - force, R::zero());
-            self.rows.force[i][0] = R::select(lanes, next, force);
-            self.rows.accelerate(i, &[change], a);
-            self.add_improvement(i, -(R::of(0.5) * change * change * inertia + change * slip));
+            let increase = self.rows.visit_row((columns, as_rows(jacobian)), [i, 0], row.reference, row.bounds, lanes, a);
+            self.add_improvement(i, -increase);
         }
     }
 
@@ -475,9 +433,7 @@ impl<R: Real> NoSlip<R> {
         out.fill(R::zero());
         for (row, force) in problem.rows.iter().zip(&self.rows.force) {
             let (columns, jacobian) = problem.entries(row);
-            for (&d, &j) in columns.iter().zip(jacobian) {
-                out[d as usize] += j * force[0];
-            }
+            add_transposed(columns, jacobian, force[0], out);
         }
         problem.contacts.add(&self.contacts.force, out);
         problem.rolling_contacts.add(&self.rolling.force, out);
@@ -510,17 +466,34 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
-    /// Updates the friction forces of contact `i` with a pyramidal cone, and the acceleration `a`. Returns the decrease of the objective,
-    /// J.
+    /// Updates the force of row `k` of item `i`, which `bounds` limit, and the acceleration `a`. Returns the increase of the objective, J.
     #[inline(always)]
-    fn visit_pyramid(
+    fn visit_row(
         &mut self,
-        contact: &SoftContact<R, N>,
         (columns, jacobian): (&[u32], &[[R; N]]),
-        i: usize,
+        [i, k]: [usize; 2],
+        reference: R,
+        [least, most]: [R; 2],
         lanes: R::Mask,
         a: &mut [R],
     ) -> R {
+        let mut slip = -reference;
+        for (&d, j) in columns.iter().zip(jacobian) {
+            slip += j[k] * a[d as usize];
+        }
+        let (inertia, force) = (self.inertia[i][k][k], self.force[i][k]);
+        let next = (force - slip / inertia).max(least).min(most);
+        let mut change = [R::zero(); N];
+        change[k] = R::select(lanes, next - force, R::zero());
+        self.force[i][k] = R::select(lanes, next, force);
+        self.accelerate(i, &change, a);
+        R::of(0.5) * change[k] * change[k] * inertia + change[k] * slip
+    }
+
+    /// Updates the friction forces of contact `i` with a pyramidal cone, and the acceleration `a`. Returns the decrease of the objective,
+    /// J.
+    #[inline(always)]
+    fn visit_pyramid(&mut self, contact: &SoftContact<R, N>, entries: (&[u32], &[[R; N]]), i: usize, lanes: R::Mask, a: &mut [R]) -> R {
         let mut improvement = R::zero();
         for k in 1..N {
             let mu = contact.scale[k];
@@ -528,19 +501,10 @@ impl<R: Real, const N: usize> Friction<R, N> {
             if lanes.none() {
                 continue;
             }
-            let mut slip = -contact.reference[k];
-            for (&d, j) in columns.iter().zip(jacobian) {
-                slip += j[k] * a[d as usize];
-            }
-            let (inertia, force, most) = (self.inertia[i][k][k], self.force[i][k], self.bound[i][k] * mu);
             // The sum of the two edges is constant. Each of them therefore moves by half of the change of their difference.
-            let moves = (R::of(4.0) * mu * mu * inertia).ge(R::of(LEAST_FORCE));
-            let next = R::select(moves, (force - slip / inertia).max(-most).min(most), R::zero());
-            let mut change = [R::zero(); N];
-            change[k] = R::select(lanes, next - force, R::zero());
-            self.force[i][k] = R::select(lanes, next, force);
-            self.accelerate(i, &change, a);
-            improvement -= R::of(0.5) * change[k] * change[k] * inertia + change[k] * slip;
+            let moves = (R::of(4.0) * mu * mu * self.inertia[i][k][k]).ge(R::of(LEAST_FORCE));
+            let most = R::select(moves, self.bound[i][k] * mu, R::zero());
+            improvement -= self.visit_row(entries, [i, k], contact.reference[k], [-most, most], lanes, a);
         }
         improvement
     }

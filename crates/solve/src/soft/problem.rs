@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use stepper_real::{Mask, Real};
 
+use crate::constraints::constraint_set::{add_transposed, multiply};
 use crate::soft::cone::Cone;
 use crate::soft::contact::SoftContact;
 
@@ -127,12 +128,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         out.clear();
         for contact in &self.items {
             let (columns, jacobian) = self.entries(contact);
-            let mut u = [R::zero(); N];
-            for (&d, j) in columns.iter().zip(jacobian) {
-                for k in 0..N {
-                    u[k] += j[k] * x[d as usize];
-                }
-            }
+            let mut u = multiply(columns, jacobian, x);
             if relative {
                 for k in 0..N {
                     u[k] -= contact.reference[k];
@@ -148,13 +144,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         for (contact, u) in self.items.iter().zip(u) {
             let force = cone.force(contact, u);
             let (columns, jacobian) = self.entries(contact);
-            for (&d, j) in columns.iter().zip(jacobian) {
-                let mut sum = j[0] * force[0];
-                for k in 1..N {
-                    sum += j[k] * force[k];
-                }
-                out[d as usize] += sum;
-            }
+            add_transposed(columns, jacobian, force, out);
         }
     }
 
@@ -163,13 +153,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     pub(super) fn add(&self, forces: &[[R; N]], out: &mut [R]) {
         for (contact, force) in self.items.iter().zip(forces) {
             let (columns, jacobian) = self.entries(contact);
-            for (&d, j) in columns.iter().zip(jacobian) {
-                let mut sum = j[0] * force[0];
-                for k in 1..N {
-                    sum += j[k] * force[k];
-                }
-                out[d as usize] += sum;
-            }
+            add_transposed(columns, jacobian, *force, out);
         }
     }
 

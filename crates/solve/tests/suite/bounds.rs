@@ -58,13 +58,6 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     (problem, iterate)
 }
 
-/// Variant of Newton's method: impulses near the start with a treatment of De Saxce's terms, or impulses of least norm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Way {
-    Near(Terms),
-    LeastNorm,
-}
-
 /// Fails if the work exceeds the limit `steps`.
 fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
     prop_assert!(work.steps <= steps * work.islands, "{work:?}");
@@ -74,17 +67,14 @@ fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
 
 /// Solves a problem by every variant of Newton's method alone, and checks the numbers of steps and rounds.
 fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
-    for way in [Way::Near(Terms::Constant), Way::Near(Terms::ConstantThenExact), Way::Near(Terms::Exact), Way::LeastNorm] {
+    for terms in [Terms::Constant, Terms::ConstantThenExact, Terms::Exact, Terms::LeastNorm] {
         let (problem, mut iterate) = build::<f64>(case);
         let (mut left, mut taken) = (residual(&problem, &iterate), 0.0);
         let before = left;
         let mut newton = Newton::default();
         let outcome = [&mut left, &mut taken];
-        match way {
-            Way::Near(terms) => newton.solve(&problem, &mut iterate, Search { steps: STEPS, tolerance, terms }, true, outcome),
-            Way::LeastNorm => newton.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
-        }
-        let exact = matches!(way, Way::Near(Terms::ConstantThenExact | Terms::Exact));
+        newton.solve(&problem, &mut iterate, Search { steps: STEPS, tolerance, terms }, true, outcome);
+        let exact = matches!(terms, Terms::ConstantThenExact | Terms::Exact);
         let most = if exact { EXACT_RATIO * STEPS } else { STEPS };
         check(newton.work(), most)?;
         prop_assert!(taken <= f64::from(most * newton.work().islands));

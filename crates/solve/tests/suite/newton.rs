@@ -218,7 +218,8 @@ fn shared_loads_depend_on_neither_start_nor_order() {
         gauss_seidel::solve(&problem, &mut swept, gauss_seidel::SweepSettings { sweeps: 50, tolerance: 1e-10 }, true);
         let share = |problem: &Problem<f64>, iterate: &mut Iterate<f64>| {
             let (mut left, mut taken) = (residual(problem, iterate), 0.0);
-            Newton::default().solve_least_norm(problem, iterate, 300, 1e-11, true, [&mut left, &mut taken]);
+            let search = Search { steps: 300, tolerance: 1e-11, terms: Terms::LeastNorm };
+            Newton::default().solve(problem, iterate, search, true, [&mut left, &mut taken]);
             left
         };
         let left = [share(&problem, &mut cold), share(&problem, &mut swept), share(&turned, &mut other)];

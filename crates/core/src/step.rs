@@ -4,8 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
 use crate::integrators::acceptance::{accept, store_joint_impulse};
-use crate::integrators::controls::{run_actuator_pipelines, write_outputs_after_step};
-use crate::integrators::devices::Devices;
+use crate::integrators::devices::{ActuatorDevices, Devices};
 use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
@@ -55,8 +54,11 @@ fn run_stages<R: Real>(
     s.evaluation.collision.begin_step();
     // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
     probe.span(Span::ActuatorPipelines, || {
-        let Workspace { state, user_controls, inputs, alive, .. } = s;
-        run_actuator_pipelines(compiled, options, state, user_controls, inputs, *alive, devices);
+        if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
+            let Workspace { state, user_controls, inputs, alive, .. } = s;
+            let (state, outputs) = ([&state.q[..], &state.v[..]], (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]));
+            pipelines.advance(compiled, devices.group, user_controls, state, *alive, options.timestep, memory, outputs);
+        }
     });
     let outcome = match options.contact {
         ContactLaw::Hard => solve_step(compiled, options, s, probe),
@@ -69,7 +71,10 @@ fn run_stages<R: Real>(
     });
     // 9 sense
     let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
-    write_outputs_after_step(compiled, inputs, devices);
+    if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
+        // Sensors and derived quantities of the new state read the outputs of the pipelines at the end of the step.
+        pipelines.write_outputs_after_step(compiled, devices.group, memory, (&mut inputs.ctrl, &mut inputs.actuator_dynamics));
+    }
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
     // 10 record

@@ -12,9 +12,8 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::assembler::Assembler;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::constraints::row_input::RowInput;
 use crate::constraints::velocity_solution::VelocitySolution;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -35,7 +34,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn approaching_lanes(
         &self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         lanes: R::Mask,
@@ -47,12 +46,10 @@ impl<R: Real> Assembler<'_, R> {
         if curved.none() {
             return curved;
         }
-        let RowInput { compiled, options, assembly, .. } = input;
+        let options = input.options;
         let resting_speed = R::of(resting_speed(options));
         let gap = contacts.data[k].point.distance;
-        let closes = gap
-            .gt(R::of(options.slop))
-            .and((assembly.gap_of_slot(compiled, contacts, k, lanes.bits()) + assembly.h * free[0]).lt(R::zero()));
+        let closes = gap.gt(R::of(options.slop)).and((input.gap_of_slot(contacts, k, lanes.bits()) + input.h * free[0]).lt(R::zero()));
         let deferred = curved.and(before.lt(-resting_speed).or(closes));
         if deferred.none() { deferred } else { self.without_certain_hits(input, contacts, k, deferred, free) }
     }
@@ -61,7 +58,7 @@ impl<R: Real> Assembler<'_, R> {
     ///
     /// A round geom contains the ball about the contact's centre of curvature. The geoms collide if these two balls do.
     #[inline(never)]
-    fn without_certain_hits(&self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
+    fn without_certain_hits(&self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {

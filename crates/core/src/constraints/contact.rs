@@ -14,7 +14,7 @@
 //! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`, `store_curvature`: velocity changes by the motion of the contact point |
 //! | `equality.rs` | `propagate_scales`: sizes below which entries of the rows count as rounding errors |
 //!
-//! `AssemblyInput` (`assembler.rs`) has the numbers that all rows share. `push_contact` makes the rows a part of the solver's problem
+//! `RowInput` (`assembler.rs`) has the numbers that all rows share. `push_contact` makes the rows a part of the solver's problem
 //! (`crates/solve/src/problem.rs`).
 
 use stepper_real::{Mask, Real, Scalar};
@@ -22,10 +22,9 @@ use stepper_solve::velocity_rounding;
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::approaching::resting_speed;
-use crate::constraints::assembler::Assembler;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::DeferredContact;
 use crate::constraints::elimination::SquaredLengths;
-use crate::constraints::row_input::RowInput;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
@@ -90,7 +89,7 @@ impl<R: Real> Assembler<'_, R> {
     ///
     /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]
-    pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    pub(crate) fn add_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
         let SlidingRows { offsets: g, curvature, lengths, exists, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
@@ -152,13 +151,13 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(never)]
     pub(crate) fn find_movable(
         &mut self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         lanes: u32,
         offsets: [R; 2],
     ) -> (R::Mask, R) {
-        let RowInput { compiled, options, kinematics, mass, assembly, .. } = input;
+        let RowInput { compiled, options, kinematics, mass, .. } = *input;
         self.problem.may_have_immovable_rows = true;
         R::vectorize(
             #[inline(always)]
@@ -177,7 +176,7 @@ impl<R: Real> Assembler<'_, R> {
                     // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
                     // immovable.
                     self.builder.scales[d] = [square + squared_rotation * (least_size * sign).square(); 3];
-                    squared_speed += square * assembly.v_free[d].square();
+                    squared_speed += square * input.v_free[d].square();
                 }
                 // As in `sliding_rows`: from the Jacobian to the rows, without their factor D^-1/2.
                 self.builder.half_solve::<3>(compiled, mass);
@@ -200,29 +199,30 @@ impl<R: Real> Assembler<'_, R> {
     ///
     /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]
-    pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
-        let RowInput { compiled, options, mass, assembly, .. } = input;
+    pub(crate) fn sliding_rows(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
+        let RowInput { compiled, mass, .. } = *input;
         let (slot, exists) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
-        let has_curvature = assembly.in_the_middle && self.builder.both_move != 0;
-        let change = if self.problem.resolves_impacts || has_curvature { self.builder.free_change(assembly) } else { zero() };
+        let has_curvature = input.in_the_middle && self.builder.both_move != 0;
+        let change = if self.problem.resolves_impacts || has_curvature { self.builder.free_change(input) } else { zero() };
         // Half of a solve with the mass matrix L^T D L: `column` becomes L^-T J^T. `add_contact` multiplies by D^-1/2.
         self.builder.half_solve::<3>(compiled, mass);
         // Normal rows of contacts with soft surfaces, which have a spring and a damper.
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(exists, |row| exists.and_not(row.lanes));
-        let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
-        let (mut bias, mut position) = self.biases(options, assembly.gap_of_slot(compiled, contacts, k, lanes), solved, assembly.h, rigid);
+        let solved = input.solved_overlaps.map(|solved| solved.distance(contacts, k));
+        let gap = input.gap_of_slot(contacts, k, lanes);
+        let [mut bias, mut position] = self.biases(input, input.options.max_correction_speed, gap, solved, rigid);
         if let Some(row) = &springs {
             // The spring determines the position, so that no position correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
         // Restitution: with Euler's rule `bounce_euler` and `bounce_euler_eliminated` apply it, with the midpoint rule `bounce_midpoint`.
         // With the other rule these functions change nothing.
-        let (bias, mut exists) = self.bounce_euler(compiled, options, slot, assembly, exists, [free[0], before[0]], bias);
+        let (bias, mut exists) = self.bounce_euler(input, slot, exists, [free[0], before[0]], bias);
         let mut offsets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut offsets);
-        let bias = if lengths.is_some() { self.bounce_euler_eliminated(slot, assembly, free[0], bias, &mut offsets[0][0]) } else { bias };
+        let bias = if lengths.is_some() { self.bounce_euler_eliminated(slot, free[0], bias, &mut offsets[0][0]) } else { bias };
         let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
         let mut bounces = R::Mask::splat(false);
         if self.problem.resolves_impacts {

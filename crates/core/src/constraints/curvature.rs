@@ -21,8 +21,7 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::constraints::assembler::{Assembler, AssemblyInput};
-use crate::constraints::row_input::RowInput;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
 
@@ -47,7 +46,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(never)]
     pub(crate) fn add_curvature(
         &self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         lanes: R::Mask,
@@ -57,7 +56,7 @@ impl<R: Real> Assembler<'_, R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let AssemblyInput { h, time_before, .. } = *input.assembly;
+                let RowInput { h, time_before, .. } = *input;
                 let slot = &contacts.data[k];
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -86,8 +85,8 @@ impl<R: Real> Assembler<'_, R> {
 /// Curvature term kappa of the contacts in slot `k` (one contact per lane), in the lanes `lanes` (bits), m/s^2; see the formula of the
 /// module.
 #[inline(always)]
-fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
-    let RowInput { compiled, kinematics, .. } = input;
+fn rate<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
+    let RowInput { compiled, kinematics, .. } = *input;
     let point = &contacts.data[k].point;
     let n = point.normal;
     let half = point.distance * R::of(0.5);
@@ -120,8 +119,8 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
 
 /// Velocity field of a frame at the point `p`.
 #[inline(always)]
-fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
-    let RowInput { compiled, kinematics, assembly, .. } = input;
+fn field<R: Real>(input: &RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
+    let RowInput { compiled, kinematics, .. } = *input;
     match frame.checked_sub(compiled.links.len() + 1) {
         _ if frame == 0 => Field { angular_velocity: zero(), velocity: zero(), rate: zero() },
         Some(mocap) => {
@@ -130,7 +129,7 @@ fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
             Field { angular_velocity: angular(motion), velocity, rate: cross(linear(motion), angular(motion)) }
         }
         None => {
-            let (velocity, change) = (&assembly.motion.velocity[frame - 1], &assembly.motion.acceleration[frame - 1]);
+            let (velocity, change) = (&input.motion.velocity[frame - 1], &input.motion.acceleration[frame - 1]);
             let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
             // The recursion represents gravity as an upward acceleration of the world. Adding gravity removes it.
             let rate = add(velocity_at(change, arm), compiled.params.gravity());

@@ -18,15 +18,13 @@ use stepper_solve::{Iterate, PositionRows, Problem};
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::LaneModel;
-use crate::constraints::assembler::{Assembler, AssemblyInput, tunnelling_distance};
+use crate::constraints::assembler::{Assembler, RowInput, tunnelling_distance};
 use crate::constraints::constraint_problem::{ConstraintProblem, Impact};
 use crate::constraints::impact_time::Flight;
 use crate::constraints::position_solution::PositionSolution;
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
-use crate::options::StepSettings;
 use crate::tuning::MAX_REBOUND_SPEED_RATIO;
 
 /// Offsets g of a contact's three rows in the velocity solve and in the position solve, m/s.
@@ -35,11 +33,11 @@ type Offsets<R> = [[R; 2]; 3];
 impl<R: Real> RowBuilder<R> {
     /// Change of the velocities of the three rows in `column` from before the step to the free velocity after it, m/s.
     #[inline(always)]
-    pub(crate) fn free_change(&self, assembly: &AssemblyInput<'_, R>) -> V3<R> {
+    pub(crate) fn free_change(&self, input: &RowInput<'_, R>) -> V3<R> {
         let mut change = zero();
         for &d in &self.dofs {
             let d = d as usize;
-            change = add_scaled(change, self.column[d], assembly.v_free[d] - assembly.v[d]);
+            change = add_scaled(change, self.column[d], input.v_free[d] - input.v[d]);
         }
         change
     }
@@ -53,27 +51,24 @@ impl<R: Real> Assembler<'_, R> {
     /// closed take part in an impact: 0 <= lambda, complementary to v+ + e v- >= 0. This also holds if a contact opens at the velocity
     /// v-. A contact that is slower than the threshold before the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
     pub(crate) fn bounce_euler(
         &mut self,
-        compiled: &LaneModel<R>,
-        options: &StepSettings,
+        input: &RowInput<'_, R>,
         slot: &Slot<R>,
-        assembly: &AssemblyInput<'_, R>,
         exists: R::Mask,
         [free, before]: [R; 2],
         bias: R,
     ) -> (R, R::Mask) {
         let e = slot.restitution;
         let elastic = exists.and(e.gt(R::zero()));
-        if assembly.in_the_middle || !self.problem.elastic {
+        if input.in_the_middle || !self.problem.elastic {
             return (bias, exists);
         }
-        let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
+        let (h, phi, threshold) = (input.h, slot.point.distance, R::of(input.options.restitution_threshold));
         // Gaps that a slow contact and gravity can close within the step.
-        let near = phi.le(h * (threshold + h * norm(compiled.params.gravity())) + R::of(options.slop));
+        let near = phi.le(h * (threshold + h * norm(input.compiled.params.gravity())) + R::of(input.options.slop));
         let rests = before.abs().le(threshold).and(near);
-        let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
+        let closed = phi.le(R::of(input.options.slop)).or((phi + h * free).lt(R::zero()));
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
         self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces);
         self.problem.euler_rebounding = self.problem.euler_rebounding.or(bounces);
@@ -89,15 +84,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Newton's law then uses the velocity after the elimination, instead of `free`. `offset` is g of the normal row after the elimination.
     /// With the midpoint rule the function changes nothing.
     #[inline(always)]
-    pub(crate) fn bounce_euler_eliminated(
-        &mut self,
-        slot: &Slot<R>,
-        assembly: &AssemblyInput<'_, R>,
-        free: R,
-        bias: R,
-        offset: &mut R,
-    ) -> R {
-        if assembly.in_the_middle || !self.problem.elastic {
+    pub(crate) fn bounce_euler_eliminated(&mut self, slot: &Slot<R>, free: R, bias: R, offset: &mut R) -> R {
+        if self.problem.resolves_impacts || !self.problem.elastic {
             return bias;
         }
         let Some(impact) = self.problem.impacts.last_mut() else { return bias };
@@ -117,7 +105,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(never)]
     pub(crate) fn bounce_midpoint(
         &mut self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         slot: &Slot<R>,
         exists: R::Mask,
         [free, change]: [V3<R>; 2],
@@ -127,7 +115,7 @@ impl<R: Real> Assembler<'_, R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let RowInput { compiled, options, assembly, .. } = input;
+                let RowInput { compiled, options, .. } = *input;
                 let e = slot.restitution;
                 let elastic = exists.and(e.gt(R::zero()));
                 if elastic.none() {
@@ -137,11 +125,11 @@ impl<R: Real> Assembler<'_, R> {
                 }
                 let before = sub(free, change);
                 let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
-                let (gap, time_before, h) = (slot.point.distance, assembly.time_before, assembly.h);
+                let (gap, time_before, h) = (slot.point.distance, input.time_before, input.h);
                 let flight = Flight { gap, before: before[0], free: free_eliminated[0], time_before, h };
                 let prediction = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
                 let bounces = prediction.collides.or(prediction.separates);
-                let (time_fraction, normal_factor) = (prediction.time / assembly.h, e + R::one());
+                let (time_fraction, normal_factor) = (prediction.time / input.h, e + R::one());
                 let at = add_scaled(before, sub(free_eliminated, before), time_fraction);
                 for (k, offset) in offsets.iter_mut().enumerate() {
                     let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };

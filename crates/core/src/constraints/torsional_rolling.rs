@@ -6,19 +6,18 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::assembler::Assembler;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::DeferredContact;
 use crate::constraints::contact::SlidingRows;
 use crate::constraints::elimination::trace_ratio;
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {
     /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the rows' free
     /// velocity, m/s.
     #[inline(always)]
-    fn rotation_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
+    fn rotation_columns(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -36,7 +35,7 @@ impl<R: Real> RowBuilder<R> {
                 // Adding zero converts -0 to 0, so that the bits of a lane do not depend on the contacts of other lanes.
                 j[i] = dot(axes[i], axis) * sign * weight[i] + R::zero();
             }
-            free = add_scaled(free, j, input.assembly.v_free[d]);
+            free = add_scaled(free, j, input.v_free[d]);
             self.column[d] = j;
         }
         free
@@ -45,7 +44,7 @@ impl<R: Real> RowBuilder<R> {
 
 impl<R: Real> Assembler<'_, R> {
     /// Adds the six rows of the contact in slot `k`, in the lanes `lanes` (bits) in which it has torsional or rolling friction.
-    pub(crate) fn add_rolling_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    pub(crate) fn add_rolling_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -57,8 +56,8 @@ impl<R: Real> Assembler<'_, R> {
 
     /// Builds the six rows, adds them to the problem, and sets their initial impulses. The caller must have called `gather_dofs`.
     #[inline(always)]
-    fn push_rolling_contact_row(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let RowInput { compiled, mass, assembly, .. } = input;
+    fn push_rolling_contact_row(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let RowInput { compiled, mass, .. } = *input;
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
@@ -69,7 +68,7 @@ impl<R: Real> Assembler<'_, R> {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
         }
         let free_rotation = self.builder.rotation_columns(input, contacts, k, lanes, friction.scale);
-        let change = if self.problem.resolves_impacts { self.builder.free_change(assembly) } else { zero() };
+        let change = if self.problem.resolves_impacts { self.builder.free_change(input) } else { zero() };
         self.builder.half_solve::<3>(compiled, mass);
         let mut rotation_offsets = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
         let rotation_lengths = self.builder.eliminate(&self.problem.rows, mass, &mut rotation_offsets);

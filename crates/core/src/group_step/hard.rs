@@ -18,7 +18,6 @@ use crate::integrators::locate::locate;
 use crate::integrators::positions::integrate_positions;
 use crate::integrators::predict::correct_free_velocity;
 use crate::integrators::recomputed::Recomputed;
-use crate::integrators::scheme;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::workspace::Workspace;
@@ -74,7 +73,7 @@ impl<R: Real> HardNominal<R> {
             correction: R::zero(),
             v_free: zeros(),
             change: zeros(),
-            scheme: scheme(options),
+            scheme: Scheme::new(options),
         }
     }
 
@@ -94,7 +93,7 @@ impl<R: Real> HardNominal<R> {
         let mut bouncing = s.problem.euler_rebounding.or(s.problem.midpoint_impact_lanes()).bits();
         let prediction = self.scheme.predicts().then(|| {
             // The time of an impact is found by iteration, up to a fraction of the step.
-            bouncing |= s.evaluation.impacts.lanes.bits();
+            bouncing |= s.evaluation.impact_lanes.bits();
             Prediction {
                 drives_forces: depends_on_prediction(compiled),
                 solved: is_estimated(&s.state.v, self.scheme.h).bits(),

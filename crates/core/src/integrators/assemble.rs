@@ -1,8 +1,7 @@
 //! Assembly of the constraint problem (stage 4) at the evaluation point, the time in the step at which contacts are found.
 
-use crate::constraints::assembler::{Assembler, AssemblyInput};
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
@@ -23,9 +22,13 @@ pub(crate) fn assemble_problem<R: Real>(
     probe: impl Probe,
 ) {
     let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = context;
-    let Evaluation { scheme, at_start, q, kinematics, contacts, impacts, solved_overlaps, .. } = evaluation;
-    let at_start = at_start.and_not(impacts.lanes);
-    let assembly = AssemblyInput {
+    let Evaluation { scheme, at_start, q, kinematics, contacts, impact_lanes, solved_overlaps, .. } = evaluation;
+    let at_start = at_start.and_not(*impact_lanes);
+    let input = RowInput {
+        compiled,
+        options,
+        kinematics,
+        mass: &free.smooth.mass,
         q,
         v: &state.v,
         motion: &free.smooth.newton_euler,
@@ -34,11 +37,10 @@ pub(crate) fn assemble_problem<R: Real>(
         h: scheme.h,
         time_before: scheme.time_before,
         in_the_middle: scheme.in_the_middle,
-        closing_fraction: scheme.closing_fraction(at_start, impacts.lanes),
+        closing_fraction: scheme.closing_fraction(at_start, *impact_lanes),
         at_start,
         solved_overlaps: solved_overlaps.as_deref(),
         alive,
     };
-    let input = RowInput { compiled, options, kinematics, mass: &free.smooth.mass, assembly: &assembly };
-    probe.span(Span::Assemble, || assemble(input, contacts, Assembler { problem, velocity, builder }));
+    probe.span(Span::Assemble, || assemble(&input, contacts, Assembler { problem, velocity, builder }));
 }

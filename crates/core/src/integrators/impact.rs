@@ -17,7 +17,6 @@ use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::acceptance::ambiguous;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch};
-use crate::integrators::impact_set::Impacts;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::spatial::*;
 use crate::stages::s04_assemble::shift_offsets;
@@ -37,11 +36,11 @@ pub(crate) fn move_to_first_impacts<R: Real>(
     first: bool,
 ) -> R::Mask {
     let StepInput { compiled, options, state, alive, .. } = input;
-    let Evaluation { scheme, kinematics, contacts, impacts: Impacts { lanes, velocities }, .. } = evaluation;
+    let Evaluation { scheme, kinematics, contacts, impact_lanes: lanes, link_velocities, .. } = evaluation;
     R::vectorize(
         #[inline(always)]
         || {
-            let [before, free] = velocities;
+            let [before, free] = link_velocities;
             kinematics.velocities(compiled, &state.v, before);
             kinematics.velocities(compiled, v_free, free);
             let gravity = norm(compiled.params.gravity());
@@ -145,9 +144,11 @@ pub(crate) fn prepare_position_solve<R: Real>(
     impulses: &mut Iterate<R>,
     position: &mut PositionSolution<R>,
 ) -> R::Mask {
-    let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, contacts, impacts, .. } } =
-        context;
-    let lanes = impacts.lanes.or(problem.midpoint_impact_lanes()).and(alive);
+    let StepContext {
+        input: StepInput { compiled, options, state, alive, .. },
+        evaluation: Evaluation { scheme, contacts, impact_lanes, .. },
+    } = context;
+    let lanes = impact_lanes.or(problem.midpoint_impact_lanes()).and(alive);
     if problem.needs_position_solve.or(lanes).none() {
         return lanes;
     }
@@ -245,9 +246,9 @@ fn lanes_with_impacts<R: Real>(
 /// Each of the two acts for half of the step. In lanes with an impact, the first acts before the impact and the second after it. Only
 /// inertial forces are recomputed. The forces of stage 1 do not change.
 fn compute_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
-    let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = context;
+    let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impact_lanes, .. } } = context;
     let half = scheme.h * R::of(0.5);
-    let times = [scheme.time_before, scheme.time_after].map(|time| R::select(impacts.lanes, time, half));
+    let times = [scheme.time_before, scheme.time_after].map(|time| R::select(*impact_lanes, time, half));
     free.accelerate(compiled, kinematics, &state.v, &state.v);
     advance(&state.v, &free.smooth.acc, times[0], &mut free.scratch.v_half);
     if problem.resolves_impacts {

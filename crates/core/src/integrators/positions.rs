@@ -77,7 +77,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     corrected: CorrectedLanes<R>,
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
-    let Evaluation { scheme, kinematics, collision, impacts, .. } = evaluation;
+    let Evaluation { scheme, kinematics, collision, impact_lanes, .. } = evaluation;
     let PositionSolution { impact_displacement: motion, correction, .. } = position;
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
@@ -96,7 +96,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     let passed = may_have_passed(input.compiled, kinematics, step, input.alive, collision);
     // Each step checks the path from its evaluation point to that of the next step. If an impact moved the evaluation point of this step,
     // the path from the beginning of the step to this point is checked here.
-    let moved = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
+    let moved = impact_lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
     if moved.none() {
         return passed;
     }

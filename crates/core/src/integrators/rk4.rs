@@ -8,18 +8,11 @@ use crate::constraints::{PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::inputs::Inputs;
-use crate::integrators::midpoint;
-use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
 use crate::stages::s02_smooth::Smooth;
-
-/// Integration scheme of `rk4` for environments with an active constraint: the midpoint rule for a time step of `h` seconds.
-pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
-    midpoint::scheme(h)
-}
 
 /// Workspace of the four Runge-Kutta stages.
 ///

@@ -5,7 +5,7 @@
 //! step:
 //!
 //! ```text
-//! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `AssemblyInput::closing_fraction`)
+//! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `RowInput::closing_fraction`)
 //! touching, or overlapping:       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
 //! bouncing, e > 0:                v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
@@ -23,15 +23,14 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::constraints::ConstraintProblem;
-use crate::constraints::assembler::Assembler;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::contact::least_mobility;
 use crate::constraints::restitution::any_elastic;
-use crate::constraints::row_input::RowInput;
 use crate::constraints::torsional_rolling::rolling_lanes;
 use crate::dynamics::inertia::MassMatrix;
 
 /// Assembles all rows of contacts, limits, dry friction, equalities and tendons, with their initial impulses.
-pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
+pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -43,8 +42,8 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
                 let Assembler { problem, builder, .. } = &mut assembler;
                 builder.store_eliminated(&mut problem.rows, compiled, &problem.active_equalities, input.mass);
             }
-            assembler.add_frictions(compiled, input.mass, input.assembly);
-            assembler.add_limits(compiled, input.options, input.mass, input.assembly);
+            assembler.add_frictions(input);
+            assembler.add_limits(input);
             if !compiled.ball_limits.is_empty() {
                 assembler.add_ball_limits(input);
             }
@@ -55,7 +54,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
                 assembler.add_equalities(input, false);
             }
             assembler.problem.elastic = any_elastic(contacts);
-            assembler.problem.resolves_impacts = assembler.problem.elastic && input.assembly.in_the_middle;
+            assembler.problem.resolves_impacts = assembler.problem.elastic && input.in_the_middle;
             for k in 0..contacts.slots() {
                 let lanes = contacts.lanes_of(k);
                 let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
@@ -81,8 +80,8 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
 impl<R: Real> Assembler<'_, R> {
     /// Resets the problem: removes the rows of the last step, and sets the numbers that do not depend on rows.
     #[inline(always)]
-    fn clear(&mut self, input: RowInput<'_, R>) {
-        let (compiled, assembly, none) = (input.compiled, input.assembly, R::Mask::splat(false));
+    fn clear(&mut self, input: &RowInput<'_, R>) {
+        let (compiled, none) = (input.compiled, R::Mask::splat(false));
         let Self { problem, velocity, builder } = self;
         problem.rows.clear();
         velocity.impulses.clear();
@@ -93,7 +92,7 @@ impl<R: Real> Assembler<'_, R> {
         problem.curvature_terms.clear();
         problem.deferred.clear();
         problem.impacts.clear();
-        problem.closing_time = assembly.h / assembly.closing_fraction;
+        problem.closing_time = input.h / input.closing_fraction;
         [problem.constrained, problem.needs_position_solve, problem.biased, problem.euler_rebounding] = [none; 4];
         problem.may_have_immovable_rows = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();

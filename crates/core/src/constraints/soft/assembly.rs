@@ -10,7 +10,7 @@ use crate::constraints::soft::input::SoftInput;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of all constraints with MuJoCo's contact law. The velocities of the rows follow from `input.row.assembly.v_free`,
+    /// Adds the rows of all constraints with MuJoCo's contact law. The velocities of the rows follow from `input.row.v_free`,
     /// which is here the velocity before the step.
     pub(crate) fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
         let Some(mut system) = self.problem.soft.take() else { return };
@@ -30,7 +30,7 @@ impl<R: Real> Assembler<'_, R> {
         );
         self.add_soft_contacts(input, contacts, &mut system);
         if let Some(effective) = input.effective {
-            let lanes = input.row.assembly.alive;
+            let lanes = input.row.alive;
             if effective.couple(&mut system, lanes) {
                 self.problem.constrained = lanes;
             }

@@ -167,8 +167,7 @@ impl<R: Real> Assembler<'_, R> {
                 break;
             }
             for k in 0..contacts.slots() {
-                let distance =
-                    input.row.assembly.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
+                let distance = input.row.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
                 let near = R::Mask::from_bits(contacts.lanes_of(k)).and(distance.lt(R::zero())).bits();
                 let mut rolling = 0;
                 if compiled.has_rolling_friction {
@@ -244,7 +243,7 @@ impl<R: Real> Assembler<'_, R> {
             let d = d as usize;
             let (sign, axis) = (self.builder.sign_of(d), angular(&input.row.kinematics.axes[d]));
             let j = [dot(axes[0], axis) * sign + R::zero(), dot(axes[1], axis) * sign + R::zero(), dot(axes[2], axis) * sign + R::zero()];
-            turning = add_scaled(turning, j, input.row.assembly.v_free[d]);
+            turning = add_scaled(turning, j, input.row.v_free[d]);
             system.angular[d] = j;
         }
         let law = ContactLaw::gather(input, contacts, k, lanes);

@@ -5,6 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
 use crate::constraints::assembler::Assembler;
 use crate::constraints::equality::{angular_acceleration, moves};
+use crate::constraints::rows::unbounded;
 use crate::constraints::soft::effective_mass::law_at;
 use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::rows::{SoftRow, row_law};
@@ -37,10 +38,10 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     fn add_soft_equality(&mut self, input: SoftInput<'_, R>, equality: &CompiledEquality<R::Scalar>, system: &mut SoftSystem<R>) {
         let [law, rotation_law] = &input.softness.equalities[equality.index];
+        self.builder.use_own_dofs(equality);
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));
-                self.builder.use_own_dofs(equality);
                 let points = self.builder.connect_points(input.row, *frames, *anchors, false);
                 let mut square = dot(points.error, points.error);
                 if let Some((turn, weight)) = &turned {
@@ -66,13 +67,12 @@ impl<R: Real> Assembler<'_, R> {
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
-                self.builder.use_own_dofs(equality);
                 let rows = self.builder.couple_joints(input.row, first, second.as_ref(), splat(*polynomial));
                 let mut rate = R::zero();
                 for &d in &equality.dofs {
-                    rate += self.builder.column[d as usize][0] * input.row.assembly.v_free[d as usize];
+                    rate += self.builder.column[d as usize][0] * input.row.v_free[d as usize];
                 }
-                let active = input.row.assembly.alive.and(self.problem.active_equalities.lanes(equality));
+                let active = input.row.alive.and(self.problem.active_equalities.lanes(equality));
                 // MuJoCo neglects the acceleration J' v of couplings.
                 let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
@@ -96,7 +96,7 @@ impl<R: Real> Assembler<'_, R> {
         Errors { error, kappa }: Errors<R>,
         first: usize,
     ) {
-        let (assembly, mut rate) = (input.row.assembly, zero());
+        let (assembly, mut rate) = (input.row, zero());
         let active = assembly.alive.and(self.problem.active_equalities.lanes(equality));
         for &d in &equality.dofs {
             rate = add_scaled(rate, self.builder.column[d as usize], assembly.v_free[d as usize]);
@@ -113,11 +113,6 @@ impl<R: Real> Assembler<'_, R> {
             }
         }
     }
-}
-
-#[inline(always)]
-fn unbounded<R: Real>() -> [R; 2] {
-    [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
 }
 
 /// Relative orientation of the two frames of a weld. MuJoCo's error is the vector part of the quaternion q1^-1 q0, in the second frame's
@@ -165,5 +160,5 @@ impl<R: Real> Turn<R> {
 /// Angular velocity of a frame in world axes, rad/s.
 #[inline(always)]
 fn frame_velocity<R: Real>(input: SoftInput<'_, R>, frame: usize) -> V3<R> {
-    if frame == 0 || frame > input.row.compiled.links.len() { zero() } else { angular(&input.row.assembly.motion.velocity[frame - 1]) }
+    if frame == 0 || frame > input.row.compiled.links.len() { zero() } else { angular(&input.row.motion.velocity[frame - 1]) }
 }

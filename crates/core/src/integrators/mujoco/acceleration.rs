@@ -6,9 +6,8 @@ use stepper_solve::soft::Effort;
 
 use crate::actuation::forces::Implicit;
 use crate::compile::LaneModel;
-use crate::constraints::assembler::{Assembler, AssemblyInput};
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
 use crate::constraints::soft::{EffectiveMass, SoftInput};
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::kinematics::advance;
@@ -149,7 +148,11 @@ impl<R: Real> Acceleration<'_, R> {
         let StepInput { compiled, options, alive, .. } = input;
         let Self { evaluation, free, problem, velocity, builder, effective } = self;
         let Some(softness) = &compiled.softness else { return };
-        let assembly = AssemblyInput {
+        let row = &RowInput {
+            compiled,
+            options,
+            kinematics: &evaluation.kinematics,
+            mass: &free.smooth.mass,
             q: &stage.q,
             v: &stage.v,
             motion: &free.smooth.newton_euler,
@@ -163,7 +166,6 @@ impl<R: Real> Acceleration<'_, R> {
             solved_overlaps: evaluation.solved_overlaps.as_deref(),
             alive,
         };
-        let row = RowInput { compiled, options, kinematics: &evaluation.kinematics, mass: &free.smooth.mass, assembly: &assembly };
         let input = SoftInput { row, softness, effective: effective.as_ref() };
         Assembler { problem, velocity, builder }.assemble_soft(input, &mut evaluation.contacts);
     }

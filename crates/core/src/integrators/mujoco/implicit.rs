@@ -8,7 +8,7 @@ use crate::constraints::ConstraintProblem;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::free_motion::{FreeMotion, Scratch};
-use crate::integrators::mujoco::unsymmetric::Unsymmetric;
+use crate::integrators::mujoco::unsymmetric::{Unsymmetric, solve_dense};
 use crate::integrators::step_input::StepInput;
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -144,26 +144,5 @@ pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], 
             a[3 + i][3 + c] += h * angular[i];
         }
     }
-    // Gaussian elimination. The symmetric part is positive definite, so that no pivot is needed.
-    let mut b = [x[first], x[first + 1], x[first + 2], x[first + 3], x[first + 4], x[first + 5]];
-    for k in 0..6 {
-        let inverse = R::one() / a[k][k];
-        for i in k + 1..6 {
-            let factor = a[i][k] * inverse;
-            for j in k + 1..6 {
-                let above = a[k][j];
-                a[i][j] -= factor * above;
-            }
-            let above = b[k];
-            b[i] -= factor * above;
-        }
-    }
-    for k in (0..6).rev() {
-        let mut sum = b[k];
-        for j in k + 1..6 {
-            sum -= a[k][j] * b[j];
-        }
-        b[k] = sum / a[k][k];
-    }
-    x[first..first + 6].copy_from_slice(&b);
+    solve_dense(a.as_flattened_mut(), &mut x[first..first + 6]);
 }

@@ -21,6 +21,7 @@ use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{count, each_of};
 use crate::options::StepSettings;
 use crate::probe::{NoProbe, Probe, Span};
+use crate::stages::s10_record::Status;
 use crate::step::step;
 
 /// Workspace of a thread, with the step compiled for its lanes and CPU level.
@@ -426,7 +427,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 record.residual.store(&mut group.residual);
                 record.sweeps.store(&mut group.sweeps);
                 record.newton_steps.store(&mut group.newton_steps);
-                for lane in each_of(record.not_converged.bits()) {
+                for lane in each_of(record.lanes(Status::NOT_CONVERGED)) {
                     group.worst[lane] = s.velocity.worst.of_lane(lane).0;
                 }
             });

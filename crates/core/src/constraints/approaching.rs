@@ -91,6 +91,11 @@ impl<R: Real> ConstraintProblem<R> {
         deferred.and(lanes)
     }
 
+    /// Whether the contact in slot `k` is deferred in lane `lane`.
+    fn is_deferred(&self, k: usize, lane: usize) -> bool {
+        self.deferred.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1)
+    }
+
     /// Largest overlap in lane `lane` among the active contacts of either of two bodies, m. `frames` are the bodies' frames, and
     /// `frames_of` returns the two frames of a pair of geoms.
     pub(crate) fn resting_overlap(
@@ -102,9 +107,8 @@ impl<R: Real> ConstraintProblem<R> {
     ) -> f64 {
         let mut deepest = 0.0_f64;
         for k in 0..contacts.count[lane] {
-            let is_deferred = self.deferred.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1);
             let shares = |f: usize| f > 0 && frames.contains(&f);
-            if !is_deferred && frames_of(contacts.ids[k][lane].pair()).into_iter().any(shares) {
+            if !self.is_deferred(k, lane) && frames_of(contacts.ids[k][lane].pair()).into_iter().any(shares) {
                 deepest = deepest.max(-contacts.data[k].point.distance.lane(lane).to_f64());
             }
         }
@@ -205,27 +209,24 @@ impl<R: Real> ConstraintProblem<R> {
     pub(crate) fn activate_coplanar(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>) {
         R::vectorize(
             #[inline(always)]
-            || self.activate_coplanar_contacts(velocity, contacts),
+            || {
+                for i in 0..self.deferred.len() {
+                    let deferred = self.deferred[i];
+                    let mut coplanar = 0;
+                    for lane in each_of(deferred.lanes.bits()) {
+                        let normal = of_lane(&contacts.data[deferred.slot].point.normal, lane);
+                        let pair = contacts.ids[deferred.slot][lane].pair();
+                        let rests = (0..contacts.count[lane]).any(|k| {
+                            contacts.ids[k][lane].pair() == pair
+                                && dot(of_lane(&contacts.data[k].point.normal, lane), normal) > COPLANAR_COSINE
+                                && !self.is_deferred(k, lane)
+                        });
+                        coplanar |= u32::from(rests) << lane;
+                    }
+                    self.activate_contact(velocity, i, R::Mask::from_bits(coplanar), deferred.impulse);
+                }
+            },
         )
-    }
-
-    #[inline(always)]
-    fn activate_coplanar_contacts(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>) {
-        for i in 0..self.deferred.len() {
-            let deferred = self.deferred[i];
-            let mut coplanar = 0;
-            for lane in each_of(deferred.lanes.bits()) {
-                let normal = of_lane(&contacts.data[deferred.slot].point.normal, lane);
-                let pair = contacts.ids[deferred.slot][lane].pair();
-                let rests = (0..contacts.count[lane]).any(|k| {
-                    contacts.ids[k][lane].pair() == pair
-                        && dot(of_lane(&contacts.data[k].point.normal, lane), normal) > COPLANAR_COSINE
-                        && !self.deferred.iter().any(|other| other.slot == k && other.lanes.bits() >> lane & 1 == 1)
-                });
-                coplanar |= u32::from(rests) << lane;
-            }
-            self.activate_contact(velocity, i, R::Mask::from_bits(coplanar), deferred.impulse);
-        }
     }
 
     /// Activates deferred contact number `i` in the lanes `lanes`, with the initial impulse `impulse`, N s and N m s.
@@ -251,8 +252,7 @@ impl<R: Real> ConstraintProblem<R> {
     pub(crate) fn remove_deferred(&self, contacts: &mut Contacts<R>) {
         let lanes = self.deferred_lanes(R::Mask::splat(true));
         for lane in each_of(lanes.bits()) {
-            let is_deferred = |slot: usize| self.deferred.iter().any(|other| other.slot == slot && other.lanes.bits() >> lane & 1 == 1);
-            contacts.retain(lane, |slot| !is_deferred(slot));
+            contacts.retain(lane, |slot| !self.is_deferred(slot, lane));
         }
     }
 }

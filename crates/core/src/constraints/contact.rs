@@ -11,7 +11,7 @@
 //! | `restitution.rs` | `free_change`, and the functions that begin with `bounce`: target velocity of a rebound |
 //! | `elimination.rs` | `eliminate` and `add_removed_scales`: remove hard equalities from the rows |
 //! | `approaching.rs` | `approaching_lanes`: lanes in which the rows are deferred |
-//! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`, `store_curvature`: velocity changes by the motion of the contact point |
+//! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`: velocity changes by the motion of the contact point; `remove_curvature` |
 //! | `equality.rs` | `propagate_scales`: sizes below which entries of the rows count as rounding errors |
 //!
 //! `RowInput` (`assembler.rs`) has the numbers that all rows share. `push_contact` makes the rows a part of the solver's problem
@@ -23,7 +23,7 @@ use stepper_solve::velocity_rounding;
 use crate::collision::contact_set::Contacts;
 use crate::constraints::approaching::resting_speed;
 use crate::constraints::assembler::{Assembler, RowInput};
-use crate::constraints::constraint_problem::DeferredContact;
+use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
 use crate::constraints::elimination::SquaredLengths;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
@@ -107,7 +107,7 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.contacts.clear_negligible_approach(negligible);
         }
         if let Some(curvature) = curvature {
-            self.problem.store_curvature(contact, curvature);
+            self.problem.curvature_terms.push(CurvatureTerms { contact, terms: curvature });
             // A self-locking contact, such as a wedge, carries any load by friction. Curvature terms could prescribe velocities that the
             // joints do not allow, and no impulses would be a solution.
             let is_self_locking = self.problem.rows.contacts.is_self_locking();

@@ -66,7 +66,7 @@ impl<R: Real> Assembler<'_, R> {
     pub(crate) fn add_limits(&mut self, input: &RowInput<'_, R>) {
         for (i, limit) in input.compiled.limits.iter().enumerate() {
             let (sign, phi) = nearer_end(input.q[limit.q], input.compiled.params.limit(i));
-            let solved = input.solved_overlaps.map(|solved| solved.limit(i));
+            let solved = input.solved_overlaps.map(|solved| solved.limits[i]);
             if let Some(law) = self.limit_law(input, i, phi, input.v_free[limit.dof] * sign, solved) {
                 self.add_dof_row(input, limit.dof, i, sign, law);
             }

@@ -19,7 +19,7 @@ use stepper_solve::{Iterate, PositionRows, Problem};
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::LaneModel;
 use crate::constraints::assembler::{Assembler, RowInput, tunnelling_distance};
-use crate::constraints::constraint_problem::{ConstraintProblem, Impact};
+use crate::constraints::constraint_problem::{ConstraintProblem, Impact, shift_impacts};
 use crate::constraints::impact_time::Flight;
 use crate::constraints::position_solution::PositionSolution;
 use crate::constraints::row_builder::RowBuilder;
@@ -154,48 +154,6 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, after a velocity change that acts evenly over the step. At the
-    /// time of an impact only a part of it has acted. [`ConstraintProblem::shift`] has added the whole change to these offsets.
-    ///
-    /// `change` is the change of the velocity after the step, in the scaled coordinates of the solver.
-    #[inline(always)]
-    pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
-        let Self { rows, impacts, resolves_impacts, .. } = self;
-        if !*resolves_impacts {
-            return;
-        }
-        shift_impacts(
-            impacts,
-            lanes,
-            after_impact,
-            #[inline(always)]
-            |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
-        );
-    }
-
-    /// Corrects the offsets of contacts that bounce for a velocity change that acts before their impacts.
-    ///
-    /// `change` is the corresponding change of the velocity after the step without impacts. The function overwrites it.
-    pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
-        if !self.resolves_impacts {
-            return;
-        }
-        R::vectorize(
-            #[inline(always)]
-            || {
-                mass.scale(compiled, change);
-                let Self { rows, impacts, .. } = self;
-                shift_impacts(
-                    impacts,
-                    lanes,
-                    before_impact,
-                    #[inline(always)]
-                    |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
-                );
-            },
-        )
-    }
-
     /// Sets the coefficient of restitution to 0 for impacts at which Newton's law has no plausible solution. Returns the lanes with such an
     /// impact.
     ///
@@ -215,46 +173,42 @@ impl<R: Real> ConstraintProblem<R> {
     ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
-            || self.make_inelastic(impulses, [energy, max_rounding], [unsolved, all_or_none]),
+            || {
+                let Self { rows, impacts, euler_rebounding, deferred, resolves_impacts, .. } = self;
+                let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
+                let implausible = |rows: &Problem<R>, i: usize| {
+                    R::vectorize(
+                        #[inline(always)]
+                        || impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding)),
+                    )
+                };
+                let mut all_impacts = unsolved;
+                for (i, impact) in impacts.iter().enumerate() {
+                    let lanes = elastic(impact).and(all_or_none);
+                    if lanes.any() {
+                        all_impacts = all_impacts.or(lanes.and(implausible(rows, i)));
+                    }
+                }
+                let [mut changed, mut still_elastic] = [R::Mask::splat(false); 2];
+                for (i, impact) in impacts.iter_mut().enumerate() {
+                    let elastic_lanes = elastic(impact);
+                    if elastic_lanes.none() {
+                        continue;
+                    }
+                    let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
+                    let offset = rows.normal_offset_mut(i);
+                    let inelastic = if *resolves_impacts { *offset * (R::one() / impact.normal_factor) } else { *offset - impact.rebound };
+                    if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
+                        contact.bias = R::select(lanes, contact.bias + (inelastic - *offset), contact.bias);
+                    }
+                    *offset = R::select(lanes, inelastic, *offset);
+                    impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
+                    (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
+                }
+                *euler_rebounding = euler_rebounding.and_not(changed.and_not(still_elastic));
+                changed
+            },
         )
-    }
-
-    /// Implementation of [`ConstraintProblem::drop_restitution`] inside its kernel.
-    #[inline(always)]
-    fn make_inelastic(&mut self, impulses: &Iterate<R>, [energy, max_rounding]: [R; 2], [unsolved, all_or_none]: [R::Mask; 2]) -> R::Mask {
-        let Self { rows, impacts, euler_rebounding, deferred, resolves_impacts, .. } = self;
-        let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
-        let implausible = |rows: &Problem<R>, i: usize| {
-            R::vectorize(
-                #[inline(always)]
-                || impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding)),
-            )
-        };
-        let mut all_impacts = unsolved;
-        for (i, impact) in impacts.iter().enumerate() {
-            let lanes = elastic(impact).and(all_or_none);
-            if lanes.any() {
-                all_impacts = all_impacts.or(lanes.and(implausible(rows, i)));
-            }
-        }
-        let [mut changed, mut still_elastic] = [R::Mask::splat(false); 2];
-        for (i, impact) in impacts.iter_mut().enumerate() {
-            let elastic_lanes = elastic(impact);
-            if elastic_lanes.none() {
-                continue;
-            }
-            let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
-            let offset = rows.normal_offset_mut(i);
-            let inelastic = if *resolves_impacts { *offset * (R::one() / impact.normal_factor) } else { *offset - impact.rebound };
-            if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
-                contact.bias = R::select(lanes, contact.bias + (inelastic - *offset), contact.bias);
-            }
-            *offset = R::select(lanes, inelastic, *offset);
-            impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
-            (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
-        }
-        *euler_rebounding = euler_rebounding.and_not(changed.and_not(still_elastic));
-        changed
     }
 
     /// Lanes in which the midpoint rule places an impact at its time within the step, even if the impact became inelastic.
@@ -403,7 +357,7 @@ impl<R: Real> PositionSolution<R> {
                 shift_impacts(
                     &problem.impacts,
                     lanes,
-                    after_impact,
+                    R::one(),
                     #[inline(always)]
                     |i, impact_lanes, weights| positions.shift_contact(&problem.rows, i, change, impact_lanes, weights),
                 );
@@ -447,38 +401,6 @@ fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask
     }
     for (moved, &removed) in moved.iter_mut().zip(removed) {
         *moved = R::select(lanes, removed + (*moved - removed) * factor, *moved);
-    }
-}
-
-/// Factor by which a velocity change, which acts evenly over the step, corrects the offset of an impact's row.
-///
-/// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
-#[inline(always)]
-fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
-    normal_factor * time_fraction - R::one()
-}
-
-/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts before the impact. The factor is for a
-/// change of the velocity after the step.
-#[inline(always)]
-fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
-    normal_factor * time_fraction
-}
-
-/// Calls `shift` for each contact that bounces in the lanes `lanes`. The arguments are its index, these lanes, and the weights of the
-/// normal row and of the friction rows.
-#[inline(always)]
-fn shift_impacts<R: Real>(
-    impacts: &[Impact<R>],
-    lanes: R::Mask,
-    weight: impl Fn(R, R) -> R,
-    mut shift: impl FnMut(usize, R::Mask, [R; 2]),
-) {
-    for (i, impact) in impacts.iter().enumerate() {
-        let impact_lanes = lanes.and(impact.lanes);
-        if impact_lanes.any() {
-            shift(i, impact_lanes, [weight(impact.normal_factor, impact.time_fraction), weight(R::one(), impact.time_fraction)]);
-        }
     }
 }
 

@@ -15,7 +15,7 @@ use crate::math::lanes::each_of;
 pub(crate) struct SolvedOverlaps<R: Real> {
     contacts: Contacts<R>,
     /// Distance of each limited joint to the nearer end of its range in the solution, m or rad.
-    limits: Vec<R>,
+    pub(crate) limits: Vec<R>,
 }
 
 impl<R: Real> SolvedOverlaps<R> {
@@ -46,12 +46,6 @@ impl<R: Real> SolvedOverlaps<R> {
             }
         }
         distance
-    }
-
-    /// Distance of limit `i` in the solution, m or rad.
-    #[inline(always)]
-    pub(crate) fn limit(&self, i: usize) -> R {
-        self.limits[i]
     }
 
     /// Lanes of `lanes` (bits) in which a displaced state has all contacts that overlap in the solution.

@@ -7,25 +7,25 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
 use crate::constraints::assembler::{Assembler, RowInput};
-use crate::constraints::constraint_problem::DeferredContact;
+use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
 use crate::constraints::contact::SlidingRows;
 use crate::constraints::elimination::trace_ratio;
 use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {
-    /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the rows' free
-    /// velocity, m/s.
+    /// Copies the entries of the sliding rows in `column` to `linear`, because the rotation rows use `column` too.
     #[inline(always)]
-    fn rotation_columns(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
-        let slot = &contacts.data[k];
-        let n = slot.point.normal;
-        let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let surface_rotation = angular(&surface_velocity::motion(input.compiled, input.kinematics, contacts, k, lanes));
-        let mut free: V3<R> = array_of(
-            #[inline(always)]
-            |i| dot(axes[i], surface_rotation) * weight[i],
-        );
+    pub(crate) fn keep_sliding_rows(&mut self) {
+        for &d in &self.dofs {
+            self.linear[d as usize] = self.column[d as usize];
+        }
+    }
+
+    /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the rows' free
+    /// velocity, m/s. `free` is the part of it by the motion of the surfaces themselves.
+    #[inline(always)]
+    pub(crate) fn rotation_columns(&mut self, input: &RowInput<'_, R>, axes: &[V3<R>; 3], weight: V3<R>, mut free: V3<R>) -> V3<R> {
         for &d in &self.dofs {
             let d = d as usize;
             let sign = self.sign_of(d);
@@ -59,15 +59,18 @@ impl<R: Real> Assembler<'_, R> {
     fn push_rolling_contact_row(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let RowInput { compiled, mass, .. } = *input;
         let slot = &contacts.data[k];
-        let mut friction = Friction::of(compiled, contacts, k, lanes);
-        friction.scale_to(slot.mu);
+        let friction = Friction::of(compiled, contacts, k, lanes);
         let SlidingRows { offsets: mut sliding_offsets, curvature, lengths: sliding, exists, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
-        // The rotation rows use `column` too. The entries of the sliding rows are therefore copied to `linear`.
-        for &d in &self.builder.dofs {
-            self.builder.linear[d as usize] = self.builder.column[d as usize];
-        }
-        let free_rotation = self.builder.rotation_columns(input, contacts, k, lanes, friction.scale);
+        self.builder.keep_sliding_rows();
+        let n = slot.point.normal;
+        let axes = [n, slot.tangent, cross(n, slot.tangent)];
+        let surface_rotation = angular(&surface_velocity::motion(compiled, input.kinematics, contacts, k, lanes));
+        let surface: V3<R> = array_of(
+            #[inline(always)]
+            |i| dot(axes[i], surface_rotation) * friction.scale[i],
+        );
+        let free_rotation = self.builder.rotation_columns(input, &axes, friction.scale, surface);
         let change = if self.problem.resolves_impacts { self.builder.free_change(input) } else { zero() };
         self.builder.half_solve::<3>(compiled, mass);
         let mut rotation_offsets = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
@@ -102,7 +105,7 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.rolling_contacts.clear_negligible_approach(negligible);
         }
         if let Some(curvature) = curvature {
-            self.problem.store_curvature(contact, curvature.map(|term| term * sliding_factor));
+            self.problem.curvature_terms.push(CurvatureTerms { contact, terms: scale(curvature, sliding_factor) });
         }
         if let (Some(sliding), Some(rotation_lengths)) = (sliding, rotation_lengths) {
             let (before, after) = (
@@ -144,8 +147,6 @@ impl<R: Real> Assembler<'_, R> {
 
 /// Friction coefficients of the contacts in one slot, per lane.
 struct Friction<R: Real> {
-    /// Coefficients of torsional and of rolling friction, m.
-    spin_and_roll: [R; 2],
     /// Friction coefficient of the scaled rows: the sliding coefficient, or 1 for contacts without sliding friction.
     mu: R,
     /// Factor that is 1 for contacts with sliding friction, otherwise 0.
@@ -157,23 +158,15 @@ struct Friction<R: Real> {
 impl<R: Real> Friction<R> {
     #[inline(always)]
     fn of(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
-        let mut spin_and_roll = [R::zero(); 2];
+        let [mut spin, mut roll] = [R::zero(); 2];
         for (pair, lanes) in contacts.pairs(k, lanes) {
             let (params, pair_lanes) = (compiled.contact(pair), R::Mask::from_bits(lanes));
-            spin_and_roll =
-                [R::select(pair_lanes, params.torsion, spin_and_roll[0]), R::select(pair_lanes, params.rolling, spin_and_roll[1])];
+            (spin, roll) = (R::select(pair_lanes, params.torsion, spin), R::select(pair_lanes, params.rolling, roll));
         }
-        Self { spin_and_roll, mu: R::one(), sliding_factor: R::zero(), scale: zero() }
-    }
-
-    /// Sets the scale of the rotation rows for contacts with the sliding friction coefficient `mu`.
-    #[inline(always)]
-    fn scale_to(&mut self, mu: R) {
+        let mu = contacts.data[k].mu;
         let slides = mu.gt(R::zero());
-        self.mu = R::select(slides, mu, R::one());
-        self.sliding_factor = R::select(slides, R::one(), R::zero());
-        let [spin, roll] = self.spin_and_roll;
-        self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
+        let mu = R::select(slides, mu, R::one());
+        Self { mu, sliding_factor: R::select(slides, R::one(), R::zero()), scale: [spin / mu, roll / mu, roll / mu] }
     }
 
     /// Converts angular impulses (N m s) to the impulses of the scaled rotation rows (N s).

@@ -67,6 +67,19 @@ impl<R: Real> VelocitySolution<R> {
         rolling_contacts.fill([nan; 6]);
     }
 
+    /// Computes the velocity after the step with the present impulses into `out`, nv. `v_free` is the velocity without them.
+    pub fn velocity_after(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, v_free: &[R], out: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.velocity_by_impulses(compiled, mass, out);
+                for (v, &free) in out.iter_mut().zip(v_free) {
+                    *v += free;
+                }
+            },
+        )
+    }
+
     /// Computes the change of the generalized velocity by the present impulses into `out`, nv.
     pub fn velocity_by_impulses(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
         R::vectorize(

@@ -24,7 +24,6 @@ use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::options::{Stabilization, StepSettings};
 use crate::probe::NoProbe;
-use crate::stages::s04_assemble::shift_offsets;
 use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
@@ -172,7 +171,7 @@ impl<R: Real> HardNominal<R> {
         let context = StepContext { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
         if recomputed == Recomputed::Forces {
             advance(&free.v, &self.v_free, -R::one(), &mut self.change);
-            shift_offsets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
+            problem.shift(compiled, &free.smooth.mass, &mut self.change, None, R::Mask::splat(true));
         } else {
             // Stage 4, with those contacts active that the solved step has.
             assemble_problem(context, free, problem, velocity, builder, NoProbe);

@@ -75,15 +75,7 @@ pub(crate) fn activate_colliding<R: Real>(
     }
     // The solved motion has the velocity `velocity.v`. The predicted motion has the free velocity plus the change by predicted impulses.
     if motion == SweptMotion::Predicted {
-        velocity.velocity_by_impulses(compiled, &free.smooth.mass, &mut collisions.v_predicted);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (v, &free) in collisions.v_predicted.iter_mut().zip(&free.v) {
-                    *v += free;
-                }
-            },
-        );
+        velocity.velocity_after(compiled, &free.smooth.mass, &free.v, &mut collisions.v_predicted);
     }
     let colliding = collisions.find(&query, motion == SweptMotion::Predicted, &velocity.v, problem);
     if colliding.any() {

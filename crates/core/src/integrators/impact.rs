@@ -19,7 +19,6 @@ use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::spatial::*;
-use crate::stages::s04_assemble::shift_offsets;
 use crate::tuning::{
     MAX_IMPACT_RESIDUAL, MAX_RESOLVED_ROTATION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
 };
@@ -234,8 +233,7 @@ fn lanes_with_impacts<R: Real>(
             let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
             // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
-            let slots = problem.sliding_slots.iter().map(|slot| slot.1).chain(problem.rolling_slots.iter().map(|slot| slot.1));
-            let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
+            let touching = problem.slots().fold(R::Mask::splat(false), |all, (_, lanes)| all.or(lanes));
             touching.and(alive).and_not(free.unresolved).and(matters)
         },
     )
@@ -297,5 +295,5 @@ fn update_free_velocity<R: Real>(
         },
     );
     let before_impacts = problem.resolves_impacts.then_some(&mut before_impact[..]);
-    shift_offsets(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
+    problem.shift(compiled, &smooth.mass, free_change, before_impacts, lanes);
 }

@@ -14,7 +14,6 @@ use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::assess_corrector;
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
-use crate::stages::s04_assemble::shift_offsets;
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::MAX_IMPACT_ROTATION;
 
@@ -93,8 +92,7 @@ pub(crate) fn correct_free_velocity<R: Real>(
         leave_out_inertial_forces(context, free);
     }
     std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
-    let everywhere = R::Mask::splat(true);
-    shift_offsets(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
+    problem.shift(compiled, &free.smooth.mass, &mut free.scratch.free_change, None, R::Mask::splat(true));
 }
 
 /// Sets the velocity change by the predicted impulses, `change`, to zero in lanes in which it makes the motion too fast for the time step.

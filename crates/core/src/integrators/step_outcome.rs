@@ -7,7 +7,7 @@ use crate::constraints::ConstraintProblem;
 use crate::constraints::equality_violation::max_equality_violation;
 use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::step_input::StepInput;
-use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, depth, limit_overshoot};
+use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Status, depth, limit_overshoot};
 
 /// Outcome of the solver in a step, and sets of lanes with problems.
 #[derive(Clone, Copy, Debug)]
@@ -73,14 +73,16 @@ pub(crate) fn record<R: Real>(
         depth,
         overshoot,
         equality_violation: violation,
-        deep: alive.and(depth.gt(R::of(DEEP))),
-        over_limit: alive.and(overshoot.gt(R::of(OVER_LIMIT))),
-        equality_violated: alive.and(violation.gt(R::of(EQUALITY_VIOLATED))),
-        not_converged: unsolved.and(finite),
-        infeasible: alive.and(finite).and(outcome.infeasible),
-        non_finite: alive.and_not(finite),
-        contacts_full: state.contacts.full,
-        unresolved: free.unresolved.or(outcome.energy_unresolved),
-        tunnelled: outcome.tunnelled,
+        flags: [
+            (Status::NOT_CONVERGED, unsolved.and(finite).bits()),
+            (Status::NON_FINITE, alive.and_not(finite).bits()),
+            (Status::CONTACTS_FULL, state.contacts.full),
+            (Status::UNRESOLVED, free.unresolved.or(outcome.energy_unresolved).bits()),
+            (Status::TUNNELLED, outcome.tunnelled.bits()),
+            (Status::INFEASIBLE, alive.and(finite).and(outcome.infeasible).bits()),
+            (Status::DEEP, alive.and(depth.gt(R::of(DEEP))).bits()),
+            (Status::OVER_LIMIT, alive.and(overshoot.gt(R::of(OVER_LIMIT))).bits()),
+            (Status::EQUALITY_VIOLATED, alive.and(violation.gt(R::of(EQUALITY_VIOLATED))).bits()),
+        ],
     }
 }

@@ -22,12 +22,10 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::ConstraintProblem;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::contact::least_mobility;
 use crate::constraints::restitution::any_elastic;
 use crate::constraints::torsional_rolling::rolling_lanes;
-use crate::dynamics::inertia::MassMatrix;
 
 /// Assembles all rows of contacts, limits, dry friction, equalities and tendons, with their initial impulses.
 pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
@@ -110,23 +108,5 @@ impl<R: Real> Assembler<'_, R> {
         velocity.impulses.compute_w(&problem.rows);
         problem.rows.newly_loaded =
             velocity.contact_groups.newly_loaded_lanes(contacts, &problem.sliding_slots, &problem.rows, &velocity.impulses);
-    }
-}
-
-/// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`. Overwrites `change` and
-/// `before_impacts`.
-///
-/// `before_impacts` is the change of the velocity that the whole step would have without impacts, if a contact bounces within the step.
-pub(crate) fn shift_offsets<R: Real>(
-    compiled: &LaneModel<R>,
-    mass: &MassMatrix<R>,
-    problem: &mut ConstraintProblem<R>,
-    change: &mut [R],
-    before_impacts: Option<&mut [R]>,
-    lanes: R::Mask,
-) {
-    problem.shift(compiled, mass, change, lanes);
-    if let Some(change) = before_impacts {
-        problem.shift_before_impacts(compiled, mass, change, lanes);
     }
 }

@@ -403,11 +403,9 @@ fn prove_infeasible<R: Real>(
 /// the lower bound of the inverse inertia that scales the damping of the contact.
 #[inline(always)]
 fn find_unconstrained_mobility<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, unconstrained_mobility: &mut Vec<R>) {
-    let ConstraintProblem { rows, sliding_slots, rolling_slots, .. } = input.problem;
     unconstrained_mobility.clear();
-    unconstrained_mobility.resize(rows.scalars.len(), R::zero());
-    let all = sliding_slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
-    for (k, lanes) in all {
+    unconstrained_mobility.resize(input.problem.rows.scalars.len(), R::zero());
+    for (k, lanes) in input.problem.slots() {
         let mut floor = R::zero();
         for (pair, lanes) in input.contacts.pairs(k, lanes.bits()) {
             let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");

@@ -8,15 +8,9 @@ use crate::constraints::equality::{angular_acceleration, moves};
 use crate::constraints::rows::unbounded;
 use crate::constraints::soft::effective_mass::law_at;
 use crate::constraints::soft::input::SoftInput;
-use crate::constraints::soft::rows::{SoftRow, row_law};
+use crate::constraints::soft::rows::row_law;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
-
-/// Position errors of three rows, and their velocity-dependent accelerations J' v.
-struct Errors<R: Real> {
-    error: V3<R>,
-    kappa: V3<R>,
-}
 
 impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of all active equalities. All position errors of an equality share one impedance.
@@ -49,8 +43,7 @@ impl<R: Real> Assembler<'_, R> {
                     square += dot(error, error);
                 }
                 let impedance = law.impedance(square.sqrt());
-                let errors = Errors { error: points.error, kappa: points.kappa };
-                self.push_soft_triple(input, equality, system, law, impedance, errors, 0);
+                self.push_soft_triple(input, (equality, 0), system, law, impedance, [points.error, points.kappa]);
                 if let Some((turn, weight)) = turned {
                     for &d in &equality.dofs {
                         let (d, mut j) = (d as usize, zero());
@@ -62,8 +55,8 @@ impl<R: Real> Assembler<'_, R> {
                         }
                         self.builder.column[d] = scale(turn.rate(j), weight);
                     }
-                    let errors = Errors { error: scale(turn.error, weight), kappa: scale(turn.kappa, weight) };
-                    self.push_soft_triple(input, equality, system, rotation_law, impedance, errors, 3);
+                    let errors = [scale(turn.error, weight), scale(turn.kappa, weight)];
+                    self.push_soft_triple(input, (equality, 3), system, rotation_law, impedance, errors);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
@@ -77,24 +70,24 @@ impl<R: Real> Assembler<'_, R> {
                 let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
                 system.terms.extend_from_slice(&equality.dofs);
-                self.push_soft_row(input, system, SoftRow { law, bounds: unbounded(), active, impulse_index: equality.impulse_index });
+                self.push_soft_row(input, system, law, unbounded(), active, equality.impulse_index);
             }
         }
     }
 
-    /// Appends three rows to the problem. Their Jacobians are in `column` on the dofs of the equality. `first` is the number of earlier
-    /// rows of the equality, from which the indices of the impulses follow.
+    /// Appends three rows to the problem, from their position errors and their velocity-dependent accelerations J' v.
+    ///
+    /// Their Jacobians are in `column` on the dofs of the equality. `first` is the number of earlier rows of the equality, from which the
+    /// indices of the impulses follow.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "three rows, every part of them named at the call")]
     fn push_soft_triple(
         &mut self,
         input: SoftInput<'_, R>,
-        equality: &CompiledEquality<R::Scalar>,
+        (equality, first): (&CompiledEquality<R::Scalar>, usize),
         system: &mut SoftSystem<R>,
         law: &SoftLaw<R::Scalar>,
         impedance: R,
-        Errors { error, kappa }: Errors<R>,
-        first: usize,
+        [error, kappa]: [V3<R>; 2],
     ) {
         let (assembly, mut rate) = (input.row, zero());
         let active = assembly.alive.and(self.problem.active_equalities.lanes(equality));
@@ -105,8 +98,7 @@ impl<R: Real> Assembler<'_, R> {
         system.terms.extend_from_slice(&equality.dofs);
         for k in 0..3 {
             let law = law_at(law, input.effective, impedance, [error[k], rate[k], kappa[k]], active);
-            let impulse_index = equality.impulse_index + first + k;
-            self.push_soft_row(input, system, SoftRow { law, bounds: unbounded(), active, impulse_index });
+            self.push_soft_row(input, system, law, unbounded(), active, equality.impulse_index + first + k);
             for &d in &equality.dofs {
                 let [_, b, c] = self.builder.column[d as usize];
                 self.builder.column[d as usize] = [b, c, R::zero()];

@@ -13,7 +13,6 @@ mod input;
 mod rows;
 mod slip;
 mod system;
-mod visit_order;
 
 pub use effective_mass::EffectiveMass;
 pub use input::SoftInput;

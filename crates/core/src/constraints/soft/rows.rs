@@ -11,18 +11,6 @@ use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-/// Scalar row of MuJoCo's contact law, before it is added to the problem.
-pub(super) struct SoftRow<R: Real> {
-    /// Reference acceleration of the row, and its weight D = 1 / R.
-    pub(super) law: [R; 2],
-    /// Lowest and highest force.
-    pub(super) bounds: [R; 2],
-    /// Lanes in which the row exists.
-    pub(super) active: R::Mask,
-    /// Index of the row's impulse in the list of impulses of scalar rows.
-    pub(super) impulse_index: usize,
-}
-
 impl<R: Real> RowBuilder<R> {
     /// Writes the Jacobian of a sum of linear combinations of joints, each times a factor, to the first component of `column`. Sets
     /// `system.terms` to the degrees of freedom with entries, ascending.
@@ -46,24 +34,32 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Appends a scalar row to the problem. Its Jacobian is in the first component of `column`, at the degrees of freedom `system.terms`.
+    /// Appends a scalar row to the problem, in the lanes `active`. Its Jacobian is in the first component of `column`, at the degrees of
+    /// freedom `system.terms`.
+    ///
+    /// `law` has the reference acceleration of the row and its weight D = 1 / R, and `bounds` its lowest and highest force.
     #[inline(always)]
-    pub(super) fn push_soft_row(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>, row: SoftRow<R>) {
-        let SoftRow { law: [reference, mut weight], bounds, active, impulse_index } = row;
+    pub(super) fn push_soft_row(
+        &mut self,
+        input: SoftInput<'_, R>,
+        system: &mut SoftSystem<R>,
+        [reference, mut weight]: [R; 2],
+        bounds: [R; 2],
+        active: R::Mask,
+        impulse_index: usize,
+    ) {
         for &d in &system.terms {
             let entry = R::select(active, self.builder.column[d as usize][0], R::zero());
             self.builder.column[d as usize][0] = entry;
         }
         let column = &self.builder.column;
         if let Some(effective) = input.effective {
-            weight = in_metric(
-                weight,
-                effective.mobility(
-                    &system.terms,
-                    #[inline(always)]
-                    |d| column[d][0],
-                ),
+            let mobility = effective.mobility(
+                &system.terms,
+                #[inline(always)]
+                |d| column[d][0],
             );
+            weight = in_metric(weight, mobility);
         }
         system.problem.push_row(
             &system.terms,
@@ -92,16 +88,14 @@ impl<R: Real> Assembler<'_, R> {
             self.builder.column[friction.dof] = [R::one(), R::zero(), R::zero()];
             system.terms.clear();
             system.terms.push(friction.dof as u32);
-            let impulse_index = compiled.limits.len() + i;
-            self.push_soft_row(input, system, SoftRow { law, bounds, active: assembly.alive, impulse_index });
+            self.push_soft_row(input, system, law, bounds, assembly.alive, compiled.limits.len() + i);
         }
         for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
                 let law = row_law(law, input, [R::zero(), tendon.length.rate(assembly.v_free)], assembly.alive);
                 self.builder.combine(system, &[(&tendon.length, R::one())]);
-                let row = SoftRow { law, bounds: [-most, most], active: assembly.alive, impulse_index: tendon.impulse_index + 1 };
-                self.push_soft_row(input, system, row);
+                self.push_soft_row(input, system, law, [-most, most], assembly.alive, tendon.impulse_index + 1);
             }
         }
     }
@@ -112,7 +106,7 @@ impl<R: Real> Assembler<'_, R> {
         let (compiled, assembly) = (input.row.compiled, input.row);
         for (i, (limit, law)) in compiled.limits.iter().zip(&input.softness.limits).enumerate() {
             let (sign, error) = nearer_end(assembly.q[limit.q], compiled.params.limit(i));
-            let distance = input.row.solved_overlaps.map_or(error, |solved| solved.limit(i));
+            let distance = input.row.solved_overlaps.map_or(error, |solved| solved.limits[i]);
             let active = assembly.alive.and(distance.lt(R::zero()));
             if active.any() {
                 self.builder.column[limit.dof] = [sign, R::zero(), R::zero()];
@@ -166,7 +160,7 @@ impl<R: Real> Assembler<'_, R> {
     ) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
         let law = row_law(law, input, [error, rate], active);
-        self.push_soft_row(input, system, SoftRow { law, bounds, active, impulse_index });
+        self.push_soft_row(input, system, law, bounds, active, impulse_index);
     }
 }
 

@@ -5,14 +5,13 @@ use stepper_real::{Mask, Real};
 use crate::compile::LaneModel;
 use crate::integrators::acceptance::{accept, store_joint_impulse};
 use crate::integrators::devices::{ActuatorDevices, Devices};
-use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
 use crate::integrators::observation::observe;
 use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
-use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::{StepOutcome, record};
+use crate::integrators::velocity_solve::VelocitySolve;
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, Span};
@@ -100,14 +99,15 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let context = StepContext { input, evaluation };
     // 4 assemble, 5 solve, 6 integrate velocity. A loop in `solve_velocities` repeats them until the solution satisfies the assumptions of
     // the assembly. After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
-    let (solver, energy_unresolved) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
+    let mut velocity_solve = VelocitySolve { context, free, problem, velocity, builder, collisions };
+    let (solver, energy_unresolved) = velocity_solve.solve_velocities(probe);
     // Velocities are bounded in lanes whose solution cannot be right.
-    let mut outcome = bound_velocities(context, free, problem, velocity, position, solver, probe);
+    let mut outcome = velocity_solve.bound_velocities(position, solver, probe);
     // With the Runge-Kutta method, `replace_step` below replaces the solution of lanes without constraints. Their energy is not checked
     // here.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved =
-        probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, resolution, excluded)).or(energy_unresolved);
+        probe.span(Span::GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(energy_unresolved);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
@@ -132,8 +132,8 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));
         probe.span(Span::Rk4, || rk4.replace_step(StepContext { input, evaluation }, lanes, velocity, position));
     }
-    probe
-        .span(Span::GuardEnergy, || limit_energy(StepContext { input, evaluation }, free, velocity, position, resolution, outcome.limited));
+    let context = StepContext { input, evaluation };
+    probe.span(Span::GuardEnergy, || resolution.limit_energy(context, &free.v, velocity, &position.q, outcome.limited));
     // The impulse of this step replaces that of the last step, which the stages above read.
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     outcome

@@ -191,11 +191,11 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// Calls `shift` for each contact that bounces in the lanes `lanes`. Its arguments are the index of the contact, these lanes, and weights of
-/// the normal row and of the friction rows. With these weights, a velocity change corrects the offsets of the rows.
+/// Calls `shift` for each contact that bounces in the lanes `lanes`. Its arguments are the index of the contact, these lanes, and weights
+/// of the normal row and of the friction rows. With these weights, a velocity change corrects the offsets of the rows.
 ///
-/// The change acts before the impact for a fraction of the step. `shifted` is the part of the change that the offsets already contain: 0
-/// or 1.
+/// The change acts before the impact for a fraction of the step. `shifted` is the part of the change that the offsets already contain: 0 or
+/// 1.
 #[inline(always)]
 pub(crate) fn shift_impacts<R: Real>(impacts: &[Impact<R>], lanes: R::Mask, shifted: R, mut shift: impl FnMut(usize, R::Mask, [R; 2])) {
     for (i, impact) in impacts.iter().enumerate() {

@@ -1,11 +1,9 @@
 //! Integration schemes: the times in a step at which forces and contacts are evaluated, and the parts of a step that all schemes share.
 
 pub(crate) mod acceptance;
-pub(crate) mod assemble;
 pub(crate) mod collision_search;
 pub(crate) mod contact_activation;
 pub mod devices;
-pub(crate) mod energy_guard;
 pub(crate) mod evaluation;
 pub(crate) mod free_motion;
 pub(crate) mod impact;
@@ -24,4 +22,5 @@ pub(crate) mod state;
 pub(crate) mod step_input;
 pub(crate) mod step_outcome;
 pub mod step_resolution;
+pub(crate) mod velocity_solve;
 pub mod workspace;

@@ -52,15 +52,15 @@ pub(crate) fn correct_positions<R: Real>(
     velocity: &mut VelocitySolution<R>,
     position: &mut PositionSolution<R>,
 ) -> CorrectedLanes<R> {
-    let StepContext { input, evaluation } = context;
+    let StepContext { input: StepInput { compiled, options, .. }, evaluation } = context;
     let impacts = prepare_position_solve(context, free, problem, &mut velocity.impulses, position);
     let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.euler_rebounding.or(impacts));
     if lanes.none() {
         return CorrectedLanes { all: lanes, rebounding, infeasible: lanes };
     }
     let (contacts, h) = (&evaluation.contacts, evaluation.scheme.h);
-    let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h };
-    let infeasible = stabilise(input.compiled, input.options, &rows, velocity, position);
+    let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h };
+    let infeasible = stabilise(&rows, velocity, position);
     CorrectedLanes { all: lanes, rebounding, infeasible }
 }
 

@@ -84,8 +84,8 @@ impl<R: Real> ContactLaw<R> {
     /// Reference accelerations, weights D = 1 / R and scales of `N` rows of the contacts in the lanes `active`; see
     /// [`stepper_solve::soft::SoftContact`].
     ///
-    /// `distance` is the distance of the contacts, m, and `v` the velocities of the rows. `column` has the Jacobian of the rows along normal
-    /// and tangents, at the degrees of freedom `dofs`.
+    /// `distance` is the distance of the contacts, m, and `v` the velocities of the rows. `column` has the Jacobian of the rows along
+    /// normal and tangents, at the degrees of freedom `dofs`.
     #[inline(always)]
     fn rows<const N: usize>(
         &self,

@@ -358,7 +358,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
             self.step.compiled.params.load_lanes(&call.overrides.indices, numbers);
             if self.step.compiled.params.has_geoms(&call.overrides.indices) {
-                self.step.workspace.update_static_poses(&self.step.compiled);
+                self.step.workspace.evaluation.collision.update_static_poses(&self.step.compiled);
             }
         }
     }

@@ -24,7 +24,7 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::approaching::resting_speed;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
-use crate::constraints::elimination::SquaredLengths;
+use crate::constraints::elimination::trace_ratio;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
@@ -75,7 +75,7 @@ pub(crate) struct SlidingRows<R: Real> {
     /// Curvature terms that the offsets of the tangents contain, m/s; `None` if they were not computed.
     pub(crate) curvature: Option<[R; 2]>,
     /// Squared lengths of the rows before and after equalities were eliminated from them; `None` without elimination.
-    pub(crate) lengths: Option<SquaredLengths<R, 3>>,
+    pub(crate) lengths: Option<[[R; 3]; 2]>,
     /// Lanes in which the contact has rows, including lanes in which the solver leaves them out.
     pub(crate) exists: R::Mask,
     /// Lanes in which the solver leaves out the rows (a deferred contact). The caller sets the fields `contact`, `slot` and `impulse`.
@@ -115,9 +115,9 @@ impl<R: Real> Assembler<'_, R> {
                 self.problem.remove_curvature(self.problem.curvature_terms.len() - 1, is_self_locking);
             }
         }
-        if let Some(lengths) = lengths {
+        if let Some([before, after]) = lengths {
             // The residual of a contact is scaled by its mobility. Mobilities are those before equalities were eliminated.
-            self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
+            self.problem.rows.contacts.set_trace_ratio(trace_ratio(&before, &after));
         }
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);

@@ -85,26 +85,21 @@ impl<R: Real> RowBuilder<R> {
     /// Eliminates the coupled equalities from the rows in the first `N` components of `column`, and from their offsets g, `offsets`.
     ///
     /// `offsets` has two offsets per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
-    /// becomes zero. Returns the squared lengths of the rows before and after; `None` without coupled equalities.
+    /// becomes zero. Returns the squared lengths of the rows before and after, 1/kg, in the metric of G; `None` without coupled equalities.
     #[inline(always)]
     pub(crate) fn eliminate<const N: usize>(
         &mut self,
         rows: &Problem<R>,
         mass: &MassMatrix<R>,
         offsets: &mut [[R; 2]; N],
-    ) -> Option<SquaredLengths<R, N>> {
+    ) -> Option<[[R; N]; 2]> {
         if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, offsets)) }
     }
 
     /// Does the work of [`RowBuilder::eliminate`]. It is compiled separately: inlined, it would dominate the row assembly, and few scenes
     /// need it.
     #[inline(never)]
-    fn eliminate_coupled<const N: usize>(
-        &mut self,
-        rows: &Problem<R>,
-        mass: &MassMatrix<R>,
-        offsets: &mut [[R; 2]; N],
-    ) -> SquaredLengths<R, N> {
+    fn eliminate_coupled<const N: usize>(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>, offsets: &mut [[R; 2]; N]) -> [[R; N]; 2] {
         R::vectorize(
             #[inline(always)]
             || self.eliminate_blocks(rows, mass, offsets),
@@ -114,12 +109,7 @@ impl<R: Real> RowBuilder<R> {
     /// Subtracts the coupled equalities from the rows in `column`, in chunks of up to four. Rows that became short are projected a second
     /// time.
     #[inline(always)]
-    fn eliminate_blocks<const N: usize>(
-        &mut self,
-        rows: &Problem<R>,
-        mass: &MassMatrix<R>,
-        offsets: &mut [[R; 2]; N],
-    ) -> SquaredLengths<R, N> {
+    fn eliminate_blocks<const N: usize>(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>, offsets: &mut [[R; 2]; N]) -> [[R; N]; 2] {
         let mut before = [R::zero(); N];
         for &d in &self.dofs {
             let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
@@ -139,7 +129,7 @@ impl<R: Real> RowBuilder<R> {
                 }
             }
         }
-        let mut lengths = SquaredLengths { before, after };
+        let mut lengths = [before, after];
         let mut short = [R::Mask::splat(false); N];
         let mut any = short[0];
         for n in 0..N {
@@ -164,7 +154,7 @@ impl<R: Real> RowBuilder<R> {
         rows: &Problem<R>,
         mass: &MassMatrix<R>,
         offsets: &mut [[R; 2]; N],
-        lengths: &mut SquaredLengths<R, N>,
+        lengths: &mut [[R; N]; 2],
         short: [R::Mask; N],
     ) {
         R::vectorize(
@@ -237,12 +227,12 @@ impl<R: Real> RowBuilder<R> {
                         independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
                     }
                     let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
-                    let depends = short[n].and(lengths.after[n].lt(lengths.before[n] * R::of(threshold))).and_not(independent);
+                    let depends = short[n].and(lengths[1][n].lt(lengths[0][n] * R::of(threshold))).and_not(independent);
                     for &d in &*dofs {
                         let x = &mut column[d as usize][n];
                         *x = R::select(depends, R::zero(), *x);
                     }
-                    lengths.after[n] = R::select(short[n], R::select(depends, R::zero(), after), lengths.after[n]);
+                    lengths[1][n] = R::select(short[n], R::select(depends, R::zero(), after), lengths[1][n]);
                     for (g, speed) in offsets[n].iter_mut().zip(speed[n]) {
                         let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
                         *g = R::select(none, R::zero(), *g);
@@ -369,23 +359,6 @@ impl<R: Real> RowBuilder<R> {
 /// which it is coupled.
 fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
-}
-
-/// Squared lengths of rows before and after the elimination of equalities, in the metric of G, 1/kg.
-#[derive(Clone, Copy)]
-pub(crate) struct SquaredLengths<R, const N: usize> {
-    /// Squared length of each row before the elimination.
-    pub(crate) before: [R; N],
-    /// Squared length of each row after the elimination.
-    pub(crate) after: [R; N],
-}
-
-impl<R: Real, const N: usize> SquaredLengths<R, N> {
-    /// Sum of the squared lengths (trace of G) before the elimination, divided by the sum after it; see [`trace_ratio`].
-    #[inline(always)]
-    pub(crate) fn trace_ratio(self) -> R {
-        trace_ratio(&self.before, &self.after)
-    }
 }
 
 /// Trace(G) before the elimination of equalities, divided by trace(G) after it, from the squared lengths of the rows.

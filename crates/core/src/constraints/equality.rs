@@ -385,14 +385,14 @@ impl<R: Real> Assembler<'_, R> {
         let lengths = self.builder.eliminate(&self.problem.rows, input.mass, &mut g);
         let mut mobility = R::zero();
         for k in 0..N {
-            mobility += match &lengths {
-                Some(lengths) => lengths.before[k],
+            mobility += match lengths {
+                Some([before, _]) => before[k],
                 None => self.builder.gram(input.mass, k),
             };
         }
         mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
         for k in 0..N {
-            let lengths = lengths.as_ref().map(|lengths| [lengths.before[k], lengths.after[k]]);
+            let lengths = lengths.map(|[before, after]| [before[k], after[k]]);
             self.push_row(input.mass, [k, equality.impulse_index + first + k], R::one(), &RowLaw { g: g[k], ..laws[k] }, lengths);
             self.problem.rows.scalars.set_mobility(mobility);
             if equality.spring.is_some() {

@@ -41,7 +41,7 @@ impl<R: Real> Assembler<'_, R> {
     pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, impulse_index: usize, sign: R, mut law: RowLaw<R>) {
         let mut g = [scale(law.g, sign)];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut g);
-        let lengths = lengths.map(|lengths| [lengths.before[0], lengths.after[0]]);
+        let lengths = lengths.map(|[before, after]| [before[0], after[0]]);
         if lengths.is_some() {
             law.g = scale(g[0], sign);
         }

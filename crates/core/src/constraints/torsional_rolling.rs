@@ -107,11 +107,9 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(curvature) = curvature {
             self.problem.curvature_terms.push(CurvatureTerms { contact, terms: scale(curvature, sliding_factor) });
         }
-        if let (Some(sliding), Some(rotation_lengths)) = (sliding, rotation_lengths) {
-            let (before, after) = (
-                [scale_tangents(sliding.before, sliding_factor), rotation_lengths.before],
-                [scale_tangents(sliding.after, sliding_factor), rotation_lengths.after],
-            );
+        if let (Some(sliding), Some(rotation)) = (sliding, rotation_lengths) {
+            let before = [scale_tangents(sliding[0], sliding_factor), rotation[0]];
+            let after = [scale_tangents(sliding[1], sliding_factor), rotation[1]];
             self.problem.rows.rolling_contacts.set_trace_ratio(trace_ratio(before.as_flattened(), after.as_flattened()));
         }
         if let Some(compliance) = compliance {

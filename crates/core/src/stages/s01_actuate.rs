@@ -38,13 +38,9 @@ pub fn actuate<R: Real>(
                     actuator_forces.found_saturated[i] = exceeds_range(requested, actuator.force_range);
                     actuator_forces.force[i] = match &actuator.dynamics {
                         Some(dynamics) => {
-                            actuator_forces.found_saturated[i] = actuator_forces.found_saturated[i].or(exceeds_limits(
-                                dynamics,
-                                &at.actuator_dynamics[dynamics.index],
-                                force,
-                                R::zero(),
-                            ));
-                            clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero())
+                            let (numbers, saturated) = (&at.actuator_dynamics[dynamics.index], &mut actuator_forces.found_saturated[i]);
+                            *saturated = saturated.or(exceeds_limits(dynamics, numbers, force, R::zero()));
+                            clamp_to_limits(dynamics, numbers, force, R::zero())
                         }
                         None => force,
                     };

@@ -48,7 +48,14 @@ impl<R: Real> Smooth<R> {
     pub fn assemble_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
         R::vectorize(
             #[inline(always)]
-            || self.assemble(compiled, kinematics, weights),
+            || {
+                self.mass.assemble(compiled, kinematics, &mut self.composite);
+                // The diagonal is copied before implicit terms are added to it. Stage 1 reads the copy.
+                for (inertia, dof) in self.inertia.iter_mut().zip(&compiled.dofs) {
+                    *inertia = self.mass.entries[dof.chain];
+                }
+                self.mass.add_joints(compiled, weights, &mut self.spring_damping);
+            },
         )
     }
 
@@ -56,48 +63,30 @@ impl<R: Real> Smooth<R> {
     pub fn complete_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
-            || self.factor(compiled, kinematics, implicit),
+            || {
+                self.mass.add_servos(compiled, implicit.servos, implicit.arms);
+                if !compiled.fluid.is_empty() {
+                    match implicit.drag_at {
+                        Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.weights.damping, &mut self.mass.entries),
+                        None => self.fluid.make_drag_explicit(),
+                    }
+                }
+                self.mass.factor(compiled);
+            },
         )
     }
 
     /// Assembles, completes and factors the mass matrix.
     pub fn factor_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.assemble(compiled, kinematics, implicit.weights);
-                self.factor(compiled, kinematics, implicit);
-            },
-        )
+        self.assemble_mass(compiled, kinematics, implicit.weights);
+        self.complete_mass(compiled, kinematics, implicit);
     }
 
-    #[inline(always)]
-    fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
-        self.mass.assemble(compiled, kinematics, &mut self.composite);
-        // The diagonal is copied before implicit terms are added to it. Stage 1 reads the copy.
-        for (inertia, dof) in self.inertia.iter_mut().zip(&compiled.dofs) {
-            *inertia = self.mass.entries[dof.chain];
-        }
-        self.mass.add_joints(compiled, weights, &mut self.spring_damping);
-    }
-
-    #[inline(always)]
-    fn factor(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
-        self.mass.add_servos(compiled, implicit.servos, implicit.arms);
-        if !compiled.fluid.is_empty() {
-            match implicit.drag_at {
-                Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.weights.damping, &mut self.mass.entries),
-                None => self.fluid.make_drag_explicit(),
-            }
-        }
-        self.mass.factor(compiled);
-    }
-
-    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]. `forces` are tau and
+    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]. The array has tau and
     /// applied.
     ///
     /// A step with this acceleration is implicit in the damping D and in the springs that A contains (see [`crate::actuation::forces`]).
-    pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
+    pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [tau, applied]: [&[R]; 2], v: &[R], v_bias: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -112,21 +101,17 @@ impl<R: Real> Smooth<R> {
                         sub(self.newton_euler.force[compensated.link], spatial(cross(arm, force), force));
                 }
                 project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
-                self.accelerate(compiled, forces, v);
+                let forces = tau.iter().zip(applied).zip(&self.bias);
+                let damping = compiled.params.dofs();
+                for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(damping).zip(v) {
+                    *acc = (tau + applied) - bias - damping * v;
+                }
+                for ((acc, &damping), &v) in self.acc.iter_mut().zip(&self.spring_damping).zip(v) {
+                    *acc -= damping * v;
+                }
+                self.mass.solve(compiled, &mut self.acc);
             },
         )
-    }
-
-    #[inline(always)]
-    fn accelerate(&mut self, compiled: &LaneModel<R>, [tau, applied]: [&[R]; 2], v: &[R]) {
-        let forces = tau.iter().zip(applied).zip(&self.bias);
-        for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(compiled.params.dofs()).zip(v) {
-            *acc = (tau + applied) - bias - damping * v;
-        }
-        for ((acc, &damping), &v) in self.acc.iter_mut().zip(&self.spring_damping).zip(v) {
-            *acc -= damping * v;
-        }
-        self.mass.solve(compiled, &mut self.acc);
     }
 
     /// Adds implicit damping to the mass matrix: the added inertia of servos, and `h` times the fluid drag. The function leaves out entries
@@ -154,12 +139,9 @@ impl<R: Real> Smooth<R> {
         } else {
             out.copy_from_slice(qfrc);
         }
-        if !xfrc.is_empty() {
-            self.add_wrenches(compiled, kinematics, xfrc, out);
+        if xfrc.is_empty() {
+            return;
         }
-    }
-
-    fn add_wrenches(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, xfrc: &[R], out: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {

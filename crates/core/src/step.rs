@@ -1,6 +1,6 @@
 //! One step of a group of environments: the sequence of its ten stages.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::integrators::acceptance::{accept, store_joint_impulse};
@@ -30,10 +30,7 @@ pub fn step<R: Real>(
     devices: &mut Devices<'_, R::Scalar>,
     probe: impl Probe,
 ) -> Record<R> {
-    R::vectorize(
-        #[inline(always)]
-        || run_stages(compiled, options, s, devices, probe),
-    )
+    kernel!(R, || run_stages(compiled, options, s, devices, probe))
 }
 
 /// Executes stages 1 to 10. The next state is accepted between stages 8 and 9.

@@ -1,6 +1,6 @@
 //! Constraint problem of a step. Stage 4 assembles it; stage 5 solves it for velocities, and stage 8 for positions.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Capacity, Problem};
 
 use crate::compile::{LaneModel, ModelStructure};
@@ -161,33 +161,30 @@ impl<R: Real> ConstraintProblem<R> {
         if rows.is_empty() {
             return;
         }
-        R::vectorize(
-            #[inline(always)]
-            || {
+        kernel!(R, || {
+            mass.scale(compiled, change);
+            rows.shift(change, lanes);
+            if !*resolves_impacts {
+                return;
+            }
+            shift_impacts(
+                impacts,
+                lanes,
+                R::one(),
+                #[inline(always)]
+                |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
+            );
+            if let Some(change) = before_impacts {
                 mass.scale(compiled, change);
-                rows.shift(change, lanes);
-                if !*resolves_impacts {
-                    return;
-                }
                 shift_impacts(
                     impacts,
                     lanes,
-                    R::one(),
+                    R::zero(),
                     #[inline(always)]
                     |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
                 );
-                if let Some(change) = before_impacts {
-                    mass.scale(compiled, change);
-                    shift_impacts(
-                        impacts,
-                        lanes,
-                        R::zero(),
-                        #[inline(always)]
-                        |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
-                    );
-                }
-            },
-        )
+            }
+        })
     }
 }
 

@@ -17,7 +17,7 @@
 //! `RowInput` (`assembler.rs`) has the numbers that all rows share. `push_contact` makes the rows a part of the solver's problem
 //! (`crates/solve/src/problem.rs`).
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::velocity_rounding;
 
 use crate::collision::contact_set::Contacts;
@@ -159,40 +159,37 @@ impl<R: Real> Assembler<'_, R> {
     ) -> (R::Mask, R) {
         let RowInput { compiled, options, kinematics, mass, .. } = *input;
         self.problem.may_have_immovable_rows = true;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut squared_speed = R::zero();
-                // A lever arm whose size is below this number is rounding error.
-                let least_size = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
-                self.builder.contact_columns(input, contacts, k, lanes);
-                for i in 0..self.builder.dofs.len() {
-                    let d = self.builder.dofs[i] as usize;
-                    let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
-                    let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
-                    // A lever arm is a sum of terms. `square` is the squared size of these terms.
-                    let (motion, squared_rotation) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
-                    let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
-                    // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
-                    // immovable.
-                    self.builder.scales[d] = [square + squared_rotation * (least_size * sign).square(); 3];
-                    squared_speed += square * input.v_free[d].square();
-                }
-                // As in `sliding_rows`: from the Jacobian to the rows, without their factor D^-1/2.
-                self.builder.half_solve::<3>(compiled, mass);
-                self.builder.propagate_scales(compiled, mass);
-                if self.builder.eliminate(&self.problem.rows, mass, &mut [[R::zero(); 2]; 3]).is_some() {
-                    self.builder.add_removed_scales(&self.problem.rows, mass);
-                }
-                let (least, mut movable) = (R::of(least_lever::<R>().powi(2)), R::Mask::splat(false));
-                for &d in &self.builder.dofs {
-                    let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
-                    movable = movable.or(x.square().gt(scale * least));
-                }
-                let rounding = squared_speed.sqrt() * R::of(velocity_rounding::<R>());
-                (movable, rounding.max(negligible_approach(options, offsets)))
-            },
-        )
+        kernel!(R, || {
+            let mut squared_speed = R::zero();
+            // A lever arm whose size is below this number is rounding error.
+            let least_size = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
+            self.builder.contact_columns(input, contacts, k, lanes);
+            for i in 0..self.builder.dofs.len() {
+                let d = self.builder.dofs[i] as usize;
+                let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
+                let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
+                // A lever arm is a sum of terms. `square` is the squared size of these terms.
+                let (motion, squared_rotation) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
+                let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
+                // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
+                // immovable.
+                self.builder.scales[d] = [square + squared_rotation * (least_size * sign).square(); 3];
+                squared_speed += square * input.v_free[d].square();
+            }
+            // As in `sliding_rows`: from the Jacobian to the rows, without their factor D^-1/2.
+            self.builder.half_solve::<3>(compiled, mass);
+            self.builder.propagate_scales(compiled, mass);
+            if self.builder.eliminate(&self.problem.rows, mass, &mut [[R::zero(); 2]; 3]).is_some() {
+                self.builder.add_removed_scales(&self.problem.rows, mass);
+            }
+            let (least, mut movable) = (R::of(least_lever::<R>().powi(2)), R::Mask::splat(false));
+            for &d in &self.builder.dofs {
+                let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
+                movable = movable.or(x.square().gt(scale * least));
+            }
+            let rounding = squared_speed.sqrt() * R::of(velocity_rounding::<R>());
+            (movable, rounding.max(negligible_approach(options, offsets)))
+        })
     }
 
     /// Builds the rows of the contact in slot `k` along its normal and its tangents, in the lanes `lanes` (bits).

@@ -48,7 +48,9 @@ impl<R: Real> RowBuilder<R> {
             let there = there.and(active);
             row.lanes = row.lanes.or(there);
             row.bias = R::select(there, bias, row.bias);
-            row.compliance = compliance.map_or(row.compliance, |compliance| R::select(there, compliance, row.compliance));
+            if let Some(compliance) = compliance {
+                row.compliance = R::select(there, compliance, row.compliance);
+            }
         }
         row
     }

@@ -17,7 +17,7 @@
 //! rotates with the surface; between two round geoms it rotates with the line between their centres. Between two other geoms a corner of
 //! the second body touches, and the point moves with that body.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
@@ -53,32 +53,29 @@ impl<R: Real> Assembler<'_, R> {
         [free, change]: [V3<R>; 2],
         offsets: &mut [[R; 2]; 3],
     ) -> [R; 2] {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let RowInput { h, time_before, .. } = *input;
-                let slot = &contacts.data[k];
-                let n = slot.point.normal;
-                let axes = [n, slot.tangent, cross(n, slot.tangent)];
-                let deep = slot.point.distance.lt(-R::of(MAX_CURVED_OVERLAP));
-                let lanes = lanes.and(R::Mask::from_bits(self.builder.both_move)).and_not(deep);
-                let lanes = match self.problem.impacts.last() {
-                    Some(impact) => lanes.and_not(impact.lanes),
-                    None => lanes,
-                };
-                let rate = rate(input, contacts, k, lanes.bits());
-                let mut curves = [R::zero(); 2];
-                for i in 1..3 {
-                    let most = (free[i] - change[i]).abs();
-                    let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
-                    for offset in &mut offsets[i] {
-                        *offset = R::select(lanes, *offset + curve, *offset);
-                    }
-                    curves[i - 1] = R::select(lanes, curve, R::zero());
+        kernel!(R, || {
+            let RowInput { h, time_before, .. } = *input;
+            let slot = &contacts.data[k];
+            let n = slot.point.normal;
+            let axes = [n, slot.tangent, cross(n, slot.tangent)];
+            let deep = slot.point.distance.lt(-R::of(MAX_CURVED_OVERLAP));
+            let lanes = lanes.and(R::Mask::from_bits(self.builder.both_move)).and_not(deep);
+            let lanes = match self.problem.impacts.last() {
+                Some(impact) => lanes.and_not(impact.lanes),
+                None => lanes,
+            };
+            let rate = rate(input, contacts, k, lanes.bits());
+            let mut curves = [R::zero(); 2];
+            for i in 1..3 {
+                let most = (free[i] - change[i]).abs();
+                let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
+                for offset in &mut offsets[i] {
+                    *offset = R::select(lanes, *offset + curve, *offset);
                 }
-                curves
-            },
-        )
+                curves[i - 1] = R::select(lanes, curve, R::zero());
+            }
+            curves
+        })
     }
 }
 

@@ -16,7 +16,7 @@
 
 use std::ops::Range;
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Problem, ROUNDING_RATIO, ScalarRow, dependence_threshold, velocity_rounding};
 
 use crate::compile::LaneModel;
@@ -100,10 +100,7 @@ impl<R: Real> RowBuilder<R> {
     /// need it.
     #[inline(never)]
     fn eliminate_coupled<const N: usize>(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>, offsets: &mut [[R; 2]; N]) -> [[R; N]; 2] {
-        R::vectorize(
-            #[inline(always)]
-            || self.eliminate_blocks(rows, mass, offsets),
-        )
+        kernel!(R, || self.eliminate_blocks(rows, mass, offsets))
     }
 
     /// Subtracts the coupled equalities from the rows in `column`, in chunks of up to four. Rows that became short are projected a second
@@ -157,89 +154,86 @@ impl<R: Real> RowBuilder<R> {
         lengths: &mut [[R; N]; 2],
         short: [R::Mask; N],
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let rounding = R::of(ROUNDING_RATIO / MIN_REMAINING_LENGTH);
-                let Self { column, coupled, projections, removed_scales, velocity_scales, dofs, .. } = self;
-                for &d in &*dofs {
-                    removed_scales[d as usize] = zero();
-                }
-                let mut speed = [[R::zero(); 2]; N];
-                for k in coupled.iter().flat_map(Range::clone) {
-                    let (row, coefficient) = (&rows.scalars[k], projections[k]);
-                    let (dofs, entries) = rows.scalars.entries(row);
-                    let mut product = [R::zero(); N];
-                    for (&d, &y) in dofs.iter().zip(entries) {
-                        let (x, weight) = (&column[d as usize], mass.sqrt_inv_d[d as usize]);
-                        for n in 0..N {
-                            product[n] += x[n] * weight * y;
-                        }
-                    }
+        kernel!(R, || {
+            let rounding = R::of(ROUNDING_RATIO / MIN_REMAINING_LENGTH);
+            let Self { column, coupled, projections, removed_scales, velocity_scales, dofs, .. } = self;
+            for &d in &*dofs {
+                removed_scales[d as usize] = zero();
+            }
+            let mut speed = [[R::zero(); 2]; N];
+            for k in coupled.iter().flat_map(Range::clone) {
+                let (row, coefficient) = (&rows.scalars[k], projections[k]);
+                let (dofs, entries) = rows.scalars.entries(row);
+                let mut product = [R::zero(); N];
+                for (&d, &y) in dofs.iter().zip(entries) {
+                    let (x, weight) = (&column[d as usize], mass.sqrt_inv_d[d as usize]);
                     for n in 0..N {
-                        product[n] = R::select(short[n], row.projection(product[n]), R::zero());
-                        let g = [row.g, row.position_g];
-                        offsets[n] = sub(offsets[n], scale(g, product[n]));
-                        let other = coefficient[n].square() * velocity_scales[k];
-                        for (speed, g) in speed[n].iter_mut().zip(g) {
-                            *speed += (coefficient[n] * g).square() + other;
-                        }
-                    }
-                    for (&d, &y) in dofs.iter().zip(entries) {
-                        let (x, scale, y) = (&mut column[d as usize], &mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
-                        for n in 0..N {
-                            let repeated = product[n] * y;
-                            x[n] = R::select(short[n], x[n] - repeated, x[n]);
-                            scale[n] += (coefficient[n] * y).square() + repeated.square() * rounding;
-                        }
-                    }
-                }
-                // Rounding error that the coefficient transfers to entries that have no other terms.
-                for k in coupled.iter().flat_map(Range::clone) {
-                    let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
-                    let (dofs, entries) = rows.scalars.entries(row);
-                    let mut square = [R::zero(); N];
-                    for (&d, &y) in dofs.iter().zip(entries) {
-                        let (x, taken, y) = (&column[d as usize], &removed_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
-                        for n in 0..N {
-                            square[n] += (x[n].square() + taken[n]) * y.square();
-                        }
-                    }
-                    for n in 0..N {
-                        coefficient[n] = row.projection(square[n].sqrt());
-                    }
-                }
-                for k in coupled.iter().flat_map(Range::clone) {
-                    let coefficient = projections[k];
-                    let (dofs, entries) = rows.scalars.entries(&rows.scalars[k]);
-                    for (&d, &y) in dofs.iter().zip(entries) {
-                        let (scale, y) = (&mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
-                        for n in 0..N {
-                            scale[n] += (coefficient[n] * y).square();
-                        }
+                        product[n] += x[n] * weight * y;
                     }
                 }
                 for n in 0..N {
-                    let (mut after, mut independent) = (R::zero(), R::Mask::splat(false));
-                    for &d in &*dofs {
-                        let (x, scale) = (column[d as usize][n], removed_scales[d as usize][n]);
-                        after += (x * mass.sqrt_inv_d[d as usize]).square();
-                        independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
-                    }
-                    let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
-                    let depends = short[n].and(lengths[1][n].lt(lengths[0][n] * R::of(threshold))).and_not(independent);
-                    for &d in &*dofs {
-                        let x = &mut column[d as usize][n];
-                        *x = R::select(depends, R::zero(), *x);
-                    }
-                    lengths[1][n] = R::select(short[n], R::select(depends, R::zero(), after), lengths[1][n]);
-                    for (g, speed) in offsets[n].iter_mut().zip(speed[n]) {
-                        let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
-                        *g = R::select(none, R::zero(), *g);
+                    product[n] = R::select(short[n], row.projection(product[n]), R::zero());
+                    let g = [row.g, row.position_g];
+                    offsets[n] = sub(offsets[n], scale(g, product[n]));
+                    let other = coefficient[n].square() * velocity_scales[k];
+                    for (speed, g) in speed[n].iter_mut().zip(g) {
+                        *speed += (coefficient[n] * g).square() + other;
                     }
                 }
-            },
-        )
+                for (&d, &y) in dofs.iter().zip(entries) {
+                    let (x, scale, y) = (&mut column[d as usize], &mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                    for n in 0..N {
+                        let repeated = product[n] * y;
+                        x[n] = R::select(short[n], x[n] - repeated, x[n]);
+                        scale[n] += (coefficient[n] * y).square() + repeated.square() * rounding;
+                    }
+                }
+            }
+            // Rounding error that the coefficient transfers to entries that have no other terms.
+            for k in coupled.iter().flat_map(Range::clone) {
+                let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
+                let (dofs, entries) = rows.scalars.entries(row);
+                let mut square = [R::zero(); N];
+                for (&d, &y) in dofs.iter().zip(entries) {
+                    let (x, taken, y) = (&column[d as usize], &removed_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
+                    for n in 0..N {
+                        square[n] += (x[n].square() + taken[n]) * y.square();
+                    }
+                }
+                for n in 0..N {
+                    coefficient[n] = row.projection(square[n].sqrt());
+                }
+            }
+            for k in coupled.iter().flat_map(Range::clone) {
+                let coefficient = projections[k];
+                let (dofs, entries) = rows.scalars.entries(&rows.scalars[k]);
+                for (&d, &y) in dofs.iter().zip(entries) {
+                    let (scale, y) = (&mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                    for n in 0..N {
+                        scale[n] += (coefficient[n] * y).square();
+                    }
+                }
+            }
+            for n in 0..N {
+                let (mut after, mut independent) = (R::zero(), R::Mask::splat(false));
+                for &d in &*dofs {
+                    let (x, scale) = (column[d as usize][n], removed_scales[d as usize][n]);
+                    after += (x * mass.sqrt_inv_d[d as usize]).square();
+                    independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
+                }
+                let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
+                let depends = short[n].and(lengths[1][n].lt(lengths[0][n] * R::of(threshold))).and_not(independent);
+                for &d in &*dofs {
+                    let x = &mut column[d as usize][n];
+                    *x = R::select(depends, R::zero(), *x);
+                }
+                lengths[1][n] = R::select(short[n], R::select(depends, R::zero(), after), lengths[1][n]);
+                for (g, speed) in offsets[n].iter_mut().zip(speed[n]) {
+                    let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
+                    *g = R::select(none, R::zero(), *g);
+                }
+            }
+        })
     }
 
     /// Updates the scales of the first component of `column` after an elimination: adds the scales of the terms that were subtracted. The

@@ -13,7 +13,7 @@
 //! moving loop keeps its energy. Without kappa every step would remove the energy (h kappa)^2 / 2 G, where G is the row's entry of the
 //! Delassus matrix.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 
 use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
@@ -230,22 +230,19 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of equalities, block by block. If `eliminated` is true, it adds the blocks of eliminated equalities, otherwise all
     /// others.
     pub(crate) fn add_equalities(&mut self, input: &RowInput<'_, R>, eliminated: bool) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
-                    if !self.problem.active_equalities.has_rows(k) {
-                        block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
-                        continue;
-                    }
-                    // The test for nearly dependent rows needs the scales of their entries, which cost as much as the rows. A block
-                    // computes the scales from the first step on in which it needs them. The rows are the same with and without scales.
-                    while !self.add_block(input, block, self.builder.needs_scales[k]) {
-                        self.builder.needs_scales[k] = true;
-                    }
+        kernel!(R, || {
+            for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
+                if !self.problem.active_equalities.has_rows(k) {
+                    block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
+                    continue;
                 }
-            },
-        )
+                // The test for nearly dependent rows needs the scales of their entries, which cost as much as the rows. A block
+                // computes the scales from the first step on in which it needs them. The rows are the same with and without scales.
+                while !self.add_block(input, block, self.builder.needs_scales[k]) {
+                    self.builder.needs_scales[k] = true;
+                }
+            }
+        })
     }
 
     /// Adds the rows of a block of equalities.

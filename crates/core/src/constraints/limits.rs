@@ -1,6 +1,6 @@
 //! Rows of the limits of joints, and laws of the rows of limits.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::constraints::assembler::{Assembler, RowInput};
@@ -75,27 +75,24 @@ impl<R: Real> Assembler<'_, R> {
 
     /// Adds the rows of the limits of ball joints.
     pub(crate) fn add_ball_limits(&mut self, input: &RowInput<'_, R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (i, limit) in input.compiled.ball_limits.iter().enumerate() {
-                    let (axis, phi) = ball_limit(input.compiled, i, input.q);
-                    let v = input.v_free;
-                    let free = dot(axis, [v[limit.dof], v[limit.dof + 1], v[limit.dof + 2]]);
-                    let Some(law) = self.limit_law(input, limit.impulse_index, phi, free, None) else { continue };
-                    self.builder.dofs.clear();
-                    self.builder.dofs.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
-                    self.builder.couple(self.problem, input.compiled);
-                    for &d in &self.builder.dofs {
-                        self.builder.column[d as usize] = zero();
-                    }
-                    for k in 0..3 {
-                        self.builder.column[limit.dof + k][0] = axis[k];
-                    }
-                    self.builder.half_solve::<1>(input.compiled, input.mass);
-                    self.add_row(input.mass, limit.impulse_index, R::one(), law);
+        kernel!(R, || {
+            for (i, limit) in input.compiled.ball_limits.iter().enumerate() {
+                let (axis, phi) = ball_limit(input.compiled, i, input.q);
+                let v = input.v_free;
+                let free = dot(axis, [v[limit.dof], v[limit.dof + 1], v[limit.dof + 2]]);
+                let Some(law) = self.limit_law(input, limit.impulse_index, phi, free, None) else { continue };
+                self.builder.dofs.clear();
+                self.builder.dofs.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
+                self.builder.couple(self.problem, input.compiled);
+                for &d in &self.builder.dofs {
+                    self.builder.column[d as usize] = zero();
                 }
-            },
-        )
+                for k in 0..3 {
+                    self.builder.column[limit.dof + k][0] = axis[k];
+                }
+                self.builder.half_solve::<1>(input.compiled, input.mass);
+                self.add_row(input.mass, limit.impulse_index, R::one(), law);
+            }
+        })
     }
 }

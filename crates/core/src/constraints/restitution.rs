@@ -13,7 +13,7 @@
 //! every impulse the time `time_after`. The difference, (h - t - time_after) M^-1 J^T lambda, is added in the position solve, so that other
 //! contacts take it into account.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Iterate, PositionRows, Problem};
 
 use crate::collision::contact_set::{Contacts, Slot};
@@ -112,33 +112,30 @@ impl<R: Real> Assembler<'_, R> {
         bias: R,
         offsets: &mut Offsets<R>,
     ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let RowInput { compiled, options, .. } = *input;
-                let e = slot.restitution;
-                let elastic = exists.and(e.gt(R::zero()));
-                if elastic.none() {
-                    let none = R::zero();
-                    self.problem.impacts.push(Impact { lanes: elastic, time_fraction: none, normal_factor: none, rebound: none });
-                    return exists;
-                }
-                let before = sub(free, change);
-                let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
-                let (gap, time_before, h) = (slot.point.distance, input.time_before, input.h);
-                let flight = Flight { gap, before: before[0], free: free_eliminated[0], time_before, h };
-                let prediction = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
-                let bounces = prediction.collides.or(prediction.separates);
-                let (time_fraction, normal_factor) = (prediction.time / input.h, e + R::one());
-                let at = add_scaled(before, sub(free_eliminated, before), time_fraction);
-                for (k, offset) in offsets.iter_mut().enumerate() {
-                    let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
-                    offset[0] = R::select(bounces, at_impact, offset[0]);
-                }
-                self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor, rebound: R::zero() });
-                exists.and_not(elastic).or(bounces).or(prediction.rests)
-            },
-        )
+        kernel!(R, || {
+            let RowInput { compiled, options, .. } = *input;
+            let e = slot.restitution;
+            let elastic = exists.and(e.gt(R::zero()));
+            if elastic.none() {
+                let none = R::zero();
+                self.problem.impacts.push(Impact { lanes: elastic, time_fraction: none, normal_factor: none, rebound: none });
+                return exists;
+            }
+            let before = sub(free, change);
+            let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
+            let (gap, time_before, h) = (slot.point.distance, input.time_before, input.h);
+            let flight = Flight { gap, before: before[0], free: free_eliminated[0], time_before, h };
+            let prediction = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
+            let bounces = prediction.collides.or(prediction.separates);
+            let (time_fraction, normal_factor) = (prediction.time / input.h, e + R::one());
+            let at = add_scaled(before, sub(free_eliminated, before), time_fraction);
+            for (k, offset) in offsets.iter_mut().enumerate() {
+                let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
+                offset[0] = R::select(bounces, at_impact, offset[0]);
+            }
+            self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor, rebound: R::zero() });
+            exists.and_not(elastic).or(bounces).or(prediction.rests)
+        })
     }
 
     /// Changes the `offsets` of the torsional and rolling rows of the last added contact to the offsets at the time of the contact's
@@ -171,44 +168,38 @@ impl<R: Real> ConstraintProblem<R> {
         [energy, max_rounding]: [R; 2],
         [unsolved, all_or_none]: [R::Mask; 2],
     ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Self { rows, impacts, euler_rebounding, deferred, resolves_impacts, .. } = self;
-                let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
-                let implausible = |rows: &Problem<R>, i: usize| {
-                    R::vectorize(
-                        #[inline(always)]
-                        || impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding)),
-                    )
-                };
-                let mut all_impacts = unsolved;
-                for (i, impact) in impacts.iter().enumerate() {
-                    let lanes = elastic(impact).and(all_or_none);
-                    if lanes.any() {
-                        all_impacts = all_impacts.or(lanes.and(implausible(rows, i)));
-                    }
+        kernel!(R, || {
+            let Self { rows, impacts, euler_rebounding, deferred, resolves_impacts, .. } = self;
+            let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
+            let implausible = |rows: &Problem<R>, i: usize| {
+                kernel!(R, || impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding)))
+            };
+            let mut all_impacts = unsolved;
+            for (i, impact) in impacts.iter().enumerate() {
+                let lanes = elastic(impact).and(all_or_none);
+                if lanes.any() {
+                    all_impacts = all_impacts.or(lanes.and(implausible(rows, i)));
                 }
-                let [mut changed, mut still_elastic] = [R::Mask::splat(false); 2];
-                for (i, impact) in impacts.iter_mut().enumerate() {
-                    let elastic_lanes = elastic(impact);
-                    if elastic_lanes.none() {
-                        continue;
-                    }
-                    let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
-                    let offset = rows.normal_offset_mut(i);
-                    let inelastic = if *resolves_impacts { *offset * (R::one() / impact.normal_factor) } else { *offset - impact.rebound };
-                    if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
-                        contact.bias = R::select(lanes, contact.bias + (inelastic - *offset), contact.bias);
-                    }
-                    *offset = R::select(lanes, inelastic, *offset);
-                    impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
-                    (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
+            }
+            let [mut changed, mut still_elastic] = [R::Mask::splat(false); 2];
+            for (i, impact) in impacts.iter_mut().enumerate() {
+                let elastic_lanes = elastic(impact);
+                if elastic_lanes.none() {
+                    continue;
                 }
-                *euler_rebounding = euler_rebounding.and_not(changed.and_not(still_elastic));
-                changed
-            },
-        )
+                let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
+                let offset = rows.normal_offset_mut(i);
+                let inelastic = if *resolves_impacts { *offset * (R::one() / impact.normal_factor) } else { *offset - impact.rebound };
+                if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
+                    contact.bias = R::select(lanes, contact.bias + (inelastic - *offset), contact.bias);
+                }
+                *offset = R::select(lanes, inelastic, *offset);
+                impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
+                (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
+            }
+            *euler_rebounding = euler_rebounding.and_not(changed.and_not(still_elastic));
+            changed
+        })
     }
 
     /// Lanes in which the midpoint rule places an impact at its time within the step, even if the impact became inelastic.
@@ -280,22 +271,19 @@ impl<R: Real> ImpactStep<'_, R> {
     /// correction of a deeper overlap could push the geoms apart on the far side.
     pub(crate) fn leave_out_impacts(&self, compiled: &LaneModel<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, .. } = *self;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (i, impact) in problem.impacts.iter().enumerate() {
-                    let impact_lanes = self.lanes.and(impact.lanes);
-                    if impact_lanes.none() {
-                        continue;
-                    }
-                    let slot = problem.slot_of(i);
-                    let tunnelling_distance = tunnelling_distance(compiled, contacts, slot, impact_lanes.bits());
-                    let end = positions.normal_offset(i) * h;
-                    let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
-                    positions.leave_out_contact(i, impact_lanes.and(harmless));
+        kernel!(R, || {
+            for (i, impact) in problem.impacts.iter().enumerate() {
+                let impact_lanes = self.lanes.and(impact.lanes);
+                if impact_lanes.none() {
+                    continue;
                 }
-            },
-        )
+                let slot = problem.slot_of(i);
+                let tunnelling_distance = tunnelling_distance(compiled, contacts, slot, impact_lanes.bits());
+                let end = positions.normal_offset(i) * h;
+                let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
+                positions.leave_out_contact(i, impact_lanes.and(harmless));
+            }
+        })
     }
 }
 
@@ -307,62 +295,56 @@ impl<R: Real> PositionSolution<R> {
     /// different times cancel. Its speed is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the largest speed, in the metric of the
     /// kinetic energy.
     pub(crate) fn remove_impacts(&mut self, compiled: &LaneModel<R>, impulses: &mut Iterate<R>, step: &ImpactStep<'_, R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;
-                let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
-                let sliding_contacts = rows.contacts.len();
-                let twice_energy = max_twice_energy(compiled, mass, free, impulses, moved);
-                moved.fill(R::zero());
-                removed.fill(R::zero());
-                for (i, impact) in problem.impacts.iter().enumerate() {
-                    let impact_lanes = lanes.and(impact.lanes);
-                    if impact_lanes.none() {
-                        continue;
-                    }
-                    step.set_end_gap_offset(i, impact_lanes, impulses, positions);
-                    let weight = R::one() + (time_before / h - impact.time_fraction);
-                    if i < sliding_contacts {
-                        let lambda = select(impact_lanes, impulses.contacts[i], zero());
-                        rows.contacts.add(&rows.contacts[i], lambda, removed);
-                        rows.contacts.add(&rows.contacts[i], scale(lambda, weight), moved);
-                        impulses.contacts[i] = select(impact_lanes, zero(), impulses.contacts[i]);
-                    } else {
-                        let k = i - sliding_contacts;
-                        let lambda = select(impact_lanes, impulses.rolling_contacts[k], zero());
-                        rows.rolling_contacts.add(&rows.rolling_contacts[k], lambda, removed);
-                        rows.rolling_contacts.add(&rows.rolling_contacts[k], scale(lambda, weight), moved);
-                        impulses.rolling_contacts[k] = select(impact_lanes, zero(), impulses.rolling_contacts[k]);
-                    }
+        kernel!(R, || {
+            let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;
+            let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
+            let sliding_contacts = rows.contacts.len();
+            let twice_energy = max_twice_energy(compiled, mass, free, impulses, moved);
+            moved.fill(R::zero());
+            removed.fill(R::zero());
+            for (i, impact) in problem.impacts.iter().enumerate() {
+                let impact_lanes = lanes.and(impact.lanes);
+                if impact_lanes.none() {
+                    continue;
                 }
-                for (w, &removed) in impulses.w.iter_mut().zip(&*removed) {
-                    *w = R::select(lanes, *w - removed, *w);
+                step.set_end_gap_offset(i, impact_lanes, impulses, positions);
+                let weight = R::one() + (time_before / h - impact.time_fraction);
+                if i < sliding_contacts {
+                    let lambda = select(impact_lanes, impulses.contacts[i], zero());
+                    rows.contacts.add(&rows.contacts[i], lambda, removed);
+                    rows.contacts.add(&rows.contacts[i], scale(lambda, weight), moved);
+                    impulses.contacts[i] = select(impact_lanes, zero(), impulses.contacts[i]);
+                } else {
+                    let k = i - sliding_contacts;
+                    let lambda = select(impact_lanes, impulses.rolling_contacts[k], zero());
+                    rows.rolling_contacts.add(&rows.rolling_contacts[k], lambda, removed);
+                    rows.rolling_contacts.add(&rows.rolling_contacts[k], scale(lambda, weight), moved);
+                    impulses.rolling_contacts[k] = select(impact_lanes, zero(), impulses.rolling_contacts[k]);
                 }
-                bound_change(moved, removed, twice_energy * R::of(MAX_REBOUND_SPEED_RATIO.powi(2)), lanes);
-                mass.unscale(compiled, moved);
-            },
-        );
+            }
+            for (w, &removed) in impulses.w.iter_mut().zip(&*removed) {
+                *w = R::select(lanes, *w - removed, *w);
+            }
+            bound_change(moved, removed, twice_energy * R::of(MAX_REBOUND_SPEED_RATIO.powi(2)), lanes);
+            mass.unscale(compiled, moved);
+        });
     }
 
     /// Adds `impact_displacement`, as a change of the free velocity, to the offsets of the position rows in the lanes `lanes`. Overwrites
     /// `impact_displacement`.
     pub(crate) fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, problem: &ConstraintProblem<R>, lanes: R::Mask) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Self { rows: positions, impact_displacement: change, .. } = self;
-                mass.scale(compiled, change);
-                positions.shift(&problem.rows, change, lanes);
-                shift_impacts(
-                    &problem.impacts,
-                    lanes,
-                    R::one(),
-                    #[inline(always)]
-                    |i, impact_lanes, weights| positions.shift_contact(&problem.rows, i, change, impact_lanes, weights),
-                );
-            },
-        )
+        kernel!(R, || {
+            let Self { rows: positions, impact_displacement: change, .. } = self;
+            mass.scale(compiled, change);
+            positions.shift(&problem.rows, change, lanes);
+            shift_impacts(
+                &problem.impacts,
+                lanes,
+                R::one(),
+                #[inline(always)]
+                |i, impact_lanes, weights| positions.shift_contact(&problem.rows, i, change, impact_lanes, weights),
+            );
+        })
     }
 }
 

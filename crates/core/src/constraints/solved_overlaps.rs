@@ -4,7 +4,7 @@
 //! 1e-17 m of either sign, so that even a tiny displacement can cross a corner. At displaced states, contacts and limits therefore stay on
 //! the side of the corner on which the solution has them.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::{Real, Scalar, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
@@ -71,12 +71,9 @@ impl<R: Real> SolvedOverlaps<R> {
 
 /// Distance of limited joint `i` to the nearer end of its range at the configuration `q`, m or rad; negative outside the range.
 pub(crate) fn limit_gap<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let [lowest, highest] = compiled.params.limit(i);
-            let q = q[compiled.limits[i].q];
-            (q - lowest).min(highest - q)
-        },
-    )
+    kernel!(R, || {
+        let [lowest, highest] = compiled.params.limit(i);
+        let q = q[compiled.limits[i].q];
+        (q - lowest).min(highest - q)
+    })
 }

@@ -1,7 +1,7 @@
 //! Rows of contacts with torsional and rolling friction: in addition to the three sliding rows, three for the rotation about the contact's
 //! axes.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
@@ -45,13 +45,10 @@ impl<R: Real> RowBuilder<R> {
 impl<R: Real> Assembler<'_, R> {
     /// Adds the six rows of the contact in slot `k`, in the lanes `lanes` (bits) in which it has torsional or rolling friction.
     pub(crate) fn add_rolling_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.builder.gather_dofs(self.problem, input.compiled, contacts, k, lanes);
-                self.push_rolling_contact_row(input, contacts, k, lanes);
-            },
-        )
+        kernel!(R, || {
+            self.builder.gather_dofs(self.problem, input.compiled, contacts, k, lanes);
+            self.push_rolling_contact_row(input, contacts, k, lanes);
+        })
     }
 
     /// Builds the six rows, adds them to the problem, and sets their initial impulses. The caller must have called `gather_dofs`.

@@ -1,6 +1,6 @@
 //! Acceptance of a step: whether its residual may change the energy noticeably, and whether the next state is finite.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Outcome;
 
 use crate::collision::contact_set::Contacts;
@@ -25,15 +25,12 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// times the impulse, which can exceed the kinetic energy even at a small residual ([`stepper_solve::energy_is_ambiguous`]).
     pub(crate) fn ambiguous(&self, residual: R) -> R::Mask {
         let StepInput { options, alive, .. } = self.context.input;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let unsolved = alive.and(residual.gt(R::of(MAX_TRUSTED_RESIDUAL.max(10.0 * options.tolerance))));
-                let negligible = self.free.smooth.mass.energy_at(R::of(options.tolerance));
-                let ambiguous = stepper_solve::energy_is_ambiguous(&self.problem.rows, &self.velocity.impulses, residual, negligible);
-                unsolved.or(alive.and(self.problem.constrained).and(ambiguous))
-            },
-        )
+        kernel!(R, || {
+            let unsolved = alive.and(residual.gt(R::of(MAX_TRUSTED_RESIDUAL.max(10.0 * options.tolerance))));
+            let negligible = self.free.smooth.mass.energy_at(R::of(options.tolerance));
+            let ambiguous = stepper_solve::energy_is_ambiguous(&self.problem.rows, &self.velocity.impulses, residual, negligible);
+            unsolved.or(alive.and(self.problem.constrained).and(ambiguous))
+        })
     }
 
     /// Solves lanes with an ambiguous kinetic energy once more, with a smaller tolerance: lanes that meet the tolerance, but whose residual
@@ -74,15 +71,12 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// most the tolerance.
     fn residual_for_energy(&self) -> R {
         let tolerance = R::of(self.context.input.options.tolerance);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let negligible = self.free.smooth.mass.energy_at(tolerance);
-                let least = R::of(10.0 * <R::Scalar as Scalar>::EPSILON.to_f64());
-                let most = stepper_solve::max_residual_for_energy(&self.problem.rows, &self.velocity.impulses, negligible);
-                (most * R::of(TARGET_RATIO)).max(least).min(tolerance)
-            },
-        )
+        kernel!(R, || {
+            let negligible = self.free.smooth.mass.energy_at(tolerance);
+            let least = R::of(10.0 * <R::Scalar as Scalar>::EPSILON.to_f64());
+            let most = stepper_solve::max_residual_for_energy(&self.problem.rows, &self.velocity.impulses, negligible);
+            (most * R::of(TARGET_RATIO)).max(least).min(tolerance)
+        })
     }
 }
 
@@ -93,13 +87,10 @@ pub(crate) fn store_joint_impulse<R: Real>(
     velocity: &VelocitySolution<R>,
     impulse: &mut [R],
 ) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            impulse.copy_from_slice(&velocity.impulses.w);
-            mass.momentum(compiled, impulse);
-        },
-    )
+    kernel!(R, || {
+        impulse.copy_from_slice(&velocity.impulses.w);
+        mass.momentum(compiled, impulse);
+    })
 }
 
 /// Accepts the step in the lanes where the next state is finite: `state` becomes the next state, and its time advances by `h`, s. Returns
@@ -117,21 +108,18 @@ pub(crate) fn accept<R: Real>(
     alive: R::Mask,
     h: f64,
 ) -> R::Mask {
-    let finite = R::vectorize(
-        #[inline(always)]
-        || {
-            let mut finite = R::Mask::splat(true);
-            for x in [&position.q, &velocity.v, &position.act] {
-                finite = finite.and(all_finite(x));
-            }
-            // A mocap body with a NaN pose would have no contacts. Such a step is rejected.
-            let Kinematics { pos, mat, .. } = &evaluation.kinematics;
-            for m in &compiled.mocap {
-                finite = finite.and(all_finite(&pos[m.frame])).and(all_finite(&mat[m.frame]));
-            }
-            finite
-        },
-    );
+    let finite = kernel!(R, || {
+        let mut finite = R::Mask::splat(true);
+        for x in [&position.q, &velocity.v, &position.act] {
+            finite = finite.and(all_finite(x));
+        }
+        // A mocap body with a NaN pose would have no contacts. Such a step is rejected.
+        let Kinematics { pos, mat, .. } = &evaluation.kinematics;
+        for m in &compiled.mocap {
+            finite = finite.and(all_finite(&pos[m.frame])).and(all_finite(&mat[m.frame]));
+        }
+        finite
+    });
     if !finite.and(alive).all() {
         keep_state(state, evaluation, velocity, position, alive, finite);
     }
@@ -159,32 +147,29 @@ fn keep_state<R: Real>(
     alive: R::Mask,
     finite: R::Mask,
 ) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let moves = finite.and(alive);
-            for (next, old) in [(&mut position.q, &state.q), (&mut velocity.v, &state.v), (&mut position.act, &state.act)] {
-                for (next, &old) in next.iter_mut().zip(old) {
-                    *next = R::select(moves, *next, old);
-                }
+    kernel!(R, || {
+        let moves = finite.and(alive);
+        for (next, old) in [(&mut position.q, &state.q), (&mut velocity.v, &state.v), (&mut position.act, &state.act)] {
+            for (next, &old) in next.iter_mut().zip(old) {
+                *next = R::select(moves, *next, old);
             }
-            let rejected = alive.and_not(finite);
-            if rejected.none() {
-                return;
-            }
-            for lambda in velocity.scalar_impulse.iter_mut().chain(&mut state.impulse) {
-                *lambda = R::select(finite, *lambda, R::zero());
-            }
-            let Contacts { count, data, torque, .. } = &mut evaluation.contacts;
-            for l in each_of(rejected.bits()) {
-                count[l] = 0;
-            }
-            for slot in data {
-                slot.impulse = select(finite, slot.impulse, zero());
-            }
-            for torque in torque {
-                *torque = select(finite, *torque, zero());
-            }
-        },
-    )
+        }
+        let rejected = alive.and_not(finite);
+        if rejected.none() {
+            return;
+        }
+        for lambda in velocity.scalar_impulse.iter_mut().chain(&mut state.impulse) {
+            *lambda = R::select(finite, *lambda, R::zero());
+        }
+        let Contacts { count, data, torque, .. } = &mut evaluation.contacts;
+        for l in each_of(rejected.bits()) {
+            count[l] = 0;
+        }
+        for slot in data {
+            slot.impulse = select(finite, slot.impulse, zero());
+        }
+        for torque in torque {
+            *torque = select(finite, *torque, zero());
+        }
+    })
 }

@@ -1,7 +1,7 @@
 //! Collision search: finds the pairs of geoms with deferred contacts that collide in the motion of a step. The solver leaves out deferred
 //! contacts.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
@@ -214,14 +214,8 @@ impl<R: Real> CollisionSearch<R> {
     /// be called first.
     pub(crate) fn find(&mut self, query: &CollisionQuery<'_, R>, predicted: bool, v_solved: &[R]) -> R::Mask {
         let Self { swept, v_predicted, .. } = self;
-        R::vectorize(
-            #[inline(always)]
-            || swept.set_velocity(query.compiled, query.kinematics, if predicted { v_predicted } else { v_solved }),
-        );
-        R::vectorize(
-            #[inline(always)]
-            || self.test_paths(query),
-        );
+        kernel!(R, || swept.set_velocity(query.compiled, query.kinematics, if predicted { v_predicted } else { v_solved }));
+        kernel!(R, || self.test_paths(query));
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
     }
 
@@ -239,19 +233,16 @@ impl<R: Real> CollisionSearch<R> {
         let problem = query.problem;
         self.rates.clear();
         self.pairs.clear();
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for contact in &problem.deferred {
-                    let tolerance = touch_tolerance(query, contact.slot);
-                    let velocity = problem.rows.normal_velocity(contact.contact, w);
-                    let rate = velocity - contact.bias;
-                    let end = query.contacts.data[contact.slot].point.distance + problem.closing_time * rate;
-                    let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));
-                    self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
-                }
-            },
-        );
+        kernel!(R, || {
+            for contact in &problem.deferred {
+                let tolerance = touch_tolerance(query, contact.slot);
+                let velocity = problem.rows.normal_velocity(contact.contact, w);
+                let rate = velocity - contact.bias;
+                let end = query.contacts.data[contact.slot].point.distance + problem.closing_time * rate;
+                let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));
+                self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
+            }
+        });
         for (contact, &(_, closes)) in problem.deferred.iter().zip(&self.rates) {
             for (pair, lanes) in query.contacts.pairs(contact.slot, closes.bits()) {
                 let lanes = R::Mask::from_bits(lanes);

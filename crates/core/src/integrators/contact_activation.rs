@@ -8,7 +8,7 @@
 //! can cause its overlap. The contact of a doubtful collision is active only in the prediction. Stage 5 starts without it, and activates it
 //! if the solved motion has the collision too.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::residual;
 
 use crate::constraints::{ConstraintProblem, VelocitySolution};
@@ -77,8 +77,5 @@ impl<R: Real> VelocitySolve<'_, R> {
 
 /// Overlap that the error of the predicted impulses may cause on a path, m: the residual times the closing time times a factor.
 fn overlap_error<R: Real>(problem: &ConstraintProblem<R>, velocity: &VelocitySolution<R>) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || residual(&problem.rows, &velocity.impulses) * problem.closing_time * R::of(PREDICTED_ERROR_RATIO),
-    )
+    kernel!(R, || residual(&problem.rows, &velocity.impulses) * problem.closing_time * R::of(PREDICTED_ERROR_RATIO))
 }

@@ -3,7 +3,7 @@
 //! The step evaluates a bouncing contact at the time of its impact. The contact's normal, its lever arms and the velocity in Newton's law
 //! are evaluated at this time too (see [`crate::constraints::impact_time`]).
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::Iterate;
 
 use crate::collision::contact_set::Contacts;
@@ -36,36 +36,33 @@ pub(crate) fn move_to_first_impacts<R: Real>(
 ) -> R::Mask {
     let StepInput { compiled, options, state, alive, .. } = input;
     let Evaluation { scheme, kinematics, contacts, impact_lanes: lanes, link_velocities, .. } = evaluation;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let [before, free] = link_velocities;
-            kinematics.velocities(compiled, &state.v, before);
-            kinematics.velocities(compiled, v_free, free);
-            let gravity = norm(compiled.params.gravity());
-            let (mut collides, mut time) = (R::Mask::splat(false), scheme.h);
-            for k in 0..contacts.slots() {
-                let elastic = contacts.elastic(k).and(alive);
-                if elastic.none() {
-                    continue;
-                }
-                let slot = &contacts.data[k];
-                let (gap, time_before, h) = (slot.point.distance, scheme.time_before, scheme.h);
-                let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
-                let ImpactPrediction { collides: here, time: at, .. } =
-                    Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
-                let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
-                let passed = if first { passed } else { R::Mask::splat(false) };
-                time = R::select(here, time.min(at), time);
-                time = R::select(passed, R::zero(), time);
-                collides = collides.or(here).or(passed);
+    kernel!(R, || {
+        let [before, free] = link_velocities;
+        kinematics.velocities(compiled, &state.v, before);
+        kinematics.velocities(compiled, v_free, free);
+        let gravity = norm(compiled.params.gravity());
+        let (mut collides, mut time) = (R::Mask::splat(false), scheme.h);
+        for k in 0..contacts.slots() {
+            let elastic = contacts.elastic(k).and(alive);
+            if elastic.none() {
+                continue;
             }
-            let moved = collides.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
-            scheme.move_to(time, moved);
-            *lanes = lanes.or(collides);
-            moved
-        },
-    )
+            let slot = &contacts.data[k];
+            let (gap, time_before, h) = (slot.point.distance, scheme.time_before, scheme.h);
+            let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
+            let ImpactPrediction { collides: here, time: at, .. } =
+                Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
+            let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
+            let passed = if first { passed } else { R::Mask::splat(false) };
+            time = R::select(here, time.min(at), time);
+            time = R::select(passed, R::zero(), time);
+            collides = collides.or(here).or(passed);
+        }
+        let moved = collides.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
+        scheme.move_to(time, moved);
+        *lanes = lanes.or(collides);
+        moved
+    })
 }
 
 /// Normal velocities of the contacts in slot `k` (one per lane) for two sets of link velocities, m/s.
@@ -139,17 +136,14 @@ pub(crate) fn prepare_position_solve<R: Real>(
         lanes,
     };
     position.remove_impacts(compiled, impulses, &step);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let late = scheme.time_before / scheme.h - R::of(0.5);
-            for i in 0..compiled.nv {
-                let moved = position.impact_displacement[i] + (free.v[i] - state.v[i]) * late;
-                position.impact_displacement[i] = R::select(lanes, moved, R::zero());
-                position.v_free[i] = R::select(lanes, free.v[i] + moved, free.v[i]);
-            }
-        },
-    );
+    kernel!(R, || {
+        let late = scheme.time_before / scheme.h - R::of(0.5);
+        for i in 0..compiled.nv {
+            let moved = position.impact_displacement[i] + (free.v[i] - state.v[i]) * late;
+            position.impact_displacement[i] = R::select(lanes, moved, R::zero());
+            position.v_free[i] = R::select(lanes, free.v[i] + moved, free.v[i]);
+        }
+    });
     position.shift(compiled, &free.smooth.mass, problem, lanes);
     step.leave_out_impacts(compiled, &mut position.rows);
     lanes
@@ -203,25 +197,22 @@ impl<R: Real> VelocitySolve<'_, R> {
     fn lanes_with_impacts(&self, first: bool) -> R::Mask {
         let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let Self { free, problem, velocity, .. } = self;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let (mut jump, mut fastest, mut pushed, mut smooth) = (R::zero(), R::zero(), R::zero(), R::zero());
-                for (((&v, &free), &next), &expected) in state.v.iter().zip(&free.v).zip(&velocity.v).zip(&free.v_expected) {
-                    pushed = pushed.max((next - free).abs());
-                    smooth = smooth.max((free - v).abs());
-                    jump = jump.max((next - expected).abs());
-                    fastest = fastest.max(v.abs()).max(next.abs());
-                }
-                let apart = if first { pushed * pushed * R::of(0.25) } else { R::zero() };
-                let change = jump.max(pushed);
-                let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
-                let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
-                // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
-                let touching = problem.slots().fold(R::Mask::splat(false), |all, (_, lanes)| all.or(lanes));
-                touching.and(alive).and_not(free.unresolved).and(matters)
-            },
-        )
+        kernel!(R, || {
+            let (mut jump, mut fastest, mut pushed, mut smooth) = (R::zero(), R::zero(), R::zero(), R::zero());
+            for (((&v, &free), &next), &expected) in state.v.iter().zip(&free.v).zip(&velocity.v).zip(&free.v_expected) {
+                pushed = pushed.max((next - free).abs());
+                smooth = smooth.max((free - v).abs());
+                jump = jump.max((next - expected).abs());
+                fastest = fastest.max(v.abs()).max(next.abs());
+            }
+            let apart = if first { pushed * pushed * R::of(0.25) } else { R::zero() };
+            let change = jump.max(pushed);
+            let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
+            let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
+            // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
+            let touching = problem.slots().fold(R::Mask::splat(false), |all, (_, lanes)| all.or(lanes));
+            touching.and(alive).and_not(free.unresolved).and(matters)
+        })
     }
 
     /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it.
@@ -263,20 +254,17 @@ impl<R: Real> VelocitySolve<'_, R> {
         let Self { free, problem, velocity, .. } = self;
         let FreeMotion { v, v_expected, smooth, scratch, .. } = &mut **free;
         let Scratch { v_free_corrected, free_change, before_impact, .. } = scratch;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for i in 0..compiled.nv {
-                    let new = R::select(lanes, v_free_corrected[i], v[i]);
-                    free_change[i] = new - v[i];
-                    v[i] = new;
-                    v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
-                    if problem.resolves_impacts {
-                        before_impact[i] = if first { before_impact[i] - new } else { -free_change[i] };
-                    }
+        kernel!(R, || {
+            for i in 0..compiled.nv {
+                let new = R::select(lanes, v_free_corrected[i], v[i]);
+                free_change[i] = new - v[i];
+                v[i] = new;
+                v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
+                if problem.resolves_impacts {
+                    before_impact[i] = if first { before_impact[i] - new } else { -free_change[i] };
                 }
-            },
-        );
+            }
+        });
         let before_impacts = problem.resolves_impacts.then_some(&mut before_impact[..]);
         problem.shift(compiled, &smooth.mass, free_change, before_impacts, lanes);
     }

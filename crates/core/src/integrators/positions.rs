@@ -1,6 +1,6 @@
 //! Stages 7 and 8 of a step: the configuration after it, and its correction.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::tunnelling::{TakenStep, may_have_passed};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
@@ -123,12 +123,9 @@ pub(crate) fn accept_corrections<R: Real>(
     if jammed.any() {
         revert_ineffective_corrections(input, evaluation, problem, position, jammed);
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (q, &corrected) in position.q.iter_mut().zip(&position.q_corrected) {
-                *q = R::select(all, corrected, *q);
-            }
-        },
-    );
+    kernel!(R, || {
+        for (q, &corrected) in position.q.iter_mut().zip(&position.q_corrected) {
+            *q = R::select(all, corrected, *q);
+        }
+    });
 }

@@ -1,6 +1,6 @@
 //! Prediction of the velocity after the step, and of the forces that depend on it.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend};
@@ -93,23 +93,20 @@ impl<R: Real> VelocitySolve<'_, R> {
 ///
 /// Inertial forces at such a velocity would add energy to the motion.
 fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (mut largest_change, mut fastest_free, mut fastest_with_impulses) = (R::zero(), R::zero(), R::zero());
-            for (&change, &v) in change.iter().zip(v_free) {
-                largest_change = largest_change.max(change.abs());
-                fastest_free = fastest_free.max(v.abs());
-                fastest_with_impulses = fastest_with_impulses.max((v + change).abs());
+    kernel!(R, || {
+        let (mut largest_change, mut fastest_free, mut fastest_with_impulses) = (R::zero(), R::zero(), R::zero());
+        for (&change, &v) in change.iter().zip(v_free) {
+            largest_change = largest_change.max(change.abs());
+            fastest_free = fastest_free.max(v.abs());
+            fastest_with_impulses = fastest_with_impulses.max((v + change).abs());
+        }
+        let large = (scheme.h * largest_change).gt(R::of(MAX_IMPACT_ROTATION)).and(fastest_with_impulses.gt(fastest_free));
+        if large.any() {
+            for change in change {
+                *change = R::select(large, R::zero(), *change);
             }
-            let large = (scheme.h * largest_change).gt(R::of(MAX_IMPACT_ROTATION)).and(fastest_with_impulses.gt(fastest_free));
-            if large.any() {
-                for change in change {
-                    *change = R::select(large, R::zero(), *change);
-                }
-            }
-        },
-    )
+        }
+    })
 }
 
 /// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) in the lanes whose motion is
@@ -120,26 +117,20 @@ fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut Fr
     let Scratch { force_velocity: zero_velocity, actuator_velocity, v_free_corrected, free_change, .. } = scratch;
     // In the other lanes, actuator forces must keep all bits, because later solves of the step read them. They are evaluated again at the
     // same velocity.
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for i in 0..compiled.nv {
-                let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;
-                actuator_velocity[i] = R::select(*unresolved, state.v[i], mean);
-            }
-        },
-    );
+    kernel!(R, || {
+        for i in 0..compiled.nv {
+            let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;
+            actuator_velocity[i] = R::select(*unresolved, state.v[i], mean);
+        }
+    });
     actuate(compiled, &context.forces_at(actuator_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces);
     zero_velocity.fill(R::zero());
     smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, zero_velocity);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for i in 0..compiled.nv {
-                let v_without_inertial_forces = state.v[i] + smooth.acc[i] * scheme.h;
-                v_free_corrected[i] = R::select(*unresolved, v_without_inertial_forces, v_free_corrected[i]);
-                free_change[i] = R::select(*unresolved, v_without_inertial_forces - v[i], free_change[i]);
-            }
-        },
-    )
+    kernel!(R, || {
+        for i in 0..compiled.nv {
+            let v_without_inertial_forces = state.v[i] + smooth.acc[i] * scheme.h;
+            v_free_corrected[i] = R::select(*unresolved, v_without_inertial_forces, v_free_corrected[i]);
+            free_change[i] = R::select(*unresolved, v_without_inertial_forces - v[i], free_change[i]);
+        }
+    })
 }

@@ -1,6 +1,6 @@
 //! Runge-Kutta-Munthe-Kaas method of order 4 for smooth motion (integrator `rk4` with hard contact).
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{LaneModel, ModelStructure};
@@ -76,35 +76,29 @@ impl<R: Real> Rk4<R> {
 
     /// Adds `weight` times the present rates (of displacement, velocity and activations) to their sums.
     fn accumulate(&mut self, weight: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
-                    for (sum, &rate) in sum.iter_mut().zip(rate) {
-                        *sum += weight * rate;
-                    }
+        kernel!(R, || {
+            for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
+                for (sum, &rate) in sum.iter_mut().zip(rate) {
+                    *sum += weight * rate;
                 }
-            },
-        )
+            }
+        })
     }
 
     /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, the result is exactly `state`.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let moving = time.gt(R::zero());
-                for i in 0..compiled.nv {
-                    self.rotation[i] = R::select(moving, self.rate[0][i] * time, R::zero());
-                    self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * time, R::zero());
-                }
-                for i in 0..compiled.na {
-                    self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * time, R::zero());
-                }
-                clamp_activation(compiled, &mut self.act);
-                displace(compiled, state[0], &self.rotation, R::one(), &mut self.q);
-            },
-        )
+        kernel!(R, || {
+            let moving = time.gt(R::zero());
+            for i in 0..compiled.nv {
+                self.rotation[i] = R::select(moving, self.rate[0][i] * time, R::zero());
+                self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * time, R::zero());
+            }
+            for i in 0..compiled.na {
+                self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * time, R::zero());
+            }
+            clamp_activation(compiled, &mut self.act);
+            displace(compiled, state[0], &self.rotation, R::one(), &mut self.q);
+        })
     }
 
     /// Computes the rates of displacement, velocity and activations at the present state.
@@ -127,25 +121,22 @@ impl<R: Real> Rk4<R> {
 
     /// Computes the displacement rate theta' at (theta, v).
     fn angular_rates(&mut self, compiled: &LaneModel<R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.rate[0].copy_from_slice(&self.v);
-                for joint in &compiled.joints {
-                    let at = match joint.kind {
-                        JointKind::Free => joint.v + 3,
-                        JointKind::Ball => joint.v,
-                        JointKind::Slide | JointKind::Hinge => continue,
-                    };
-                    let rotation = [self.rotation[at], self.rotation[at + 1], self.rotation[at + 2]];
-                    let omega = [self.v[at], self.v[at + 1], self.v[at + 2]];
-                    // dexpinv up to the order that the method needs: omega + theta x omega / 2 + theta x (theta x omega) / 12.
-                    let once = cross(rotation, omega);
-                    let rate = add(add_scaled(omega, once, R::of(0.5)), scale(cross(rotation, once), R::of(1.0 / 12.0)));
-                    self.rate[0][at..at + 3].copy_from_slice(&rate);
-                }
-            },
-        )
+        kernel!(R, || {
+            self.rate[0].copy_from_slice(&self.v);
+            for joint in &compiled.joints {
+                let at = match joint.kind {
+                    JointKind::Free => joint.v + 3,
+                    JointKind::Ball => joint.v,
+                    JointKind::Slide | JointKind::Hinge => continue,
+                };
+                let rotation = [self.rotation[at], self.rotation[at + 1], self.rotation[at + 2]];
+                let omega = [self.v[at], self.v[at + 1], self.v[at + 2]];
+                // dexpinv up to the order that the method needs: omega + theta x omega / 2 + theta x (theta x omega) / 12.
+                let once = cross(rotation, omega);
+                let rate = add(add_scaled(omega, once, R::of(0.5)), scale(cross(rotation, once), R::of(1.0 / 12.0)));
+                self.rate[0][at..at + 3].copy_from_slice(&rate);
+            }
+        })
     }
 
     /// Replaces the midpoint step by a Runge-Kutta step in the lanes `lanes`, which have no active constraint.
@@ -158,16 +149,13 @@ impl<R: Real> Rk4<R> {
     ) {
         let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
         self.step(compiled, kinematics, inputs, [&state.q, &state.v, &state.act], scheme.h);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let results = [(&mut position.q, &self.q), (&mut velocity.v, &self.v), (&mut position.act, &self.act)];
-                for (out, new) in results {
-                    for (out, &new) in out.iter_mut().zip(new) {
-                        *out = R::select(lanes, new, *out);
-                    }
+        kernel!(R, || {
+            let results = [(&mut position.q, &self.q), (&mut velocity.v, &self.v), (&mut position.act, &self.act)];
+            for (out, new) in results {
+                for (out, &new) in out.iter_mut().zip(new) {
+                    *out = R::select(lanes, new, *out);
                 }
-            },
-        )
+            }
+        })
     }
 }

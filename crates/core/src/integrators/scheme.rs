@@ -10,7 +10,7 @@
 //!   velocity there. First order, and L-stable in springs and dampers (backward Euler): it dissipates the energy of motions that it cannot
 //!   resolve.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::forces::ImplicitServos;
 use crate::compile::LaneModel;
@@ -99,10 +99,7 @@ impl<R: Real> Scheme<R> {
         if impacts.none() {
             return whole;
         }
-        R::vectorize(
-            #[inline(always)]
-            || R::select(impacts, self.h / (self.time_after + self.h * R::of(0.5)), whole),
-        )
+        kernel!(R, || R::select(impacts, self.h / (self.time_after + self.h * R::of(0.5)), whole))
     }
 
     /// Selection of the servos with implicit forces in stage 1: all servos with `implicit_forces`, otherwise only those of actuator

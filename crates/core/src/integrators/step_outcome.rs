@@ -1,6 +1,6 @@
 //! Outcome of a step, from which stage 10 computes its record.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Outcome, System};
 
 use crate::constraints::ConstraintProblem;
@@ -39,13 +39,10 @@ fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R 
     if !problem.may_have_immovable_rows {
         return residual;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let unmet = System::from(&problem.rows).unmet_velocity();
-            R::select(unmet.gt(residual), unmet, residual)
-        },
-    )
+    kernel!(R, || {
+        let unmet = System::from(&problem.rows).unmet_velocity();
+        R::select(unmet.gt(residual), unmet, residual)
+    })
 }
 
 /// Computes stage 10: status and record of the step. `input` has the state after the step; `finite` marks the lanes in which the step was

@@ -15,7 +15,7 @@
 //! The two bounds also hold where impulses rotate a joint by half a turn or more within the step, for example levers in a jam. The rows are
 //! linearised at one pose and are invalid that far away. Such a step keeps its inertial forces.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::VelocitySolution;
@@ -36,26 +36,23 @@ use crate::tuning::{
 /// `v` is the velocity before the step, and `v_free` the velocity after it without constraints; `change` is the change of `v_free` by the
 /// corrector. All are generalized velocities.
 pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let turn = max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free)) * h;
-            let active = turn.gt(R::of(BALANCE_ROTATION));
-            if active.none() {
-                return [active; 2];
-            }
-            let (mut speed, mut largest_change) = (R::zero(), R::zero());
-            for i in 0..compiled.nv {
-                speed = speed.max(v[i].abs()).max(v_free[i].abs());
-                largest_change = largest_change.max_or_nan(change[i].abs());
-            }
-            let fast = turn.gt(R::of(FAST_ROTATION));
-            [
-                fast.and_not(largest_change.le(speed * R::of(MAX_RELATIVE_CHANGE))),
-                active.and_not(largest_change.le(speed * R::of(BALANCE_RELATIVE_CHANGE))),
-            ]
-        },
-    )
+    kernel!(R, || {
+        let turn = max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free)) * h;
+        let active = turn.gt(R::of(BALANCE_ROTATION));
+        if active.none() {
+            return [active; 2];
+        }
+        let (mut speed, mut largest_change) = (R::zero(), R::zero());
+        for i in 0..compiled.nv {
+            speed = speed.max(v[i].abs()).max(v_free[i].abs());
+            largest_change = largest_change.max_or_nan(change[i].abs());
+        }
+        let fast = turn.gt(R::of(FAST_ROTATION));
+        [
+            fast.and_not(largest_change.le(speed * R::of(MAX_RELATIVE_CHANGE))),
+            active.and_not(largest_change.le(speed * R::of(BALANCE_RELATIVE_CHANGE))),
+        ]
+    })
 }
 
 /// Lanes in which constraint impulses rotate a hinge or ball joint by more than half a turn per step.
@@ -63,22 +60,19 @@ pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R],
 /// In addition, the joint must be faster than every joint in `v`, the velocity before the step, and in `v_free`, the velocity without
 /// constraints.
 pub fn diverging<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut turn = R::zero();
-            for joint in compiled.joints.iter().filter(|j| matches!(j.kind, JointKind::Hinge | JointKind::Ball)) {
-                for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
-                    turn = turn.max(v.abs());
-                }
+    kernel!(R, || {
+        let mut turn = R::zero();
+        for joint in compiled.joints.iter().filter(|j| matches!(j.kind, JointKind::Hinge | JointKind::Ball)) {
+            for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
+                turn = turn.max(v.abs());
             }
-            let far = (turn * h).gt(R::of(MAX_IMPULSE_ROTATION));
-            if far.none() {
-                return far;
-            }
-            far.and(turn.gt(max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free))))
-        },
-    )
+        }
+        let far = (turn * h).gt(R::of(MAX_IMPULSE_ROTATION));
+        if far.none() {
+            return far;
+        }
+        far.and(turn.gt(max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free))))
+    })
 }
 
 /// Largest angular velocity of any joint, rad/s.
@@ -96,32 +90,26 @@ fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
 
 /// Scales `v` down in the lanes `lanes`, so that the fastest joint rotates by at most one radian per step.
 pub fn limit_joint_rates<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let turn = max_joint_rate(compiled, v) * h;
-            let fast = lanes.and(turn.gt(R::of(MAX_ROTATION)));
-            let factor = R::select(fast, R::of(MAX_ROTATION) / R::select(fast, turn, R::one()), R::one());
-            for v in v {
-                *v *= factor;
-            }
-        },
-    )
+    kernel!(R, || {
+        let turn = max_joint_rate(compiled, v) * h;
+        let fast = lanes.and(turn.gt(R::of(MAX_ROTATION)));
+        let factor = R::select(fast, R::of(MAX_ROTATION) / R::select(fast, turn, R::one()), R::one());
+        for v in v {
+            *v *= factor;
+        }
+    })
 }
 
 /// Kinetic energy of bodies and armatures at the configuration of `kinematics`, J.
 fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            kinematics.velocities(compiled, v, velocity);
-            let mut sum = kinetic_energy(kinematics, velocity);
-            for (d, &v) in v.iter().enumerate() {
-                sum += compiled.params.dof(d).armature * v.square() * R::of(0.5);
-            }
-            sum
-        },
-    )
+    kernel!(R, || {
+        kinematics.velocities(compiled, v, velocity);
+        let mut sum = kinetic_energy(kinematics, velocity);
+        for (d, &v) in v.iter().enumerate() {
+            sum += compiled.params.dof(d).armature * v.square() * R::of(0.5);
+        }
+        sum
+    })
 }
 
 /// Workspace of the checks for motion that is too fast for the time step: energy balance, and energy limit.
@@ -201,42 +189,39 @@ impl<R: Real> StepResolution<R> {
         self.place_mocap(compiled, middle);
         blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.force_velocity);
         let (h, v_free) = (scheme.h, &free.v);
-        let gains = R::vectorize(
-            #[inline(always)]
-            || {
-                let [mean, change] = &mut self.mean;
-                let mut work = R::zero();
-                for d in 0..compiled.nv {
-                    mean[d] = (before[1][d] + v_next[d]) * R::of(0.5);
-                    change[d] = v_next[d] - before[1][d];
-                    work += compiled.params.dof(d).armature * mean[d] * change[d];
+        let gains = kernel!(R, || {
+            let [mean, change] = &mut self.mean;
+            let mut work = R::zero();
+            for d in 0..compiled.nv {
+                mean[d] = (before[1][d] + v_next[d]) * R::of(0.5);
+                change[d] = v_next[d] - before[1][d];
+                work += compiled.params.dof(d).armature * mean[d] * change[d];
+            }
+            middle.velocities(compiled, mean, &mut self.velocity);
+            middle.velocities(compiled, change, &mut self.change);
+            link_forces(compiled, middle, &self.force_velocity, &mut self.newton_euler);
+            let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
+            for l in 0..compiled.links.len() {
+                if !self.single_link[l] {
+                    let momentum = apply_inertia(&middle.inertia[l], &self.change[l]);
+                    let weight = apply_inertia(&middle.inertia[l], &ground);
+                    work += dot6(self.velocity[l], momentum) + dot6(self.velocity[l], self.newton_euler.force[l]) * h;
+                    work -= dot6(self.velocity[l], weight) * h;
                 }
-                middle.velocities(compiled, mean, &mut self.velocity);
-                middle.velocities(compiled, change, &mut self.change);
-                link_forces(compiled, middle, &self.force_velocity, &mut self.newton_euler);
-                let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
-                for l in 0..compiled.links.len() {
-                    if !self.single_link[l] {
-                        let momentum = apply_inertia(&middle.inertia[l], &self.change[l]);
-                        let weight = apply_inertia(&middle.inertia[l], &ground);
-                        work += dot6(self.velocity[l], momentum) + dot6(self.velocity[l], self.newton_euler.force[l]) * h;
-                        work -= dot6(self.velocity[l], weight) * h;
-                    }
-                }
-                let start = self.kinetic_energy_of_chains(compiled, before);
-                let q_end = std::mem::take(&mut self.q_end);
-                let end = self.kinetic_energy_of_chains(compiled, [&q_end, v_next]);
-                self.q_end = q_end;
-                let (mut pushed, mut fastest) = (R::zero(), R::zero());
-                for d in 0..compiled.nv {
-                    pushed = pushed.max((v_next[d] - v_free[d]).abs());
-                    fastest = fastest.max(v_next[d].abs()).max(before[1][d].abs());
-                }
-                let max_gain = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
-                let is_impact = pushed.gt(fastest * R::of(IMPACT_RELATIVE_CHANGE));
-                ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain) + negligible)
-            },
-        );
+            }
+            let start = self.kinetic_energy_of_chains(compiled, before);
+            let q_end = std::mem::take(&mut self.q_end);
+            let end = self.kinetic_energy_of_chains(compiled, [&q_end, v_next]);
+            self.q_end = q_end;
+            let (mut pushed, mut fastest) = (R::zero(), R::zero());
+            for d in 0..compiled.nv {
+                pushed = pushed.max((v_next[d] - v_free[d]).abs());
+                fastest = fastest.max(v_next[d].abs()).max(before[1][d].abs());
+            }
+            let max_gain = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
+            let is_impact = pushed.gt(fastest * R::of(IMPACT_RELATIVE_CHANGE));
+            ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain) + negligible)
+        });
         lanes.and(gains)
     }
 
@@ -290,23 +275,20 @@ impl<R: Real> StepResolution<R> {
         let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { kinematics: middle, .. } } = context;
         let (before, v) = ([&state.q[..], &state.v[..]], &velocity.v);
         self.place_mocap(compiled, middle);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut energy_with = |v: &[R]| kinetic_energy_with_rotors(compiled, middle, v, &mut self.velocity);
-                let work = energy_with(v).min(energy_with(v_free)) - energy_with(before[1]);
-                self.kinematics.update(compiled, before[0]);
-                let start = kinetic_energy_with_rotors(compiled, &self.kinematics, before[1], &mut self.velocity);
-                self.kinematics.update(compiled, q);
-                let end = kinetic_energy_with_rotors(compiled, &self.kinematics, v, &mut self.velocity);
-                let allowed = (start + work).max(R::zero());
-                let slower = lanes.and(end.gt(allowed));
-                let factor = R::select(slower, (allowed / R::select(slower, end, R::one())).sqrt(), R::one());
-                for (out, &v) in self.v_limited.iter_mut().zip(v) {
-                    *out = v * factor;
-                }
-            },
-        );
+        kernel!(R, || {
+            let mut energy_with = |v: &[R]| kinetic_energy_with_rotors(compiled, middle, v, &mut self.velocity);
+            let work = energy_with(v).min(energy_with(v_free)) - energy_with(before[1]);
+            self.kinematics.update(compiled, before[0]);
+            let start = kinetic_energy_with_rotors(compiled, &self.kinematics, before[1], &mut self.velocity);
+            self.kinematics.update(compiled, q);
+            let end = kinetic_energy_with_rotors(compiled, &self.kinematics, v, &mut self.velocity);
+            let allowed = (start + work).max(R::zero());
+            let slower = lanes.and(end.gt(allowed));
+            let factor = R::select(slower, (allowed / R::select(slower, end, R::one())).sqrt(), R::one());
+            for (out, &v) in self.v_limited.iter_mut().zip(v) {
+                *out = v * factor;
+            }
+        });
         std::mem::swap(&mut velocity.v, &mut self.v_limited);
     }
 }

@@ -18,7 +18,7 @@
 //! (`constraints/restitution.rs`). A contact with e > 0 that neither bounces nor comes to rest in this step has no row. A row would stop it
 //! at the surface and remove the energy of its later bounce.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
@@ -29,50 +29,47 @@ use crate::constraints::torsional_rolling::rolling_lanes;
 
 /// Assembles all rows of contacts, limits, dry friction, equalities and tendons, with their initial impulses.
 pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let compiled = input.compiled;
-            assembler.clear(input);
-            // Eliminated equalities come first, because every later row is projected on the motions that they allow.
-            if !compiled.equalities.is_empty() {
-                assembler.add_equalities(input, true);
-                let Assembler { problem, builder, .. } = &mut assembler;
-                builder.store_eliminated(&mut problem.rows, compiled, &problem.active_equalities, input.mass);
+    kernel!(R, || {
+        let compiled = input.compiled;
+        assembler.clear(input);
+        // Eliminated equalities come first, because every later row is projected on the motions that they allow.
+        if !compiled.equalities.is_empty() {
+            assembler.add_equalities(input, true);
+            let Assembler { problem, builder, .. } = &mut assembler;
+            builder.store_eliminated(&mut problem.rows, compiled, &problem.active_equalities, input.mass);
+        }
+        assembler.add_frictions(input);
+        assembler.add_limits(input);
+        if !compiled.ball_limits.is_empty() {
+            assembler.add_ball_limits(input);
+        }
+        if !compiled.tendons.is_empty() {
+            assembler.add_tendons(input);
+        }
+        if !compiled.equalities.is_empty() {
+            assembler.add_equalities(input, false);
+        }
+        assembler.problem.elastic = any_elastic(contacts);
+        assembler.problem.resolves_impacts = assembler.problem.elastic && input.in_the_middle;
+        for k in 0..contacts.slots() {
+            let lanes = contacts.lanes_of(k);
+            let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
+            if sliding != 0 {
+                assembler.builder.gather_dofs(assembler.problem, compiled, contacts, k, sliding);
+                assembler.add_contact(input, contacts, k, sliding);
             }
-            assembler.add_frictions(input);
-            assembler.add_limits(input);
-            if !compiled.ball_limits.is_empty() {
-                assembler.add_ball_limits(input);
-            }
-            if !compiled.tendons.is_empty() {
-                assembler.add_tendons(input);
-            }
-            if !compiled.equalities.is_empty() {
-                assembler.add_equalities(input, false);
-            }
-            assembler.problem.elastic = any_elastic(contacts);
-            assembler.problem.resolves_impacts = assembler.problem.elastic && input.in_the_middle;
+        }
+        // Contacts with rolling friction have six rows instead of three, and a separate list.
+        if compiled.has_rolling_friction {
             for k in 0..contacts.slots() {
-                let lanes = contacts.lanes_of(k);
-                let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
-                if sliding != 0 {
-                    assembler.builder.gather_dofs(assembler.problem, compiled, contacts, k, sliding);
-                    assembler.add_contact(input, contacts, k, sliding);
+                let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
+                if rolling != 0 {
+                    assembler.add_rolling_contact(input, contacts, k, rolling);
                 }
             }
-            // Contacts with rolling friction have six rows instead of three, and a separate list.
-            if compiled.has_rolling_friction {
-                for k in 0..contacts.slots() {
-                    let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
-                    if rolling != 0 {
-                        assembler.add_rolling_contact(input, contacts, k, rolling);
-                    }
-                }
-            }
-            assembler.finish(compiled, contacts);
-        },
-    )
+        }
+        assembler.finish(compiled, contacts);
+    })
 }
 
 impl<R: Real> Assembler<'_, R> {

@@ -9,7 +9,7 @@
 //! are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is marked infeasible
 //! if the impulses of the correction prove that no motion within the bounds meets its targets (Farkas' lemma).
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
 
 use crate::collision::contact_set::Contacts;
@@ -115,17 +115,14 @@ pub fn limit_baumgarte<R: Real>(
         return never;
     }
     let bounds = Bounds::absurd(options);
-    let lanes = R::vectorize(
-        #[inline(always)]
-        || {
-            let correction = &mut position.correction;
-            for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(v_free)) {
-                *change = v - free;
-            }
-            let unmet = System::from(rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
-            biased.and(excess(compiled, correction, bounds).gt(R::one()).or(unmet))
-        },
-    );
+    let lanes = kernel!(R, || {
+        let correction = &mut position.correction;
+        for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(v_free)) {
+            *change = v - free;
+        }
+        let unmet = System::from(rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
+        biased.and(excess(compiled, correction, bounds).gt(R::one()).or(unmet))
+    });
     if lanes.none() {
         return never;
     }
@@ -134,50 +131,41 @@ pub fn limit_baumgarte<R: Real>(
     let [sweeps, newton_steps] = options.effort();
     let tolerance = R::of(options.tolerance);
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
-    R::vectorize(
-        #[inline(always)]
-        || {
-            // With Baumgarte's method, the offsets of the position solve have no bias. `correct` exchanges the offsets back.
-            position.rows.copy(rows);
-            position.rows.exchange_offsets();
-        },
-    );
+    kernel!(R, || {
+        // With Baumgarte's method, the offsets of the position solve have no bias. `correct` exchanges the offsets back.
+        position.rows.copy(rows);
+        position.rows.exchange_offsets();
+    });
     let VelocitySolution { impulses, v, newton, worst, saved_impulses, .. } = &mut *velocity;
     let system = position.rows.system(rows);
     let repeated = stepper_solve::solve(system, impulses, settings, lanes, newton);
     let unsolved = lanes.and_not(repeated.residual.le(tolerance));
     worst.update(input.problem, system, impulses, input.contacts, [lanes, unsolved]);
     outcome.replace(&repeated, lanes);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let PositionSolution { correction: change, v_free, .. } = &mut *position;
-            change.copy_from_slice(&impulses.w);
-            input.mass.unscale(compiled, change);
-            for i in 0..compiled.nv {
-                v[i] = R::select(lanes, v_free[i] + change[i], v[i]);
-            }
-        },
-    );
+    kernel!(R, || {
+        let PositionSolution { correction: change, v_free, .. } = &mut *position;
+        change.copy_from_slice(&impulses.w);
+        input.mass.unscale(compiled, change);
+        for i in 0..compiled.nv {
+            v[i] = R::select(lanes, v_free[i] + change[i], v[i]);
+        }
+    });
     saved_impulses.save(impulses, lanes);
     let infeasible = correct(&PositionInput { lanes, ..*input }, velocity, position);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (PositionSolution { correction, v_free, .. }, VelocitySolution { impulses, v, .. }) = (position, velocity);
-            for (v, &more) in v.iter_mut().zip(&*correction) {
-                *v += R::select(lanes, more, R::zero());
-            }
-            // `w` becomes the scaled velocity change from `v_free` to the limited `v`. The joint impulses that users read follow from `w`.
-            for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
-                *change = v - free;
-            }
-            input.mass.scale(compiled, correction);
-            for (w, &change) in impulses.w.iter_mut().zip(&*correction) {
-                *w = R::select(lanes, change, *w);
-            }
-        },
-    );
+    kernel!(R, || {
+        let (PositionSolution { correction, v_free, .. }, VelocitySolution { impulses, v, .. }) = (position, velocity);
+        for (v, &more) in v.iter_mut().zip(&*correction) {
+            *v += R::select(lanes, more, R::zero());
+        }
+        // `w` becomes the scaled velocity change from `v_free` to the limited `v`. The joint impulses that users read follow from `w`.
+        for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
+            *change = v - free;
+        }
+        input.mass.scale(compiled, correction);
+        for (w, &change) in impulses.w.iter_mut().zip(&*correction) {
+            *w = R::select(lanes, change, *w);
+        }
+    });
     infeasible
 }
 
@@ -205,20 +193,17 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.uncertified() };
     stepper_solve::solve(system, impulses, settings, lanes, newton);
     let bounds = Bounds::new(options, input.h);
-    let (fast, lacking) = R::vectorize(
-        #[inline(always)]
-        || {
-            find_motion(input, impulses, [v_free, v_next], out);
-            let rebounding = lanes.and(input.rebounding);
-            if rebounding.any() {
-                bound_rebound(input, [v_free, v_next], out, scratch, rebounding);
-            }
-            let short = system.shortfall(impulses, reference);
-            let blocked = system.immovable_target();
-            let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
-            (fast, lanes.and(short.max(blocked).gt(R::of(MIN_UNMET_TARGET))))
-        },
-    );
+    let (fast, lacking) = kernel!(R, || {
+        find_motion(input, impulses, [v_free, v_next], out);
+        let rebounding = lanes.and(input.rebounding);
+        if rebounding.any() {
+            bound_rebound(input, [v_free, v_next], out, scratch, rebounding);
+        }
+        let short = system.shortfall(impulses, reference);
+        let blocked = system.immovable_target();
+        let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
+        (fast, lanes.and(short.max(blocked).gt(R::of(MIN_UNMET_TARGET))))
+    });
     let infeasible = if lacking.any() { prove_infeasible(input, system, impulses, reference, lacking, bounds) } else { lacking };
     if fast.any() {
         // With Baumgarte's method, the user can read the impulses. They are reduced in the same ratio as the motion.
@@ -236,14 +221,11 @@ pub(crate) fn damp_rows<R: Real>(input: &PositionInput<'_, R>, impulses: &Iterat
     let damping =
         Damping { ratio: R::of(DAMPING), bending: input.h * R::of(1.0 / CORRECTION_ARM), negligible: R::of(NEGLIGIBLE_CORRECTION) };
     let PositionSolution { rows, unconstrained_mobility, reference, .. } = position;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            rows.exchange_offsets();
-            find_unconstrained_mobility(input, unconstrained_mobility);
-            rows.damp(&input.problem.rows, impulses, damping, unconstrained_mobility, reference);
-        },
-    );
+    kernel!(R, || {
+        rows.exchange_offsets();
+        find_unconstrained_mobility(input, unconstrained_mobility);
+        rows.damp(&input.problem.rows, impulses, damping, unconstrained_mobility, reference);
+    });
 }
 
 /// Computes the velocity that the position solve adds to that of the velocity solution, into `position.correction`. Returns the largest
@@ -255,13 +237,10 @@ pub(crate) fn find_correction<R: Real>(
 ) -> R {
     let bounds = Bounds::new(input.options, input.h);
     let PositionSolution { v_free, correction, .. } = position;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            find_motion(input, &velocity.impulses, [v_free, &velocity.v], correction);
-            excess(input.compiled, correction, bounds)
-        },
-    )
+    kernel!(R, || {
+        find_motion(input, &velocity.impulses, [v_free, &velocity.v], correction);
+        excess(input.compiled, correction, bounds)
+    })
 }
 
 /// Computes the velocity that the impulses of the position solve add to `v_next`, without bounds, into `out`.
@@ -354,23 +333,20 @@ fn prove_infeasible<R: Real>(
     lanes: R::Mask,
     bounds: Bounds<R>,
 ) -> R::Mask {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let lack = system.witness(impulses, reference);
-            let momentum = reference.momentum();
-            input.mass.momentum(input.compiled, momentum);
-            let mut most = R::zero();
-            for joint in &input.compiled.joints {
-                for k in 0..joint.kind.nv() {
-                    most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
-                }
+    kernel!(R, || {
+        let lack = system.witness(impulses, reference);
+        let momentum = reference.momentum();
+        input.mass.momentum(input.compiled, momentum);
+        let mut most = R::zero();
+        for joint in &input.compiled.joints {
+            for k in 0..joint.kind.nv() {
+                most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
             }
-            // A contact that no degree of freedom moves along its normal cannot be corrected by any motion.
-            let blocked = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
-            lanes.and(blocked.or(lack.gt(most)))
-        },
-    )
+        }
+        // A contact that no degree of freedom moves along its normal cannot be corrected by any motion.
+        let blocked = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
+        lanes.and(blocked.or(lack.gt(most)))
+    })
 }
 
 /// Computes for every contact the sum of the inverse masses of its two bodies, as if they were free, 1/kg; 0 for scalar rows. The result is

@@ -3,7 +3,7 @@
 //! True readings are a function of the state after the step and of the step's results: its impulses, and its acceleration (v+ - v) / h,
 //! which includes impulses. Positions and velocities are those after the step, so that all readings belong to one time.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::compile::sensing::{Bounds, CompiledSensor, Read, SensorFrame};
@@ -91,55 +91,43 @@ fn read<R: Real>(
 
 /// Magnetic flux density in a site's axes, T.
 fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, site: &SensorFrame<R::Scalar>) -> V3<R> {
-    R::vectorize(
-        #[inline(always)]
-        || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(compiled.sensing.magnetic)),
-    )
+    kernel!(R, || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(compiled.sensing.magnetic)))
 }
 
 /// Sum of coefficients times entries of `x`. `terms` are pairs of index and coefficient.
 fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut sum = R::zero();
-            for &(i, c) in terms {
-                sum += R::splat(c) * x[i];
-            }
-            sum
-        },
-    )
+    kernel!(R, || {
+        let mut sum = R::zero();
+        for &(i, c) in terms {
+            sum += R::splat(c) * x[i];
+        }
+        sum
+    })
 }
 
 /// Sum of those entries of `x` whose indices are in `which`.
 fn total<R: Real>(which: &[usize], x: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            which.iter().fold(
-                R::zero(),
-                #[inline(always)]
-                |sum, &i| sum + x[i],
-            )
-        },
-    )
+    kernel!(R, || {
+        which.iter().fold(
+            R::zero(),
+            #[inline(always)]
+            |sum, &i| sum + x[i],
+        )
+    })
 }
 
 /// Writes the combination of `dim` readings to address `at`: the sum of coefficients times readings of other sensors. `terms` are pairs of
 /// address and coefficient.
 fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for k in 0..dim {
-                let mut sum = R::zero();
-                for &(from, c) in terms {
-                    sum += R::splat(c) * truth[from + k];
-                }
-                truth[at + k] = sum;
+    kernel!(R, || {
+        for k in 0..dim {
+            let mut sum = R::zero();
+            for &(from, c) in terms {
+                sum += R::splat(c) * truth[from + k];
             }
-        },
-    )
+            truth[at + k] = sum;
+        }
+    })
 }
 
 fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2] {
@@ -152,13 +140,10 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2
 /// Minus the distance of `q` beyond the nearer end of its range, and the time derivative of this number at the velocity `v`. Both are zero
 /// within the range.
 fn overlap<R: Real>(q: R, v: R, [low, high]: [R; 2]) -> [R; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let z = R::zero();
-            let (below, above) = (q - low, high - q);
-            let (under, over) = (below.lt(z), above.lt(z));
-            [R::select(under, below, R::select(over, above, z)), R::select(under, v, R::select(over, -v, z))]
-        },
-    )
+    kernel!(R, || {
+        let z = R::zero();
+        let (below, above) = (q - low, high - q);
+        let (under, over) = (below.lt(z), above.lt(z));
+        [R::select(under, below, R::select(over, above, z)), R::select(under, v, R::select(over, -v, z))]
+    })
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use bitflags::bitflags;
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
@@ -116,38 +116,32 @@ impl<R: Real> Record<R> {
 
 /// Largest overlap of the contacts beyond their margins in the lanes `lanes`, m; 0 without contacts.
 pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut deepest = R::zero();
-            for (k, here) in problem.slots() {
-                deepest = R::select(here, deepest.max(-contacts.data[k].point.distance), deepest);
-            }
-            R::select(lanes, deepest, R::zero())
-        },
-    )
+    kernel!(R, || {
+        let mut deepest = R::zero();
+        for (k, here) in problem.slots() {
+            deepest = R::select(here, deepest.max(-contacts.data[k].point.distance), deepest);
+        }
+        R::select(lanes, deepest, R::zero())
+    })
 }
 
 /// Largest distance of a joint or tendon beyond its range at the configuration `q`, rad or m; 0 if all are within their ranges.
 pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut farthest = R::zero();
-            for (i, limit) in compiled.limits.iter().enumerate() {
-                let [lowest, highest] = compiled.params.limit(i);
-                farthest = farthest.max(lowest - q[limit.q]).max(q[limit.q] - highest);
+    kernel!(R, || {
+        let mut farthest = R::zero();
+        for (i, limit) in compiled.limits.iter().enumerate() {
+            let [lowest, highest] = compiled.params.limit(i);
+            farthest = farthest.max(lowest - q[limit.q]).max(q[limit.q] - highest);
+        }
+        for (i, limit) in compiled.ball_limits.iter().enumerate() {
+            farthest = farthest.max(norm(quat_log(quat_at(q, limit.q))) - compiled.params.ball_limit(i));
+        }
+        for tendon in &compiled.tendons {
+            if let Some([lowest, highest]) = tendon.range {
+                let length = tendon.length.value(q);
+                farthest = farthest.max(R::splat(lowest) - length).max(length - R::splat(highest));
             }
-            for (i, limit) in compiled.ball_limits.iter().enumerate() {
-                farthest = farthest.max(norm(quat_log(quat_at(q, limit.q))) - compiled.params.ball_limit(i));
-            }
-            for tendon in &compiled.tendons {
-                if let Some([lowest, highest]) = tendon.range {
-                    let length = tendon.length.value(q);
-                    farthest = farthest.max(R::splat(lowest) - length).max(length - R::splat(highest));
-                }
-            }
-            farthest
-        },
-    )
+        }
+        farthest
+    })
 }

@@ -1,6 +1,6 @@
 //! Rows of contacts with MuJoCo's contact law.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::soft::Cone;
 
 use crate::collision::contact_set::Contacts;
@@ -191,10 +191,7 @@ impl<R: Real> Assembler<'_, R> {
                 while rest != 0 {
                     let lanes = lanes_of_same_trees(compiled, contacts, k, rest);
                     rest &= !lanes;
-                    R::vectorize(
-                        #[inline(always)]
-                        || self.add_soft_contact(input, contacts, (k, lanes), rolls, system),
-                    );
+                    kernel!(R, || self.add_soft_contact(input, contacts, (k, lanes), rolls, system));
                 }
             }
         }

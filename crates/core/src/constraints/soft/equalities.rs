@@ -1,6 +1,6 @@
 //! Rows of equalities with MuJoCo's contact law.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
 use crate::constraints::assembler::Assembler;
@@ -20,10 +20,7 @@ impl<R: Real> Assembler<'_, R> {
             if self.problem.active_equalities.has_rows(k) {
                 for equality in &block.equalities {
                     // Compiled separately, because few models have equalities.
-                    R::vectorize(
-                        #[inline(always)]
-                        || self.add_soft_equality(input, equality, system),
-                    );
+                    kernel!(R, || self.add_soft_equality(input, equality, system));
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 use stepper_solve::soft::{ContactVisit, Effort, LaneSolver, Metric, SlipCapacity, SlipEffort, SoftOutcome, SoftProblem, SoftSolver};
 
 use crate::compile::{LaneModel, ModelStructure};
@@ -108,14 +108,11 @@ impl<R: Real> SoftSystem<R> {
 
     /// Sets the acceleration to `free` in all lanes outside `constrained`, which have no constraints.
     pub fn accelerate_freely(&mut self, free: &[R], constrained: R::Mask) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (a, &free) in self.acceleration.iter_mut().zip(free) {
-                    *a = R::select(constrained, *a, free);
-                }
-            },
-        )
+        kernel!(R, || {
+            for (a, &free) in self.acceleration.iter_mut().zip(free) {
+                *a = R::select(constrained, *a, free);
+            }
+        })
     }
 
     /// Computes the product of the mass matrix and the acceleration into `out`.
@@ -136,17 +133,14 @@ impl<R: Real> SoftSystem<R> {
 
     /// Sets the initial acceleration from `impulse`, the generalized impulse of all constraints in the last step of `h` seconds.
     pub fn start_from_impulse(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R], impulse: &[R], h: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let rate = R::one() / h;
-                self.acceleration.copy_from_slice(impulse);
-                factors.solve(compiled, &mut self.acceleration);
-                for (a, &free) in self.acceleration.iter_mut().zip(free) {
-                    *a = free + *a * rate;
-                }
-            },
-        )
+        kernel!(R, || {
+            let rate = R::one() / h;
+            self.acceleration.copy_from_slice(impulse);
+            factors.solve(compiled, &mut self.acceleration);
+            for (a, &free) in self.acceleration.iter_mut().zip(free) {
+                *a = free + *a * rate;
+            }
+        })
     }
 }
 

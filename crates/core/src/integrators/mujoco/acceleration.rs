@@ -1,6 +1,6 @@
 //! Constrained acceleration at one state with MuJoCo's contact law: stages 1 to 5.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::Outcome;
 use stepper_solve::soft::Effort;
 
@@ -185,18 +185,15 @@ impl<R: Real> Acceleration<'_, R> {
 /// Adds the forces of springs and dampers of fixed tendons at the configuration `q` and the velocity `v` to the generalized forces
 /// `forces`.
 fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for tendon in &compiled.tendons {
-                let Some((spring, rest)) = &tendon.spring else { continue };
-                let length = tendon.length.value(q);
-                let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
-                let force = -(R::splat(spring.stiffness) * stretch) - R::splat(spring.damping) * tendon.length.rate(v);
-                for &(_, dof, coefficient) in &tendon.length.terms {
-                    forces[dof] += R::splat(coefficient) * force;
-                }
+    kernel!(R, || {
+        for tendon in &compiled.tendons {
+            let Some((spring, rest)) = &tendon.spring else { continue };
+            let length = tendon.length.value(q);
+            let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
+            let force = -(R::splat(spring.stiffness) * stretch) - R::splat(spring.damping) * tendon.length.rate(v);
+            for &(_, dof, coefficient) in &tendon.length.terms {
+                forces[dof] += R::splat(coefficient) * force;
             }
-        },
-    )
+        }
+    })
 }

@@ -1,6 +1,6 @@
 //! Stage 6 of MuJoCo's integrators Euler, implicitfast and implicit, with their implicit terms.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::forces::ForceState;
 use crate::compile::{CompiledTendon, LaneModel};
@@ -41,52 +41,43 @@ pub(super) fn integrate_velocity<R: Real>(
         advance(v, &system.acceleration, h, v_next);
         return;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            system.multiply_mass(compiled, work);
-            smooth.mass.entries.copy_from_slice(&system.mass);
-            smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), step: R::zero() }, &mut []);
-        },
-    );
+    kernel!(R, || {
+        system.multiply_mass(compiled, work);
+        smooth.mass.entries.copy_from_slice(&system.mass);
+        smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), step: R::zero() }, &mut []);
+    });
     if all {
         let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
         servo_damping(compiled, &at, h, actuator_forces);
         smooth.damp(compiled, kinematics, [&actuator_forces.added_inertia, &actuator_forces.arms], v, h);
-        R::vectorize(
-            #[inline(always)]
-            || add_tendon_damping(compiled, h, &mut smooth.mass.entries),
-        );
+        kernel!(R, || add_tendon_damping(compiled, h, &mut smooth.mass.entries));
     }
     if let Some(matrix) = unsymmetric {
         matrix.solve(compiled, kinematics, &smooth.mass.entries, v, h, work);
         advance(v, work, h, v_next);
         return;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            if all {
-                alone.copy_from_slice(work);
-                for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                    let mat = &kinematics.mat[spinner.link + 1];
-                    solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, alone);
-                }
-                for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
-                    let others = dof.chain + 1..dof.chain + dof.depth;
-                    smooth.mass.entries[others.clone()].copy_from_slice(&system.mass[others]);
-                }
+    kernel!(R, || {
+        if all {
+            alone.copy_from_slice(work);
+            for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+                let mat = &kinematics.mat[spinner.link + 1];
+                solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, alone);
             }
-            smooth.mass.factor(compiled);
-            smooth.mass.solve(compiled, work);
-            if all {
-                for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                    let dofs = spinner.dof..spinner.dof + 6;
-                    work[dofs.clone()].copy_from_slice(&alone[dofs]);
-                }
+            for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
+                let others = dof.chain + 1..dof.chain + dof.depth;
+                smooth.mass.entries[others.clone()].copy_from_slice(&system.mass[others]);
             }
-        },
-    );
+        }
+        smooth.mass.factor(compiled);
+        smooth.mass.solve(compiled, work);
+        if all {
+            for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+                let dofs = spinner.dof..spinner.dof + 6;
+                work[dofs.clone()].copy_from_slice(&alone[dofs]);
+            }
+        }
+    });
     advance(v, work, h, v_next);
 }
 

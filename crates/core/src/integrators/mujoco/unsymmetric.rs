@@ -1,6 +1,6 @@
 //! Unsymmetric matrix of the integrator `implicit`, which contains the derivative of the Coriolis forces.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::inertia::{NewtonEuler, link_forces, project_forces};
@@ -33,56 +33,50 @@ impl<R: Real> Unsymmetric<R> {
     /// b(v + e) - b(v) - b(e) + b(0), where b is the bias force.
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &[R], v: &[R], h: R, x: &mut [R]) {
         let n = compiled.nv;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.entries.fill(R::zero());
-                for i in 0..n {
-                    let row = &compiled.dofs[i];
-                    for (&entry, &c) in a[row.chain..row.chain + row.depth].iter().zip(compiled.chain_of(i)) {
-                        self.entries[i * n + c as usize] = entry;
-                        self.entries[c as usize * n + i] = entry;
-                    }
+        kernel!(R, || {
+            self.entries.fill(R::zero());
+            for i in 0..n {
+                let row = &compiled.dofs[i];
+                for (&entry, &c) in a[row.chain..row.chain + row.depth].iter().zip(compiled.chain_of(i)) {
+                    self.entries[i * n + c as usize] = entry;
+                    self.entries[c as usize * n + i] = entry;
+                }
+            }
+            self.velocity.copy_from_slice(v);
+            self.find_bias(compiled, kinematics);
+            self.difference.copy_from_slice(&self.bias);
+            self.velocity.fill(R::zero());
+            self.find_bias(compiled, kinematics);
+            for (difference, &bias) in self.difference.iter_mut().zip(&self.bias) {
+                *difference = bias - *difference;
+            }
+            for column in 0..n {
+                self.velocity.fill(R::zero());
+                self.velocity[column] = R::one();
+                self.find_bias(compiled, kinematics);
+                for (i, &bias) in self.bias.iter().enumerate() {
+                    self.entries[i * n + column] += -h * bias;
                 }
                 self.velocity.copy_from_slice(v);
+                self.velocity[column] += R::one();
                 self.find_bias(compiled, kinematics);
-                self.difference.copy_from_slice(&self.bias);
-                self.velocity.fill(R::zero());
-                self.find_bias(compiled, kinematics);
-                for (difference, &bias) in self.difference.iter_mut().zip(&self.bias) {
-                    *difference = bias - *difference;
+                for (i, (&bias, &difference)) in self.bias.iter().zip(&self.difference).enumerate() {
+                    let entry = &mut self.entries[i * n + column];
+                    *entry += h * bias;
+                    *entry += h * difference;
                 }
-                for column in 0..n {
-                    self.velocity.fill(R::zero());
-                    self.velocity[column] = R::one();
-                    self.find_bias(compiled, kinematics);
-                    for (i, &bias) in self.bias.iter().enumerate() {
-                        self.entries[i * n + column] += -h * bias;
-                    }
-                    self.velocity.copy_from_slice(v);
-                    self.velocity[column] += R::one();
-                    self.find_bias(compiled, kinematics);
-                    for (i, (&bias, &difference)) in self.bias.iter().zip(&self.difference).enumerate() {
-                        let entry = &mut self.entries[i * n + column];
-                        *entry += h * bias;
-                        *entry += h * difference;
-                    }
-                }
-                solve_dense(&mut self.entries, x);
-            },
-        );
+            }
+            solve_dense(&mut self.entries, x);
+        });
     }
 
     /// Computes the bias force (Coriolis, centrifugal and gravity) at the velocity `self.velocity`, into `self.bias`.
     fn find_bias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         let Self { newton_euler, velocity, bias, .. } = self;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                link_forces(compiled, kinematics, velocity, newton_euler);
-                project_forces(compiled, kinematics, &mut newton_euler.force, bias);
-            },
-        );
+        kernel!(R, || {
+            link_forces(compiled, kinematics, velocity, newton_euler);
+            project_forces(compiled, kinematics, &mut newton_euler.force, bias);
+        });
     }
 }
 

@@ -21,8 +21,9 @@ use crate::stages::s10_record::Record;
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
 ///
-/// Each stage is a kernel: a function that is compiled once for every lane type and CPU level. This function is a kernel too, because it
-/// has lane masks, which are vectors. Outside a kernel every operation on a vector is a function call.
+/// It executes stages 1 to 10, and accepts the next state between stages 8 and 9. Each stage is a kernel: a function that is compiled once
+/// for every lane type and CPU level. This function is a kernel too, because it has lane masks, which are vectors. Outside a kernel every
+/// operation on a vector is a function call.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -30,55 +31,46 @@ pub fn step<R: Real>(
     devices: &mut Devices<'_, R::Scalar>,
     probe: impl Probe,
 ) -> Record<R> {
-    kernel!(R, || run_stages(compiled, options, s, devices, probe))
-}
-
-/// Executes stages 1 to 10. The next state is accepted between stages 8 and 9.
-#[inline(always)]
-fn run_stages<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    s: &mut Workspace<R>,
-    devices: &mut Devices<'_, R::Scalar>,
-    probe: impl Probe,
-) -> Record<R> {
-    probe.count(Counter::GroupSteps, || 1.0);
-    if options.poison {
-        s.poison();
-    }
-    // The narrow phase starts from the separating planes that it found in the last step.
-    s.evaluation.collision.begin_step();
-    // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
-    probe.span(Span::ActuatorPipelines, || {
-        if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
-            let Workspace { state, user_controls, inputs, alive, .. } = s;
-            let (state, outputs) = ([&state.q[..], &state.v[..]], (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]));
-            pipelines.advance(compiled, devices.group, user_controls, state, *alive, options.timestep, memory, outputs);
+    kernel!(R, || {
+        probe.count(Counter::GroupSteps, || 1.0);
+        if options.poison {
+            s.poison();
         }
-    });
-    let outcome = match options.contact {
-        ContactLaw::Hard => solve_step(compiled, options, s, probe),
-        // Stages 1 to 7 with MuJoCo's contact law. It has no stage 8, because overlaps and errors of closed loops are a part of this law.
-        ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
-    };
-    let finite = probe.span(Span::Accept, || {
-        let Workspace { state, evaluation, velocity, position, alive, .. } = s;
-        accept(compiled, state, evaluation, velocity, position, *alive, options.timestep)
-    });
-    // 9 sense
-    let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
-    if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
-        // Sensors and derived quantities of the new state read the outputs of the pipelines at the end of the step.
-        pipelines.write_outputs_after_step(compiled, devices.group, memory, (&mut inputs.ctrl, &mut inputs.actuator_dynamics));
-    }
-    let input = StepInput { compiled, options, state, inputs, alive: *alive };
-    probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
-    // 10 record
-    let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
-    // A contact that is still deferred (left out by the solver) is not stored for the next step: its surfaces have passed each other
-    // without touching.
-    problem.remove_deferred(&mut state.contacts);
-    record
+        // The narrow phase starts from the separating planes that it found in the last step.
+        s.evaluation.collision.begin_step();
+        // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
+        probe.span(Span::ActuatorPipelines, || {
+            if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
+                let Workspace { state, user_controls, inputs, alive, .. } = s;
+                let (state, outputs) = ([&state.q[..], &state.v[..]], (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]));
+                pipelines.advance(compiled, devices.group, user_controls, state, *alive, options.timestep, memory, outputs);
+            }
+        });
+        let outcome = match options.contact {
+            ContactLaw::Hard => solve_step(compiled, options, s, probe),
+            // Stages 1 to 7 with MuJoCo's contact law. It has no stage 8, because overlaps and errors of closed loops are a part of this
+            // law.
+            ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
+        };
+        let finite = probe.span(Span::Accept, || {
+            let Workspace { state, evaluation, velocity, position, alive, .. } = s;
+            accept(compiled, state, evaluation, velocity, position, *alive, options.timestep)
+        });
+        // 9 sense
+        let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
+        if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
+            // Sensors and derived quantities of the new state read the outputs of the pipelines at the end of the step.
+            pipelines.write_outputs_after_step(compiled, devices.group, memory, (&mut inputs.ctrl, &mut inputs.actuator_dynamics));
+        }
+        let input = StepInput { compiled, options, state, inputs, alive: *alive };
+        probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
+        // 10 record
+        let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
+        // A contact that is still deferred (left out by the solver) is not stored for the next step: its surfaces have passed each other
+        // without touching.
+        problem.remove_deferred(&mut state.contacts);
+        record
+    })
 }
 
 /// Executes stages 1 to 8 of a step with hard contact: from actuator forces to corrected positions.

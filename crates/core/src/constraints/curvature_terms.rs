@@ -24,9 +24,4 @@ impl<R: Real> ConstraintProblem<R> {
         }
         changed
     }
-
-    /// Removes all curvature terms in the lanes `lanes`. Returns the lanes in which an offset changed.
-    pub(crate) fn remove_all_curvature(&mut self, lanes: R::Mask) -> R::Mask {
-        (0..self.curvature_terms.len()).fold(R::Mask::splat(false), |changed, i| changed.or(self.remove_curvature(i, lanes)))
-    }
 }

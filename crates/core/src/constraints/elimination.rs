@@ -96,47 +96,44 @@ impl<R: Real> RowBuilder<R> {
         if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, offsets)) }
     }
 
-    /// Does the work of [`RowBuilder::eliminate`]. It is compiled separately: inlined, it would dominate the row assembly, and few scenes
-    /// need it.
-    #[inline(never)]
-    fn eliminate_coupled<const N: usize>(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>, offsets: &mut [[R; 2]; N]) -> [[R; N]; 2] {
-        kernel!(R, || self.eliminate_blocks(rows, mass, offsets))
-    }
-
     /// Subtracts the coupled equalities from the rows in `column`, in chunks of up to four. Rows that became short are projected a second
     /// time.
-    #[inline(always)]
-    fn eliminate_blocks<const N: usize>(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>, offsets: &mut [[R; 2]; N]) -> [[R; N]; 2] {
-        let mut before = [R::zero(); N];
-        for &d in &self.dofs {
-            let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
-            for n in 0..N {
-                before[n] += (x[n] * weight).square();
-            }
-        }
-        let mut after = before;
-        for block in 0..self.coupled.len() {
-            let range = self.coupled[block].clone();
-            for first in range.clone().step_by(4) {
-                match range.end - first {
-                    1 => self.eliminate_rows::<N, 1>(rows, first, offsets, &mut after),
-                    2 => self.eliminate_rows::<N, 2>(rows, first, offsets, &mut after),
-                    3 => self.eliminate_rows::<N, 3>(rows, first, offsets, &mut after),
-                    _ => self.eliminate_rows::<N, 4>(rows, first, offsets, &mut after),
+    ///
+    /// The function is compiled separately: inlined, it would dominate the row assembly, and few scenes need it.
+    #[inline(never)]
+    fn eliminate_coupled<const N: usize>(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>, offsets: &mut [[R; 2]; N]) -> [[R; N]; 2] {
+        kernel!(R, || {
+            let mut before = [R::zero(); N];
+            for &d in &self.dofs {
+                let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
+                for n in 0..N {
+                    before[n] += (x[n] * weight).square();
                 }
             }
-        }
-        let mut lengths = [before, after];
-        let mut short = [R::Mask::splat(false); N];
-        let mut any = short[0];
-        for n in 0..N {
-            short[n] = after[n].lt(before[n] * R::of(reprojection_threshold::<R>()));
-            any = any.or(short[n]);
-        }
-        if any.any() {
-            self.repeat_elimination(rows, mass, offsets, &mut lengths, short);
-        }
-        lengths
+            let mut after = before;
+            for block in 0..self.coupled.len() {
+                let range = self.coupled[block].clone();
+                for first in range.clone().step_by(4) {
+                    match range.end - first {
+                        1 => self.eliminate_rows::<N, 1>(rows, first, offsets, &mut after),
+                        2 => self.eliminate_rows::<N, 2>(rows, first, offsets, &mut after),
+                        3 => self.eliminate_rows::<N, 3>(rows, first, offsets, &mut after),
+                        _ => self.eliminate_rows::<N, 4>(rows, first, offsets, &mut after),
+                    }
+                }
+            }
+            let mut lengths = [before, after];
+            let mut short = [R::Mask::splat(false); N];
+            let mut any = short[0];
+            for n in 0..N {
+                short[n] = after[n].lt(before[n] * R::of(reprojection_threshold::<R>()));
+                any = any.or(short[n]);
+            }
+            if any.any() {
+                self.repeat_elimination(rows, mass, offsets, &mut lengths, short);
+            }
+            lengths
+        })
     }
 
     /// Projects the rows in `column` a second time, in the lanes `short` in which little of them remained after the first projection.

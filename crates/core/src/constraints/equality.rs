@@ -39,11 +39,11 @@ pub(crate) struct EqualityJacobian<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Sets the row builder's `dofs` to the degrees of freedom on which the equality acts.
+    /// Sets the row builder's `dofs` to the degrees of freedom `dofs`, ascending.
     #[inline(always)]
-    pub(crate) fn use_own_dofs(&mut self, equality: &CompiledEquality<R::Scalar>) {
+    pub(crate) fn use_dofs(&mut self, dofs: &[u32]) {
         self.dofs.clear();
-        self.dofs.extend_from_slice(&equality.dofs);
+        self.dofs.extend_from_slice(dofs);
     }
 
     /// Sets the row builder's `dofs` to the degrees of freedom of the equality's block. Sets `column` to zero at those on which the
@@ -57,8 +57,7 @@ impl<R: Real> RowBuilder<R> {
                 self.scales[d as usize] = zero();
             }
         }
-        self.dofs.clear();
-        self.dofs.extend_from_slice(&block.dofs);
+        self.use_dofs(&block.dofs);
     }
 
     /// Computes, into `column`, the Jacobian of two points that must coincide. The error is p0 - p1 (MuJoCo's `mjEQ_CONNECT`).
@@ -322,13 +321,13 @@ impl<R: Real> Assembler<'_, R> {
         equality: &CompiledEquality<R::Scalar>,
         with_scales: bool,
     ) {
-        self.builder.use_own_dofs(equality);
+        self.builder.use_dofs(&equality.dofs);
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 let rows = self.builder.connect_points(input, *frames, *anchors, true);
                 self.push_rows::<3>(input, block, equality, 0, &rows, with_scales);
                 if let Some((mats, weight)) = turn {
-                    self.builder.use_own_dofs(equality);
+                    self.builder.use_dofs(&equality.dofs);
                     let rows = self.builder.align(input, *frames, mats, R::splat(*weight));
                     self.push_rows::<3>(input, block, equality, 3, &rows, with_scales);
                 }

@@ -14,8 +14,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     fn tendon_columns(&mut self, input: &RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
         let builder = &mut *self.builder;
-        builder.dofs.clear();
-        builder.dofs.extend_from_slice(&tendon.dofs);
+        builder.use_dofs(&tendon.dofs);
         builder.couple(self.problem, input.compiled);
         for &d in &builder.dofs {
             builder.column[d as usize] = zero();

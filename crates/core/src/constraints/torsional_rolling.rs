@@ -47,96 +47,96 @@ impl<R: Real> Assembler<'_, R> {
     pub(crate) fn add_rolling_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         kernel!(R, || {
             self.builder.gather_dofs(self.problem, input.compiled, contacts, k, lanes);
-            self.push_rolling_contact_row(input, contacts, k, lanes);
+            let RowInput { compiled, mass, .. } = *input;
+            let slot = &contacts.data[k];
+            let friction = Friction::of(compiled, contacts, k, lanes);
+            let SlidingRows { offsets: mut sliding_offsets, curvature, lengths: sliding, exists, deferred, compliance } =
+                self.sliding_rows(input, contacts, k, lanes);
+            self.builder.keep_sliding_rows();
+            let n = slot.point.normal;
+            let axes = [n, slot.tangent, cross(n, slot.tangent)];
+            let surface_rotation = angular(&surface_velocity::motion(compiled, input.kinematics, contacts, k, lanes));
+            let surface: V3<R> = array_of(
+                #[inline(always)]
+                |i| dot(axes[i], surface_rotation) * friction.scale[i],
+            );
+            let free_rotation = self.builder.rotation_columns(input, &axes, friction.scale, surface);
+            let change = if self.problem.resolves_impacts { self.builder.free_change(input) } else { zero() };
+            self.builder.half_solve::<3>(compiled, mass);
+            let mut rotation_offsets = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
+            let rotation_lengths = self.builder.eliminate(&self.problem.rows, mass, &mut rotation_offsets);
+            self.shift_rotation_to_impact(change, &mut rotation_offsets);
+            let contact = self.problem.rows.contacts.len() + self.problem.rows.rolling_contacts.len();
+            let (linear, column, sliding_factor) = (&self.builder.linear, &self.builder.column, friction.sliding_factor);
+            sliding_offsets[1] = scale(sliding_offsets[1], sliding_factor);
+            sliding_offsets[2] = scale(sliding_offsets[2], sliding_factor);
+            self.problem.rows.push_rolling_contact(
+                &self.builder.dofs,
+                #[inline(always)]
+                |d| {
+                    let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);
+                    let t = s * sliding_factor;
+                    [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
+                },
+                exists,
+                friction.mu,
+                [
+                    sliding_offsets[0][0],
+                    sliding_offsets[1][0],
+                    sliding_offsets[2][0],
+                    rotation_offsets[0][0],
+                    rotation_offsets[1][0],
+                    rotation_offsets[2][0],
+                ],
+            );
+            if self.problem.rows.rolling_contacts.last_is_immovable().any() {
+                let (movable, negligible) = self.find_movable(input, contacts, k, lanes, sliding_offsets[0]);
+                self.problem.rows.rolling_contacts.make_movable(movable);
+                self.problem.rows.rolling_contacts.clear_negligible_approach(negligible);
+            }
+            if let Some(curvature) = curvature {
+                self.problem.curvature_terms.push(CurvatureTerms { contact, terms: scale(curvature, sliding_factor) });
+            }
+            if let (Some(sliding), Some(rotation)) = (sliding, rotation_lengths) {
+                let before = [scale_tangents(sliding[0], sliding_factor), rotation[0]];
+                let after = [scale_tangents(sliding[1], sliding_factor), rotation[1]];
+                self.problem.rows.rolling_contacts.set_trace_ratio(trace_ratio(before.as_flattened(), after.as_flattened()));
+            }
+            if let Some(compliance) = compliance {
+                self.problem.rows.rolling_contacts.set_compliance(compliance);
+            }
+            // As in `add_contact`: the position solve replaces g of the normal row, and adds to g of the other rows.
+            let change = |[velocity, position]: [R; 2]| position - velocity;
+            let [spin, roll_a, roll_b] = rotation_offsets.map(change);
+            self.problem.rows.rolling_contacts.set_position_offset([
+                sliding_offsets[0][1],
+                change(sliding_offsets[1]),
+                change(sliding_offsets[2]),
+                spin,
+                roll_a,
+                roll_b,
+            ]);
+            let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
+            let initial_impulse = [push[0], push[1] * sliding_factor, push[2] * sliding_factor, torque[0], torque[1], torque[2]];
+            // The solver has no rows for an immovable contact, and could not activate them.
+            let immovable = self.problem.rows.rolling_contacts.last_is_immovable();
+            let deferred_lanes = deferred.lanes.and_not(immovable);
+            let active_lanes = exists.and_not(deferred_lanes);
+            if deferred_lanes.any() {
+                self.problem.rows.rolling_contacts.defer(deferred_lanes);
+                self.problem.deferred.push(DeferredContact {
+                    contact,
+                    slot: k,
+                    lanes: deferred_lanes,
+                    impulse: initial_impulse,
+                    ..deferred
+                });
+            }
+            // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
+            self.velocity.impulses.rolling_contacts.push(select(active_lanes.and_not(immovable), initial_impulse, zero()));
+            self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
+            self.problem.constrained = self.problem.constrained.or(active_lanes);
         })
-    }
-
-    /// Builds the six rows, adds them to the problem, and sets their initial impulses. The caller must have called `gather_dofs`.
-    #[inline(always)]
-    fn push_rolling_contact_row(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let RowInput { compiled, mass, .. } = *input;
-        let slot = &contacts.data[k];
-        let friction = Friction::of(compiled, contacts, k, lanes);
-        let SlidingRows { offsets: mut sliding_offsets, curvature, lengths: sliding, exists, deferred, compliance } =
-            self.sliding_rows(input, contacts, k, lanes);
-        self.builder.keep_sliding_rows();
-        let n = slot.point.normal;
-        let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let surface_rotation = angular(&surface_velocity::motion(compiled, input.kinematics, contacts, k, lanes));
-        let surface: V3<R> = array_of(
-            #[inline(always)]
-            |i| dot(axes[i], surface_rotation) * friction.scale[i],
-        );
-        let free_rotation = self.builder.rotation_columns(input, &axes, friction.scale, surface);
-        let change = if self.problem.resolves_impacts { self.builder.free_change(input) } else { zero() };
-        self.builder.half_solve::<3>(compiled, mass);
-        let mut rotation_offsets = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
-        let rotation_lengths = self.builder.eliminate(&self.problem.rows, mass, &mut rotation_offsets);
-        self.shift_rotation_to_impact(change, &mut rotation_offsets);
-        let contact = self.problem.rows.contacts.len() + self.problem.rows.rolling_contacts.len();
-        let (linear, column, sliding_factor) = (&self.builder.linear, &self.builder.column, friction.sliding_factor);
-        sliding_offsets[1] = scale(sliding_offsets[1], sliding_factor);
-        sliding_offsets[2] = scale(sliding_offsets[2], sliding_factor);
-        self.problem.rows.push_rolling_contact(
-            &self.builder.dofs,
-            #[inline(always)]
-            |d| {
-                let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);
-                let t = s * sliding_factor;
-                [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
-            },
-            exists,
-            friction.mu,
-            [
-                sliding_offsets[0][0],
-                sliding_offsets[1][0],
-                sliding_offsets[2][0],
-                rotation_offsets[0][0],
-                rotation_offsets[1][0],
-                rotation_offsets[2][0],
-            ],
-        );
-        if self.problem.rows.rolling_contacts.last_is_immovable().any() {
-            let (movable, negligible) = self.find_movable(input, contacts, k, lanes, sliding_offsets[0]);
-            self.problem.rows.rolling_contacts.make_movable(movable);
-            self.problem.rows.rolling_contacts.clear_negligible_approach(negligible);
-        }
-        if let Some(curvature) = curvature {
-            self.problem.curvature_terms.push(CurvatureTerms { contact, terms: scale(curvature, sliding_factor) });
-        }
-        if let (Some(sliding), Some(rotation)) = (sliding, rotation_lengths) {
-            let before = [scale_tangents(sliding[0], sliding_factor), rotation[0]];
-            let after = [scale_tangents(sliding[1], sliding_factor), rotation[1]];
-            self.problem.rows.rolling_contacts.set_trace_ratio(trace_ratio(before.as_flattened(), after.as_flattened()));
-        }
-        if let Some(compliance) = compliance {
-            self.problem.rows.rolling_contacts.set_compliance(compliance);
-        }
-        // As in `add_contact`: the position solve replaces g of the normal row, and adds to g of the other rows.
-        let change = |[velocity, position]: [R; 2]| position - velocity;
-        let [spin, roll_a, roll_b] = rotation_offsets.map(change);
-        self.problem.rows.rolling_contacts.set_position_offset([
-            sliding_offsets[0][1],
-            change(sliding_offsets[1]),
-            change(sliding_offsets[2]),
-            spin,
-            roll_a,
-            roll_b,
-        ]);
-        let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
-        let initial_impulse = [push[0], push[1] * sliding_factor, push[2] * sliding_factor, torque[0], torque[1], torque[2]];
-        // The solver has no rows for an immovable contact, and could not activate them.
-        let immovable = self.problem.rows.rolling_contacts.last_is_immovable();
-        let deferred_lanes = deferred.lanes.and_not(immovable);
-        let active_lanes = exists.and_not(deferred_lanes);
-        if deferred_lanes.any() {
-            self.problem.rows.rolling_contacts.defer(deferred_lanes);
-            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse: initial_impulse, ..deferred });
-        }
-        // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
-        self.velocity.impulses.rolling_contacts.push(select(active_lanes.and_not(immovable), initial_impulse, zero()));
-        self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
-        self.problem.constrained = self.problem.constrained.or(active_lanes);
     }
 }
 

@@ -78,23 +78,6 @@ struct CandidatePair<R: Real> {
 }
 
 impl<R: Real> CandidatePair<R> {
-    /// Creates a candidate pair for the pair with index `pair` in the lanes `lanes`. Its touch is not known yet.
-    fn new(pair: usize, lanes: R::Mask) -> Self {
-        let (zero, none) = (R::zero(), R::Mask::splat(false));
-        Self {
-            pair,
-            lanes,
-            tolerance: zero,
-            time: zero,
-            before: zero,
-            distance_at_time: zero,
-            distance_before: zero,
-            uncertain: none,
-            doubtful: none,
-            later: none,
-        }
-    }
-
     /// Stores the first touch of the pair. If the overlap exceeds the tolerance by at most `error`, m, the collision counts as doubtful.
     #[inline(always)]
     fn store_touch(&mut self, touch: &Touch<R>, error: R) {
@@ -213,9 +196,10 @@ impl<R: Real> CollisionSearch<R> {
     /// The velocity after the step is `v_predicted` if `predicted` is true, otherwise `v_solved`. [`CollisionSearch::list_candidates`] must
     /// be called first.
     pub(crate) fn find(&mut self, query: &CollisionQuery<'_, R>, predicted: bool, v_solved: &[R]) -> R::Mask {
-        let Self { swept, v_predicted, .. } = self;
-        kernel!(R, || swept.set_velocity(query.compiled, query.kinematics, if predicted { v_predicted } else { v_solved }));
-        kernel!(R, || self.test_paths(query));
+        kernel!(R, || {
+            self.swept.set_velocity(query.compiled, query.kinematics, if predicted { &self.v_predicted } else { v_solved });
+            self.test_paths(query);
+        });
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
     }
 
@@ -230,7 +214,7 @@ impl<R: Real> CollisionSearch<R> {
     /// Lists the candidate pairs, whose linearised gap closes. `w` is the scaled velocity change by the impulses. Returns whether there are
     /// any.
     pub(crate) fn list_candidates(&mut self, query: &CollisionQuery<'_, R>, w: &[R]) -> bool {
-        let problem = query.problem;
+        let (problem, zero, none) = (query.problem, R::zero(), R::Mask::splat(false));
         self.rates.clear();
         self.pairs.clear();
         kernel!(R, || {
@@ -248,7 +232,18 @@ impl<R: Real> CollisionSearch<R> {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
                     Some(candidate) => candidate.lanes = candidate.lanes.or(lanes),
-                    None => self.pairs.push(CandidatePair::new(pair, lanes)),
+                    None => self.pairs.push(CandidatePair {
+                        pair,
+                        lanes,
+                        tolerance: zero,
+                        time: zero,
+                        before: zero,
+                        distance_at_time: zero,
+                        distance_before: zero,
+                        uncertain: none,
+                        doubtful: none,
+                        later: none,
+                    }),
                 }
             }
         }

@@ -11,7 +11,6 @@
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::residual;
 
-use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::integrators::collision_search::CollisionQuery;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::step_input::{StepContext, StepInput};
@@ -54,7 +53,10 @@ impl<R: Real> VelocitySolve<'_, R> {
             return R::Mask::splat(false);
         }
         let (margin, error, includes_later_collisions) = match motion {
-            SweptMotion::Predicted => (PREDICTED_MARGIN, overlap_error(problem, velocity), false),
+            SweptMotion::Predicted => {
+                let residual = kernel!(R, || residual(&problem.rows, &velocity.impulses));
+                (PREDICTED_MARGIN, residual * problem.closing_time * R::of(PREDICTED_ERROR_RATIO), false)
+            }
             SweptMotion::Solved { includes_later_collisions } => (0.0, R::zero(), includes_later_collisions),
         };
         let query =
@@ -73,9 +75,4 @@ impl<R: Real> VelocitySolve<'_, R> {
         }
         colliding
     }
-}
-
-/// Overlap that the error of the predicted impulses may cause on a path, m: the residual times the closing time times a factor.
-fn overlap_error<R: Real>(problem: &ConstraintProblem<R>, velocity: &VelocitySolution<R>) -> R {
-    kernel!(R, || residual(&problem.rows, &velocity.impulses) * problem.closing_time * R::of(PREDICTED_ERROR_RATIO))
 }

@@ -2,6 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::constraints::restitution::any_elastic;
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
 use crate::integrators::evaluation::Evaluation;
@@ -35,8 +36,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     }
     // Newton's method for the time of the first elastic impact: each move of the evaluation point requires new forces and contacts.
     for pass in 0..MAX_EVALUATION_MOVES {
-        let elastic = |k: usize| evaluation.contacts.elastic(k).any();
-        if !(0..evaluation.contacts.slots()).any(elastic) {
+        if !any_elastic(&evaluation.contacts) {
             return;
         }
         let moved = probe.span(Span::ImpactTimes, || move_to_first_impacts(input, evaluation, &free.v, pass == 0));

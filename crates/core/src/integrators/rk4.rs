@@ -56,35 +56,6 @@ impl<R: Real> Rk4<R> {
         }
     }
 
-    /// Makes one step of `h` seconds from `state` = (q, v, act). The result is in (q, v, act) of this workspace.
-    ///
-    /// The poses of mocap bodies are in `kinematics`.
-    pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
-        for mocap in &compiled.mocap {
-            self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
-            self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
-        }
-        self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
-        for stage in 0..4 {
-            self.go(compiled, state, h * R::of([0.0, 0.5, 0.5, 1.0][stage]));
-            self.rates(compiled, inputs);
-            self.accumulate(R::of([1.0, 2.0, 2.0, 1.0][stage]));
-        }
-        std::mem::swap(&mut self.sum, &mut self.rate);
-        self.go(compiled, state, h * R::of(1.0 / 6.0));
-    }
-
-    /// Adds `weight` times the present rates (of displacement, velocity and activations) to their sums.
-    fn accumulate(&mut self, weight: R) {
-        kernel!(R, || {
-            for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
-                for (sum, &rate) in sum.iter_mut().zip(rate) {
-                    *sum += weight * rate;
-                }
-            }
-        })
-    }
-
     /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, the result is exactly `state`.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         kernel!(R, || {
@@ -148,7 +119,25 @@ impl<R: Real> Rk4<R> {
         position: &mut PositionSolution<R>,
     ) {
         let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
-        self.step(compiled, kinematics, inputs, [&state.q, &state.v, &state.act], scheme.h);
+        for mocap in &compiled.mocap {
+            self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
+            self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
+        }
+        let state = [&state.q[..], &state.v[..], &state.act[..]];
+        self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
+        for (fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
+            self.go(compiled, state, scheme.h * R::of(fraction));
+            self.rates(compiled, inputs);
+            kernel!(R, || {
+                for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
+                    for (sum, &rate) in sum.iter_mut().zip(rate) {
+                        *sum += R::of(weight) * rate;
+                    }
+                }
+            });
+        }
+        std::mem::swap(&mut self.sum, &mut self.rate);
+        self.go(compiled, state, scheme.h * R::of(1.0 / 6.0));
         kernel!(R, || {
             let results = [(&mut position.q, &self.q), (&mut velocity.v, &self.v), (&mut position.act, &self.act)];
             for (out, new) in results {

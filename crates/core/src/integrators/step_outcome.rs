@@ -31,20 +31,6 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) energy_unresolved: R::Mask,
 }
 
-/// Residual of the whole step, m/s: the solver's residual, or the largest unmet target velocity of an immovable row if it is larger.
-///
-/// The solver's residual does not include immovable rows: dependent rows, and rows whose velocity no degree of freedom changes.
-#[inline(always)]
-fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R {
-    if !problem.may_have_immovable_rows {
-        return residual;
-    }
-    kernel!(R, || {
-        let unmet = System::from(&problem.rows).unmet_velocity();
-        R::select(unmet.gt(residual), unmet, residual)
-    })
-}
-
 /// Computes stage 10: status and record of the step. `input` has the state after the step; `finite` marks the lanes in which the step was
 /// accepted.
 #[inline(always)]
@@ -60,8 +46,14 @@ pub(crate) fn record<R: Real>(
     let active = &problem.active_equalities;
     let violation = max_equality_violation(compiled, active, &state.q, &inputs.mocap_trajectories, state.elapsed);
     let violation = R::select(finite, violation, R::zero());
+    let mut residual = outcome.solver.residual;
+    if problem.may_have_immovable_rows {
+        // The solver's residual does not include immovable rows: dependent rows, and rows whose velocity no degree of freedom changes.
+        let unmet = kernel!(R, || System::from(&problem.rows).unmet_velocity());
+        residual = R::select(unmet.gt(residual), unmet, residual);
+    }
     // A rejected step has no residual, because its value would depend on which numbers are NaN.
-    let residual = R::select(finite, with_blocked_rows(problem, outcome.solver.residual), R::zero());
+    residual = R::select(finite, residual, R::zero());
     let unsolved = outcome.ambiguous.or(alive.and_not(residual.le(R::of(options.tolerance))));
     Record {
         residual,

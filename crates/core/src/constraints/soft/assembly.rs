@@ -5,8 +5,8 @@ use stepper_real::{Mask, Real, kernel};
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::constraints::assembler::Assembler;
 use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::soft::effective_mass::SoftInput;
 use crate::constraints::soft::frames::align_tangents;
-use crate::constraints::soft::input::SoftInput;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {

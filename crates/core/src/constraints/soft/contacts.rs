@@ -7,8 +7,7 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::{EndLaw, LaneModel, MIN_FRICTION, SoftContactLaw, SoftLaw};
 use crate::constraints::assembler::Assembler;
-use crate::constraints::soft::effective_mass::in_metric;
-use crate::constraints::soft::input::SoftInput;
+use crate::constraints::soft::effective_mass::{SoftInput, in_metric};
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 

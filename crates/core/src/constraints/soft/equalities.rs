@@ -6,8 +6,7 @@ use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
 use crate::constraints::assembler::Assembler;
 use crate::constraints::equality::{angular_acceleration, moves};
 use crate::constraints::rows::unbounded;
-use crate::constraints::soft::effective_mass::law_at;
-use crate::constraints::soft::input::SoftInput;
+use crate::constraints::soft::effective_mass::{SoftInput, law_at};
 use crate::constraints::soft::rows::row_law;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
@@ -29,7 +28,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     fn add_soft_equality(&mut self, input: SoftInput<'_, R>, equality: &CompiledEquality<R::Scalar>, system: &mut SoftSystem<R>) {
         let [law, rotation_law] = &input.softness.equalities[equality.index];
-        self.builder.use_own_dofs(equality);
+        self.builder.use_dofs(&equality.dofs);
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));

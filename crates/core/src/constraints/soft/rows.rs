@@ -6,8 +6,7 @@ use crate::compile::{Combination, LaneModel, SoftLaw};
 use crate::constraints::assembler::Assembler;
 use crate::constraints::limits::{ball_limit, nearer_end};
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::soft::effective_mass::{in_metric, law_at};
-use crate::constraints::soft::input::SoftInput;
+use crate::constraints::soft::effective_mass::{SoftInput, in_metric, law_at};
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 

@@ -1,19 +1,17 @@
 //! One step of a group of environments: the sequence of its ten stages.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::integrators::acceptance::{accept, store_joint_impulse};
-use crate::integrators::controls::{run_actuator_pipelines, write_outputs_after_step};
-use crate::integrators::devices::Devices;
-use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
+use crate::integrators::devices::{ActuatorDevices, Devices};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
 use crate::integrators::observation::observe;
 use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
-use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::{StepOutcome, record};
+use crate::integrators::velocity_solve::VelocitySolve;
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, Span};
@@ -23,8 +21,9 @@ use crate::stages::s10_record::Record;
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
 ///
-/// Each stage is a kernel: a function that is compiled once for every lane type and CPU level. This function is a kernel too, because it
-/// has lane masks, which are vectors. Outside a kernel every operation on a vector is a function call.
+/// It executes stages 1 to 10, and accepts the next state between stages 8 and 9. Each stage is a kernel: a function that is compiled once
+/// for every lane type and CPU level. This function is a kernel too, because it has lane masks, which are vectors. Outside a kernel every
+/// operation on a vector is a function call.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -32,52 +31,46 @@ pub fn step<R: Real>(
     devices: &mut Devices<'_, R::Scalar>,
     probe: impl Probe,
 ) -> Record<R> {
-    R::vectorize(
-        #[inline(always)]
-        || run_stages(compiled, options, s, devices, probe),
-    )
-}
-
-/// Executes stages 1 to 10. The next state is accepted between stages 8 and 9.
-#[inline(always)]
-fn run_stages<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    s: &mut Workspace<R>,
-    devices: &mut Devices<'_, R::Scalar>,
-    probe: impl Probe,
-) -> Record<R> {
-    probe.count(Counter::GroupSteps, || 1.0);
-    if options.poison {
-        s.poison();
-    }
-    // The narrow phase starts from the separating planes that it found in the last step.
-    s.evaluation.collision.begin_step();
-    // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
-    probe.span(Span::ActuatorPipelines, || {
-        let Workspace { state, user_controls, inputs, alive, .. } = s;
-        run_actuator_pipelines(compiled, options, state, user_controls, inputs, *alive, devices);
-    });
-    let outcome = match options.contact {
-        ContactLaw::Hard => solve_step(compiled, options, s, probe),
-        // Stages 1 to 7 with MuJoCo's contact law. It has no stage 8, because overlaps and errors of closed loops are a part of this law.
-        ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
-    };
-    let finite = probe.span(Span::Accept, || {
-        let Workspace { state, evaluation, velocity, position, alive, .. } = s;
-        accept(compiled, state, evaluation, velocity, position, *alive, options.timestep)
-    });
-    // 9 sense
-    let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
-    write_outputs_after_step(compiled, inputs, devices);
-    let input = StepInput { compiled, options, state, inputs, alive: *alive };
-    probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
-    // 10 record
-    let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
-    // A contact that is still deferred (left out by the solver) is not stored for the next step: its surfaces have passed each other
-    // without touching.
-    problem.remove_deferred(&mut state.contacts);
-    record
+    kernel!(R, || {
+        probe.count(Counter::GroupSteps, || 1.0);
+        if options.poison {
+            s.poison();
+        }
+        // The narrow phase starts from the separating planes that it found in the last step.
+        s.evaluation.collision.begin_step();
+        // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
+        probe.span(Span::ActuatorPipelines, || {
+            if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
+                let Workspace { state, user_controls, inputs, alive, .. } = s;
+                let (state, outputs) = ([&state.q[..], &state.v[..]], (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]));
+                pipelines.advance(compiled, devices.group, user_controls, state, *alive, options.timestep, memory, outputs);
+            }
+        });
+        let outcome = match options.contact {
+            ContactLaw::Hard => solve_step(compiled, options, s, probe),
+            // Stages 1 to 7 with MuJoCo's contact law. It has no stage 8, because overlaps and errors of closed loops are a part of this
+            // law.
+            ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
+        };
+        let finite = probe.span(Span::Accept, || {
+            let Workspace { state, evaluation, velocity, position, alive, .. } = s;
+            accept(compiled, state, evaluation, velocity, position, *alive, options.timestep)
+        });
+        // 9 sense
+        let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
+        if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
+            // Sensors and derived quantities of the new state read the outputs of the pipelines at the end of the step.
+            pipelines.write_outputs_after_step(compiled, devices.group, memory, (&mut inputs.ctrl, &mut inputs.actuator_dynamics));
+        }
+        let input = StepInput { compiled, options, state, inputs, alive: *alive };
+        probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
+        // 10 record
+        let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
+        // A contact that is still deferred (left out by the solver) is not stored for the next step: its surfaces have passed each other
+        // without touching.
+        problem.remove_deferred(&mut state.contacts);
+        record
+    })
 }
 
 /// Executes stages 1 to 8 of a step with hard contact: from actuator forces to corrected positions.
@@ -95,14 +88,15 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let context = StepContext { input, evaluation };
     // 4 assemble, 5 solve, 6 integrate velocity. A loop in `solve_velocities` repeats them until the solution satisfies the assumptions of
     // the assembly. After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
-    let (solver, energy_unresolved) = solve_velocities(context, free, problem, velocity, builder, collisions, probe);
+    let mut velocity_solve = VelocitySolve { context, free, problem, velocity, builder, collisions };
+    let (solver, energy_unresolved) = velocity_solve.solve_velocities(probe);
     // Velocities are bounded in lanes whose solution cannot be right.
-    let mut outcome = bound_velocities(context, free, problem, velocity, position, solver, probe);
+    let mut outcome = velocity_solve.bound_velocities(position, solver, probe);
     // With the Runge-Kutta method, `replace_step` below replaces the solution of lanes without constraints. Their energy is not checked
     // here.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved =
-        probe.span(Span::GuardEnergy, || find_energy_gain(context, free, velocity, resolution, excluded)).or(energy_unresolved);
+        probe.span(Span::GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(energy_unresolved);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
@@ -127,8 +121,8 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));
         probe.span(Span::Rk4, || rk4.replace_step(StepContext { input, evaluation }, lanes, velocity, position));
     }
-    probe
-        .span(Span::GuardEnergy, || limit_energy(StepContext { input, evaluation }, free, velocity, position, resolution, outcome.limited));
+    let context = StepContext { input, evaluation };
+    probe.span(Span::GuardEnergy, || resolution.limit_energy(context, &free.v, velocity, &position.q, outcome.limited));
     // The impulse of this step replaces that of the last step, which the stages above read.
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     outcome

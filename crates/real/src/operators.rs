@@ -84,19 +84,6 @@ macro_rules! as_lanes {
     };
 }
 
-/// Runs an expression as a kernel: as a separate function that is compiled with the instructions of a lane type's CPU level.
-///
-/// `kernel!(R, expression)` calls [`Real::vectorize`](crate::Real::vectorize) with a closure that is always inlined.
-#[macro_export]
-macro_rules! kernel {
-    ($real:ty, $kernel:expr) => {
-        <$real as $crate::Real>::vectorize(
-            #[inline(always)]
-            || $kernel,
-        )
-    };
-}
-
 /// Implements `Real::vectorize` as a separate function with given CPU features.
 macro_rules! vectorize {
     ($($feature:literal)?) => {

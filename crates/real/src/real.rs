@@ -143,8 +143,8 @@ pub trait Real:
     /// that it inlines. Ordinary code can thus call several kernels, each compiled once.
     ///
     /// The closure and all functions that it calls must be `#[inline(always)]`. Otherwise they run with baseline instructions, and every
-    /// operation is a call. This also holds for the methods `map` and `from_fn` of arrays, which are not always inlined.
-    /// [`kernel!`](crate::kernel) makes such a closure.
+    /// operation is a call. This also holds for the methods `map` and `from_fn` of arrays, which are not always inlined. The macro
+    /// [`kernel!`](crate::kernel) adds the attribute to the closure.
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
 
     /// Lanes in which `self < o`; false for NaN.
@@ -238,4 +238,37 @@ pub trait Real:
     fn atan2(self, x: Self) -> Self;
     /// Arc cosine in [0, pi], rad, within 0.9 ulp (f32: 0.95). NaN outside [-1, 1].
     fn acos(self) -> Self;
+}
+
+/// Kernel: runs a closure by [`Real::vectorize`], and inlines it there.
+///
+/// `kernel!(R, || body)` compiles the body with the instructions of the CPU level of the lane type `R`. All functions that the body calls
+/// must be `#[inline(always)]`.
+///
+/// ```
+/// use stepper_real::{Real, kernel};
+///
+/// /// Multiplies every number.
+/// fn scale<R: Real>(by: R, x: &mut [R]) {
+///     kernel!(R, || {
+///         for x in x {
+///             *x *= by;
+///         }
+///     })
+/// }
+///
+/// let mut x = [1.0, 2.0];
+/// scale(3.0, &mut x);
+/// assert_eq!(x, [3.0, 6.0]);
+/// ```
+///
+/// [`Real::vectorize`]: crate::Real::vectorize
+#[macro_export]
+macro_rules! kernel {
+    ($lanes:ty, || $body:expr) => {
+        <$lanes as $crate::Real>::vectorize(
+            #[inline(always)]
+            || $body,
+        )
+    };
 }

@@ -51,7 +51,7 @@ pub fn solve<'a, R: Real>(
     lanes: R::Mask,
 ) -> SweepOutcome<R> {
     let system = system.into();
-    kernel!(R, {
+    kernel!(R, || {
         let tolerance = settings.tolerance;
         let mut progress = Progress::new(lanes, tolerance, settings.sweeps.clamp(1, MOST_SWEEPS));
         iterate.solve_eliminated(system, lanes);
@@ -77,7 +77,7 @@ pub fn solve<'a, R: Real>(
 /// problem alone.
 pub fn sweep_from_zero<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, sweeps: u32, lanes: R::Mask) {
     let system = problem.into();
-    kernel!(R, {
+    kernel!(R, || {
         iterate.clear_impulses(lanes);
         iterate.solve_eliminated(system, lanes);
         for _ in 0..sweeps {
@@ -92,7 +92,7 @@ pub fn sweep_from_zero<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, 
 /// The residual is not evaluated. Lanes outside `moving` keep all impulses except those of eliminated rows.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
     let system = problem.into();
-    kernel!(R, {
+    kernel!(R, || {
         let mut progress = Progress::new(moving, settings.tolerance, settings.sweeps);
         iterate.solve_eliminated(system, lanes);
         if moving.any() {

@@ -75,7 +75,7 @@ impl<R: Real> Snapshot<R> {
     /// Copies the saved impulses back, in the lanes `lanes`.
     pub fn restore(&self, iterate: &mut Iterate<R>, lanes: R::Mask) {
         if lanes.any() {
-            kernel!(R, {
+            kernel!(R, || {
                 copy_lanes(&self.w, &mut iterate.w, lanes);
                 each_kind!([own: &self] [impulses: &mut iterate] => copy_lanes(Impulse::flatten(own), Impulse::flatten_mut(impulses), lanes));
             });
@@ -115,7 +115,7 @@ impl<R: Real> Snapshot<R> {
     /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms mu
     /// |v_t|. The energy of the saved impulses may exceed that of `iterate` by at most a millionth.
     pub fn is_as_close(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
-        kernel!(R, {
+        kernel!(R, || {
             let [mut saved, mut now] = [energy(&self.w), energy(&iterate.w)];
             each_kind!([set: &problem] [impulses: &self] => saved = set.add_potential(impulses, saved));
             each_kind!([set: &problem] [impulses: &iterate] => now = set.add_potential(impulses, now));
@@ -246,7 +246,7 @@ impl<R: Real> Iterate<R> {
     /// Sets the impulses of all contacts to zero in the lanes `lanes`, and recomputes the scaled velocity change w there. `scratch` is a
     /// buffer of the length of w.
     pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
-        kernel!(R, {
+        kernel!(R, || {
             for impulse in self.contacts.as_flattened_mut().iter_mut().chain(self.rolling_contacts.as_flattened_mut()) {
                 *impulse = R::select(lanes, R::zero(), *impulse);
             }

@@ -30,7 +30,7 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
 /// `None` if all residuals are 0. A NaN counts as the largest.
 pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
     let system = system.into();
-    kernel!(R, {
+    kernel!(R, || {
         let (mut worst, mut i) = (None, 0);
         each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(
             rows,

@@ -91,7 +91,7 @@ pub fn solve<'a, R: Real>(
     newton: &mut Newton,
 ) -> Outcome<R> {
     let system = system.into();
-    kernel!(R, solve_system(system, iterate, settings, lanes, newton))
+    kernel!(R, || solve_system(system, iterate, settings, lanes, newton))
 }
 
 /// Improves the impulses of a system in the lanes `lanes`, until each lane meets the tolerance or the limits in `settings` are reached.
@@ -108,7 +108,7 @@ fn solve_system<R: Real>(
     let (mut rest, newly_loaded) = (lanes, lanes.and(system.problem.newly_loaded));
     if newton_steps > 0 && newly_loaded.any() {
         let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
-        let (left, slip) = kernel!(R, {
+        let (left, slip) = kernel!(R, || {
             iterate.solve_eliminated(system, newly_loaded);
             (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
         });

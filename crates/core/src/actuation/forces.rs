@@ -49,7 +49,7 @@
 //!
 //! Lengths, velocities and moment arms are in `site_wrench.rs`, limits of actuator models in `force_limits.rs`, losses in `losses.rs`.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, EffectiveInertia, Motion, exceeds_range, outside, reaches, within};
 use crate::actuation::force_limits::BoundedForce;
@@ -224,7 +224,7 @@ impl<R: Real> ActuatorForces<R> {
     /// Computes the inertia that each servo moves, and the change of the servo's velocity by `impulse`, the constraint impulses of the last
     /// step. `inertia` is the diagonal of the mass matrix.
     pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R], impulse: &[R]) {
-        vectorize!(R, {
+        kernel!(R, || {
             for k in 0..compiled.servos.len() {
                 self.effective_inertias[k] =
                     self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], [inertia, impulse]);
@@ -460,7 +460,7 @@ impl<R: Real> ActuatorForces<R> {
         dv: &[R],
         may_change: bool,
     ) -> R::Mask {
-        vectorize!(R, {
+        kernel!(R, || {
             self.set_bounds_by_trial(
                 compiled,
                 actuator_dynamics,

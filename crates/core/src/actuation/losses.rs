@@ -1,6 +1,6 @@
 //! Friction losses of actuator dynamics: dry friction, and losses of the gear in proportion to the force.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::actuation::affine_force::ActuatorDynamics;
 use crate::actuation::forces::{ActuatorForces, ImplicitServos};
@@ -21,7 +21,7 @@ impl<R: Real> ActuatorForces<R> {
         actuator_dynamics: &[ActuatorDynamics<R>],
         expected: Option<(ImplicitServos<R>, &[R])>,
     ) {
-        vectorize!(R, {
+        kernel!(R, || {
             self.losses.fill(zero());
             for (a, actuator) in compiled.actuators.iter().enumerate() {
                 let Some(dynamics) = &actuator.dynamics else { continue };
@@ -43,7 +43,7 @@ impl<R: Real> ActuatorForces<R> {
     /// The losses follow from the impulses of the dry friction rows, which `scalar_impulse` has after those of the limits. `h` is the time
     /// step, s.
     pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], scalar_impulse: &[R], h: R) {
-        vectorize!(R, {
+        kernel!(R, || {
             for (a, actuator) in compiled.actuators.iter().enumerate() {
                 let Some(dynamics) = &actuator.dynamics else { continue };
                 let Some((row, arm)) = dynamics.losses else { continue };

@@ -4,13 +4,12 @@
 //!
 //! The output of a servo is called its effort. It is a force, or the fraction of the voltage of a motor with voltage control.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::actuation::affine_force::{ActuatorDynamics, within};
 use crate::actuation::memory::Memory;
 use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
-use crate::math::vectorize::vectorize;
 use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 
 /// Parameter of an actuator model, which may differ between environments. The variants have the order of the rows in the parameter table.
@@ -151,7 +150,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// A lag after a continuous servo passes on only a fraction of the servo's change within a step. The gains of the servo are therefore
     /// multiplied by this fraction. Here it is the fraction at the end of a step; [`Self::advance`] uses the mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
-        vectorize!(R, {
+        kernel!(R, || {
             for pipeline in &self.pipelines {
                 let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
                 let table = &self.tables[group][pipeline.table * R::LANES..];
@@ -196,7 +195,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         memory: &mut Memory<S>,
         (ctrl, actuator_dynamics): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
-        vectorize!(R, {
+        kernel!(R, || {
             let mut valid = alive;
             for &u in given {
                 valid = valid.and(u.is_finite());
@@ -236,7 +235,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         memory: &mut Memory<S>,
         (ctrl, actuator_dynamics): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
-        vectorize!(R, {
+        kernel!(R, || {
             for pipeline in self.pipelines.iter().filter(|c| c.lagged) {
                 let table = &self.tables[group][pipeline.table * R::LANES..];
                 let effort: R = get(&memory.numbers, pipeline.lag_at());

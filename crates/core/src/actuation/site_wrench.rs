@@ -1,6 +1,6 @@
 //! Lengths, velocities and moment arms of actuators. The moment arms of actuators on sites depend on the configuration.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::actuation::affine_force::Motion;
 use crate::actuation::forces::ActuatorForces;
@@ -16,7 +16,7 @@ impl<R: Real> ActuatorForces<R> {
         if self.lengths.is_empty() {
             return;
         }
-        vectorize!(R, {
+        kernel!(R, || {
             for actuator in &compiled.actuators {
                 let Some(wrench) = &actuator.site_wrench else { continue };
                 self.lengths[wrench.index] = place(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
@@ -66,12 +66,12 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Length of the actuator with index `actuator` at the configuration `q`, multiplied by its gear.
     pub fn length(&self, compiled: &LaneModel<R>, actuator: usize, q: &[R]) -> R {
-        vectorize!(R, self.length_of(&compiled.actuators[actuator], q))
+        kernel!(R, || self.length_of(&compiled.actuators[actuator], q))
     }
 
     /// Time derivative of the length of the actuator with index `actuator` at the velocity `v`.
     pub fn rate(&self, compiled: &LaneModel<R>, actuator: usize, v: &[R]) -> R {
-        vectorize!(R, self.project(&compiled.actuators[actuator], v))
+        kernel!(R, || self.project(&compiled.actuators[actuator], v))
     }
 }
 

@@ -21,6 +21,7 @@ use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{count, each_of};
 use crate::options::StepSettings;
 use crate::probe::{NoProbe, Probe, Span};
+use crate::stages::s10_record::Status;
 use crate::step::step;
 
 /// Workspace of a thread, with the step compiled for its lanes and CPU level.
@@ -360,7 +361,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
             self.step.compiled.params.load_lanes(&call.overrides.indices, numbers);
             if self.step.compiled.params.has_geoms(&call.overrides.indices) {
-                self.step.workspace.update_static_poses(&self.step.compiled);
+                self.step.workspace.evaluation.collision.update_static_poses(&self.step.compiled);
             }
         }
     }
@@ -430,7 +431,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 record.residual.store(&mut group.residual);
                 record.sweeps.store(&mut group.sweeps);
                 record.newton_steps.store(&mut group.newton_steps);
-                for lane in each_of(record.not_converged.bits()) {
+                for lane in each_of(record.lanes(Status::NOT_CONVERGED)) {
                     group.worst[lane] = s.velocity.worst.of_lane(lane).0;
                 }
             });

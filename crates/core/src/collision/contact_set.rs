@@ -2,7 +2,7 @@
 //! lanes.
 
 use stepper_geometry::pairs::{ContactPoint, DISTANCE_ROUNDINGS};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
@@ -209,7 +209,7 @@ impl<R: Real> Contacts<R> {
         if !R::Scalar::IS_SINGLE {
             return;
         }
-        vectorize!(R, {
+        kernel!(R, || {
             let rounding_at_a_metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
             for k in 0..self.slots() {
                 let point = &mut self.data[k].point;
@@ -223,7 +223,7 @@ impl<R: Real> Contacts<R> {
 
     /// Chooses the tangents of every contact from its normal, and sets all impulses to 0.
     pub fn choose_tangents(&mut self) {
-        vectorize!(R, {
+        kernel!(R, || {
             for k in 0..self.slots() {
                 self.data[k].tangent = contact_frame(self.data[k].point.normal)[1];
                 self.data[k].impulse = zero();
@@ -240,7 +240,7 @@ impl<R: Real> Contacts<R> {
         if self.slots() == 0 {
             return;
         }
-        vectorize!(R, {
+        kernel!(R, || {
             // The old impulses become vectors in world coordinates.
             for k in 0..last.slots() {
                 let slot = &mut last.data[k];
@@ -278,7 +278,7 @@ impl<R: Real> Contacts<R> {
     /// tangent of the same contact in `solved`, projected on the present tangent plane. Other tangents do not change, because target
     /// velocities may depend on them.
     pub(crate) fn follow_tangents(&mut self, solved: &Self) {
-        vectorize!(R, {
+        kernel!(R, || {
             for k in 0..self.slots() {
                 let own = self.data[k].tangent;
                 let mut tangent = own;

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use stepper_geometry::Narrow;
 use stepper_geometry::pairs::segments;
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::broad_phase::Broad;
 use crate::collision::contact_reduction::ContactReduction;
@@ -168,7 +168,7 @@ impl<R: Real> CollisionWorkspace<R> {
             let Self { poses, statics, slack, may_tunnel, .. } = self;
             may_tunnel.fill(false);
             if checks_passing {
-                vectorize!(R, {
+                kernel!(R, || {
                     for m in &compiled.static_pairs.moving {
                         may_tunnel[m.geom] = statics.may_tunnel(compiled, m.geom, poses.passing_displacement[m.geom]).and(alive).any();
                     }

@@ -8,7 +8,7 @@ use stepper_geometry::pairs::{
     plane_point, plane_sphere, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 use stepper_geometry::{Approach, BoundingBox, Pose, SearchLimits, SeparatingPlane, SeparatingPlanes, Solid};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::detection::{NarrowWorkspace, Scene};
@@ -29,7 +29,7 @@ impl<R: Real> Scene<'_, R> {
         workspace: &mut NarrowWorkspace,
         contacts: &mut Contacts<R>,
     ) {
-        vectorize!(R, {
+        kernel!(R, || {
             let ([a, b], poses, params) = (pair.geoms, self.poses, &self.compiled.params);
             let point = match pair.kernel {
                 Kernel::PlaneSphere => plane_sphere(poses.pos[a], column(&poses.mat[a], 2), poses.pos[b], params.geom_size(b)[0]),
@@ -330,7 +330,7 @@ impl<R: Real> Scene<'_, R> {
         mut point: ContactPoint<R>,
         contacts: &mut Contacts<R>,
     ) {
-        vectorize!(R, {
+        kernel!(R, || {
             point.distance -= R::splat(pair.margin);
             // `search_displacement` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch.
             let [a, b] = pair.geoms;

@@ -10,7 +10,7 @@ use stepper_real::{Real, Scalar};
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::{M3, V3};
-use crate::math::vectorize::array;
+use crate::math::spatial::array;
 
 /// Item: a packed pair, which is a pair of a ball or capsule with a box in one lane.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,7 @@
 //! Narrow phase of packed pairs: balls and capsules that are near boxes in few lanes, see [`PackedPairs`].
 
 use stepper_geometry::pairs::{ContactPoint, Segment, capsule_box, face_clearance, sphere_box};
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::Scene;
@@ -14,7 +14,7 @@ impl<R: Real> Scene<'_, R> {
     /// Finds the contact points of all packed pairs, and stores them in `packed`.
     #[inline(never)]
     pub(crate) fn test_packed(&self, packed: &mut PackedPairs<R::Scalar>) {
-        vectorize!(R, {
+        kernel!(R, || {
             let Queue { items, found_points: found, .. } = &mut packed.balls;
             for items in items.chunks(R::LANES) {
                 let [radius] = gather!(items, |item| [self.compiled.params.geom_size(item.geoms[0])[0]]);

@@ -6,7 +6,7 @@
 //! geoms, as many at a time as a register has lanes.
 
 use stepper_geometry::BoundingBox;
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::compile::{LaneModel, Params, StaticPairs};
 use crate::math::lanes::{MAX_LANES, each_of, merge_lanes, with_lane};
@@ -102,7 +102,7 @@ impl<R: Real> StaticSearch<R> {
         displacement: impl Fn(usize) -> (R, bool),
     ) {
         self.found_pairs.clear();
-        vectorize!(R, {
+        kernel!(R, || {
             self.update_boxes(compiled, poses, displacement);
             for lane in each_of(alive) {
                 for group in 0..self.groups.len() {

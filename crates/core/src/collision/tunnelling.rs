@@ -1,7 +1,7 @@
 //! Tunnelling check: finds the lanes in which the solved motion of a step may have carried one geom through another.
 
 use stepper_geometry::{Narrow, Pose, Solid, SolidMotion};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::detection::{CollisionWorkspace, GeomPoses, Scene};
 use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
@@ -45,7 +45,7 @@ pub fn may_have_passed<R: Real>(
         return R::Mask::splat(false);
     }
     let [moved, beyond_search] =
-        vectorize!(R, collision.poses.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack));
+        kernel!(R, || collision.poses.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack));
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
@@ -59,7 +59,7 @@ pub fn may_have_passed<R: Real>(
     let CollisionWorkspace { poses, near, near_count, broad, narrow_phase, .. } = collision;
     let scene = Scene { compiled, kinematics, poses, h: step.h, slack, passing_time: step.h, checks_passing: false };
     let paths = Path { scene, contacts_at_end: step.contacts_at_end };
-    vectorize!(R, {
+    kernel!(R, || {
         let mut passed = R::Mask::splat(false);
         if within_search {
             for &(index, _) in &near[..*near_count] {
@@ -187,7 +187,7 @@ impl<R: Real> GeomPoses<R> {
     ///
     /// The test compares [`GeomPoses::search_displacement`], the displacement over two steps, with the whole radius.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
-        vectorize!(R, {
+        kernel!(R, || {
             let mut moved = R::Mask::splat(false);
             for &g in &compiled.moving_geoms {
                 moved = moved.or(self.search_displacement[g].gt(compiled.params.inscribed_radius(g)));

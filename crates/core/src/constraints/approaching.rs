@@ -9,12 +9,11 @@
 //! and contacts of a ball that stays over one flat face of the other geom during two steps. On a surface of triangles, a face is a triangle
 //! together with its neighbours across flat or concave edges, because a ball cannot hit such an edge.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::assembler::Assembler;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::constraints::row_input::RowInput;
 use crate::constraints::velocity_solution::VelocitySolution;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -35,7 +34,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn approaching_lanes(
         &self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         lanes: R::Mask,
@@ -47,12 +46,10 @@ impl<R: Real> Assembler<'_, R> {
         if curved.none() {
             return curved;
         }
-        let RowInput { compiled, options, assembly, .. } = input;
+        let options = input.options;
         let resting_speed = R::of(resting_speed(options));
         let gap = contacts.data[k].point.distance;
-        let closes = gap
-            .gt(R::of(options.slop))
-            .and((assembly.gap_of_slot(compiled, contacts, k, lanes.bits()) + assembly.h * free[0]).lt(R::zero()));
+        let closes = gap.gt(R::of(options.slop)).and((input.gap_of_slot(contacts, k, lanes.bits()) + input.h * free[0]).lt(R::zero()));
         let deferred = curved.and(before.lt(-resting_speed).or(closes));
         if deferred.none() { deferred } else { self.without_certain_hits(input, contacts, k, deferred, free) }
     }
@@ -61,25 +58,22 @@ impl<R: Real> Assembler<'_, R> {
     ///
     /// A round geom contains the ball about the contact's centre of curvature. The geoms collide if these two balls do.
     #[inline(never)]
-    fn without_certain_hits(&self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let (compiled, gap) = (input.compiled, contacts.data[k].point.distance);
-                let mut out = lanes;
-                for (pair, same) in contacts.pairs(k, lanes.bits()) {
-                    let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-                    if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
-                        let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
-                        let displacement = scale(free, self.problem.closing_time);
-                        let distance = norm([reach + gap + displacement[0], displacement[1], displacement[2]]);
-                        let meets = distance.lt(reach).and((reach + gap + displacement[0]).gt(R::zero()));
-                        out = out.and_not(meets.and(R::Mask::from_bits(same)));
-                    }
+    fn without_certain_hits(&self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
+        kernel!(R, || {
+            let (compiled, gap) = (input.compiled, contacts.data[k].point.distance);
+            let mut out = lanes;
+            for (pair, same) in contacts.pairs(k, lanes.bits()) {
+                let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
+                if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
+                    let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
+                    let displacement = scale(free, self.problem.closing_time);
+                    let distance = norm([reach + gap + displacement[0], displacement[1], displacement[2]]);
+                    let meets = distance.lt(reach).and((reach + gap + displacement[0]).gt(R::zero()));
+                    out = out.and_not(meets.and(R::Mask::from_bits(same)));
                 }
-                out
-            },
-        )
+            }
+            out
+        })
     }
 }
 
@@ -94,6 +88,11 @@ impl<R: Real> ConstraintProblem<R> {
         deferred.and(lanes)
     }
 
+    /// Whether the contact in slot `k` is deferred in lane `lane`.
+    fn is_deferred(&self, k: usize, lane: usize) -> bool {
+        self.deferred.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1)
+    }
+
     /// Largest overlap in lane `lane` among the active contacts of either of two bodies, m. `frames` are the bodies' frames, and
     /// `frames_of` returns the two frames of a pair of geoms.
     pub(crate) fn resting_overlap(
@@ -105,9 +104,8 @@ impl<R: Real> ConstraintProblem<R> {
     ) -> f64 {
         let mut deepest = 0.0_f64;
         for k in 0..contacts.count[lane] {
-            let is_deferred = self.deferred.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1);
             let shares = |f: usize| f > 0 && frames.contains(&f);
-            if !is_deferred && frames_of(contacts.ids[k][lane].pair()).into_iter().any(shares) {
+            if !self.is_deferred(k, lane) && frames_of(contacts.ids[k][lane].pair()).into_iter().any(shares) {
                 deepest = deepest.max(-contacts.data[k].point.distance.lane(lane).to_f64());
             }
         }
@@ -125,21 +123,18 @@ impl<R: Real> ConstraintProblem<R> {
         lanes: R::Mask,
         lanes_of: impl Fn(usize) -> [R::Mask; 2],
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for i in 0..self.deferred.len() {
-                    let deferred = &self.deferred[i];
-                    let [mut colliding, mut doubtful] = [R::Mask::splat(false); 2];
-                    for (pair, same) in contacts.pairs(deferred.slot, deferred.lanes.and(lanes).bits()) {
-                        let [hits, in_doubt] = lanes_of(pair).map(|lanes| lanes.and(R::Mask::from_bits(same)));
-                        (colliding, doubtful) = (colliding.or(hits), doubtful.or(hits.and(in_doubt)));
-                    }
-                    self.deferred[i].doubtful = deferred.doubtful.or(doubtful);
-                    self.activate_contact(velocity, i, colliding, self.deferred[i].impulse);
+        kernel!(R, || {
+            for i in 0..self.deferred.len() {
+                let deferred = &self.deferred[i];
+                let [mut colliding, mut doubtful] = [R::Mask::splat(false); 2];
+                for (pair, same) in contacts.pairs(deferred.slot, deferred.lanes.and(lanes).bits()) {
+                    let [hits, in_doubt] = lanes_of(pair).map(|lanes| lanes.and(R::Mask::from_bits(same)));
+                    (colliding, doubtful) = (colliding.or(hits), doubtful.or(hits.and(in_doubt)));
                 }
-            },
-        );
+                self.deferred[i].doubtful = deferred.doubtful.or(doubtful);
+                self.activate_contact(velocity, i, colliding, self.deferred[i].impulse);
+            }
+        });
         let newly_loaded = velocity.contact_groups.newly_loaded_lanes(contacts, &self.sliding_slots, &self.rows, &velocity.impulses);
         self.rows.newly_loaded = self.rows.newly_loaded.and_not(lanes).or(newly_loaded.and(lanes));
     }
@@ -155,19 +150,16 @@ impl<R: Real> ConstraintProblem<R> {
     /// The predicted impulses of these contacts become their initial impulses if the solve activates them.
     #[inline(never)]
     pub(crate) fn defer_doubtful(&mut self, velocity: &mut VelocitySolution<R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Self { deferred, rows, .. } = self;
-                for contact in deferred.iter_mut().filter(|contact| contact.doubtful.any()) {
-                    let lanes = std::mem::replace(&mut contact.doubtful, R::Mask::splat(false));
-                    let impulse = velocity.impulses.take_impulse(rows, contact.contact, lanes);
-                    contact.impulse = select(lanes, impulse, contact.impulse);
-                    rows.defer_contact(contact.contact, lanes);
-                    contact.lanes = contact.lanes.or(lanes);
-                }
-            },
-        );
+        kernel!(R, || {
+            let Self { deferred, rows, .. } = self;
+            for contact in deferred.iter_mut().filter(|contact| contact.doubtful.any()) {
+                let lanes = std::mem::replace(&mut contact.doubtful, R::Mask::splat(false));
+                let impulse = velocity.impulses.take_impulse(rows, contact.contact, lanes);
+                contact.impulse = select(lanes, impulse, contact.impulse);
+                rows.defer_contact(contact.contact, lanes);
+                contact.lanes = contact.lanes.or(lanes);
+            }
+        });
     }
 
     /// Activates the deferred contacts whose gap does not close in the solution, with zero impulse. Stage 8 then includes their rows, and
@@ -176,16 +168,13 @@ impl<R: Real> ConstraintProblem<R> {
     /// Deferred contacts whose gap closes without a collision remain deferred: their surfaces pass each other.
     #[inline(always)]
     pub(crate) fn activate_not_closing(&mut self, velocity: &mut VelocitySolution<R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for i in 0..self.deferred.len() {
-                    let deferred = &self.deferred[i];
-                    let open = self.rows.normal_velocity(deferred.contact, &velocity.impulses.w).ge(R::zero());
-                    self.activate_contact(velocity, i, deferred.lanes.and(open), [R::zero(); 6]);
-                }
-            },
-        )
+        kernel!(R, || {
+            for i in 0..self.deferred.len() {
+                let deferred = &self.deferred[i];
+                let open = self.rows.normal_velocity(deferred.contact, &velocity.impulses.w).ge(R::zero());
+                self.activate_contact(velocity, i, deferred.lanes.and(open), [R::zero(); 6]);
+            }
+        })
     }
 
     /// Activates those deferred contacts that are also in `reference`, the contacts of a completed step.
@@ -206,29 +195,23 @@ impl<R: Real> ConstraintProblem<R> {
     /// Such contacts belong to two faces that lie on each other, and share their load.
     #[inline(never)]
     pub(crate) fn activate_coplanar(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>) {
-        R::vectorize(
-            #[inline(always)]
-            || self.activate_coplanar_contacts(velocity, contacts),
-        )
-    }
-
-    #[inline(always)]
-    fn activate_coplanar_contacts(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>) {
-        for i in 0..self.deferred.len() {
-            let deferred = self.deferred[i];
-            let mut coplanar = 0;
-            for lane in each_of(deferred.lanes.bits()) {
-                let normal = of_lane(&contacts.data[deferred.slot].point.normal, lane);
-                let pair = contacts.ids[deferred.slot][lane].pair();
-                let rests = (0..contacts.count[lane]).any(|k| {
-                    contacts.ids[k][lane].pair() == pair
-                        && dot(of_lane(&contacts.data[k].point.normal, lane), normal) > COPLANAR_COSINE
-                        && !self.deferred.iter().any(|other| other.slot == k && other.lanes.bits() >> lane & 1 == 1)
-                });
-                coplanar |= u32::from(rests) << lane;
+        kernel!(R, || {
+            for i in 0..self.deferred.len() {
+                let deferred = self.deferred[i];
+                let mut coplanar = 0;
+                for lane in each_of(deferred.lanes.bits()) {
+                    let normal = of_lane(&contacts.data[deferred.slot].point.normal, lane);
+                    let pair = contacts.ids[deferred.slot][lane].pair();
+                    let rests = (0..contacts.count[lane]).any(|k| {
+                        contacts.ids[k][lane].pair() == pair
+                            && dot(of_lane(&contacts.data[k].point.normal, lane), normal) > COPLANAR_COSINE
+                            && !self.is_deferred(k, lane)
+                    });
+                    coplanar |= u32::from(rests) << lane;
+                }
+                self.activate_contact(velocity, i, R::Mask::from_bits(coplanar), deferred.impulse);
             }
-            self.activate_contact(velocity, i, R::Mask::from_bits(coplanar), deferred.impulse);
-        }
+        })
     }
 
     /// Activates deferred contact number `i` in the lanes `lanes`, with the initial impulse `impulse`, N s and N m s.
@@ -254,8 +237,7 @@ impl<R: Real> ConstraintProblem<R> {
     pub(crate) fn remove_deferred(&self, contacts: &mut Contacts<R>) {
         let lanes = self.deferred_lanes(R::Mask::splat(true));
         for lane in each_of(lanes.bits()) {
-            let is_deferred = |slot: usize| self.deferred.iter().any(|other| other.slot == slot && other.lanes.bits() >> lane & 1 == 1);
-            contacts.retain(lane, |slot| !is_deferred(slot));
+            contacts.retain(lane, |slot| !self.is_deferred(slot, lane));
         }
     }
 }

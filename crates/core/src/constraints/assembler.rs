@@ -8,7 +8,9 @@ use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::constraints::velocity_solution::VelocitySolution;
-use crate::dynamics::inertia::NewtonEuler;
+use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
+use crate::dynamics::kinematics::Kinematics;
+use crate::options::StepSettings;
 use crate::tuning::WIDE_GAP_RATIO;
 
 /// Assembler of the constraint rows of a step. The methods for each kind of element (contacts, limits ...) are in a separate file of this
@@ -22,9 +24,15 @@ pub(crate) struct Assembler<'a, R: Real> {
     pub(crate) builder: &'a mut RowBuilder<R>,
 }
 
-/// Inputs of the assembly of constraint rows.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct AssemblyInput<'a, R: Real> {
+/// Inputs of the assembly of constraint rows: model, settings, poses, mass matrix, and velocities.
+#[derive(Clone, Copy)]
+pub(crate) struct RowInput<'a, R: Real> {
+    pub compiled: &'a LaneModel<R>,
+    pub options: &'a StepSettings,
+    /// Poses at `q`.
+    pub kinematics: &'a Kinematics<R>,
+    /// Factored mass matrix at `q`.
+    pub mass: &'a MassMatrix<R>,
     /// Configuration at which the rows are evaluated.
     pub q: &'a [R],
     /// Generalized velocity before the step.
@@ -54,7 +62,7 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub alive: R::Mask,
 }
 
-impl<R: Real> AssemblyInput<'_, R> {
+impl<R: Real> RowInput<'_, R> {
     /// Part of the gap `phi` that may close in the step, m. An overlap (negative gap) is returned unchanged.
     #[inline(always)]
     pub(crate) fn gap(&self, phi: R) -> R {
@@ -62,20 +70,20 @@ impl<R: Real> AssemblyInput<'_, R> {
     }
 
     /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It equals the result of
-    /// [`AssemblyInput::gap`], or the whole gap if the gap is wide.
+    /// [`RowInput::gap`], or the whole gap if the gap is wide.
     ///
     /// `lanes` (bits) are the lanes with a contact. Very fast bodies without restitution may close a wide gap ([`WIDE_GAP_RATIO`]). Because
     /// such a body is still very fast, the next step is evaluated at its beginning too, where the contact touches. With
-    /// [`AssemblyInput::gap`] the body could close only a part of its gap in each step, and would slow down before it touches.
+    /// [`RowInput::gap`] the body could close only a part of its gap in each step, and would slow down before it touches.
     #[inline(always)]
-    pub(crate) fn gap_of_slot(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
+    pub(crate) fn gap_of_slot(&self, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];
         let (phi, part) = (slot.point.distance, self.gap(slot.point.distance));
         let fast = self.at_start.and(R::Mask::from_bits(lanes)).and(slot.restitution.le(R::zero()));
         if fast.none() {
             return part;
         }
-        let wide = tunnelling_distance(compiled, contacts, k, fast.bits()) * R::of(WIDE_GAP_RATIO);
+        let wide = tunnelling_distance(self.compiled, contacts, k, fast.bits()) * R::of(WIDE_GAP_RATIO);
         R::select(fast.and(phi.gt(wide)), phi, part)
     }
 }

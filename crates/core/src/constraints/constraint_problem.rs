@@ -1,6 +1,6 @@
 //! Constraint problem of a step. Stage 4 assembles it; stage 5 solves it for velocities, and stage 8 for positions.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Capacity, Problem};
 
 use crate::compile::{LaneModel, ModelStructure};
@@ -134,24 +134,72 @@ impl<R: Real> ConstraintProblem<R> {
         }
     }
 
+    /// Slots of all contacts, in their order in the problem: index in the contact set, and lanes in which the contact exists.
+    #[inline(always)]
+    pub(crate) fn slots(&self) -> impl Iterator<Item = (usize, R::Mask)> {
+        self.sliding_slots.iter().copied().chain(self.rolling_slots.iter().map(|&(k, lanes, _)| (k, lanes)))
+    }
+
     /// Index of the slot of contact `i` of the problem. The contacts with three rows come first, then those with six.
     pub(crate) fn slot_of(&self, i: usize) -> usize {
         i.checked_sub(self.sliding_slots.len()).map_or_else(|| self.sliding_slots[i].0, |k| self.rolling_slots[k].0)
     }
 
-    /// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of all rows. Overwrites `change`.
-    pub fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
-        if self.rows.is_empty() {
+    /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`, evenly over the step.
+    ///
+    /// `before_impacts` is the change of the velocity that the whole step would have without impacts, if a contact bounces within the step.
+    /// The offset of an impact contains the part of a change that acts before the impact. Overwrites `change` and `before_impacts`.
+    pub fn shift(
+        &mut self,
+        compiled: &LaneModel<R>,
+        mass: &MassMatrix<R>,
+        change: &mut [R],
+        before_impacts: Option<&mut [R]>,
+        lanes: R::Mask,
+    ) {
+        let Self { rows, impacts, resolves_impacts, .. } = self;
+        if rows.is_empty() {
             return;
         }
-        R::vectorize(
-            #[inline(always)]
-            || {
+        kernel!(R, || {
+            mass.scale(compiled, change);
+            rows.shift(change, lanes);
+            if !*resolves_impacts {
+                return;
+            }
+            shift_impacts(
+                impacts,
+                lanes,
+                R::one(),
+                #[inline(always)]
+                |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
+            );
+            if let Some(change) = before_impacts {
                 mass.scale(compiled, change);
-                self.rows.shift(change, lanes);
-                self.undo_change_after_impacts(change, lanes);
-            },
-        )
+                shift_impacts(
+                    impacts,
+                    lanes,
+                    R::zero(),
+                    #[inline(always)]
+                    |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
+                );
+            }
+        })
+    }
+}
+
+/// Calls `shift` for each contact that bounces in the lanes `lanes`. Its arguments are the index of the contact, these lanes, and weights
+/// of the normal row and of the friction rows. With these weights, a velocity change corrects the offsets of the rows.
+///
+/// The change acts before the impact for a fraction of the step. `shifted` is the part of the change that the offsets already contain: 0 or
+/// 1.
+#[inline(always)]
+pub(crate) fn shift_impacts<R: Real>(impacts: &[Impact<R>], lanes: R::Mask, shifted: R, mut shift: impl FnMut(usize, R::Mask, [R; 2])) {
+    for (i, impact) in impacts.iter().enumerate() {
+        let impact_lanes = lanes.and(impact.lanes);
+        if impact_lanes.any() {
+            shift(i, impact_lanes, [impact.normal_factor * impact.time_fraction - shifted, impact.time_fraction - shifted]);
+        }
     }
 }
 

@@ -11,21 +11,20 @@
 //! | `restitution.rs` | `free_change`, and the functions that begin with `bounce`: target velocity of a rebound |
 //! | `elimination.rs` | `eliminate` and `add_removed_scales`: remove hard equalities from the rows |
 //! | `approaching.rs` | `approaching_lanes`: lanes in which the rows are deferred |
-//! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`, `store_curvature`: velocity changes by the motion of the contact point |
+//! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`: velocity changes by the motion of the contact point; `remove_curvature` |
 //! | `equality.rs` | `propagate_scales`: sizes below which entries of the rows count as rounding errors |
 //!
-//! `AssemblyInput` (`assembler.rs`) has the numbers that all rows share. `push_contact` makes the rows a part of the solver's problem
+//! `RowInput` (`assembler.rs`) has the numbers that all rows share. `push_contact` makes the rows a part of the solver's problem
 //! (`crates/solve/src/problem.rs`).
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::velocity_rounding;
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::approaching::resting_speed;
-use crate::constraints::assembler::Assembler;
-use crate::constraints::constraint_problem::DeferredContact;
-use crate::constraints::elimination::SquaredLengths;
-use crate::constraints::row_input::RowInput;
+use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
+use crate::constraints::elimination::trace_ratio;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
@@ -76,7 +75,7 @@ pub(crate) struct SlidingRows<R: Real> {
     /// Curvature terms that the offsets of the tangents contain, m/s; `None` if they were not computed.
     pub(crate) curvature: Option<[R; 2]>,
     /// Squared lengths of the rows before and after equalities were eliminated from them; `None` without elimination.
-    pub(crate) lengths: Option<SquaredLengths<R, 3>>,
+    pub(crate) lengths: Option<[[R; 3]; 2]>,
     /// Lanes in which the contact has rows, including lanes in which the solver leaves them out.
     pub(crate) exists: R::Mask,
     /// Lanes in which the solver leaves out the rows (a deferred contact). The caller sets the fields `contact`, `slot` and `impulse`.
@@ -90,7 +89,7 @@ impl<R: Real> Assembler<'_, R> {
     ///
     /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]
-    pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    pub(crate) fn add_contact(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
         let SlidingRows { offsets: g, curvature, lengths, exists, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
@@ -108,7 +107,7 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.contacts.clear_negligible_approach(negligible);
         }
         if let Some(curvature) = curvature {
-            self.problem.store_curvature(contact, curvature);
+            self.problem.curvature_terms.push(CurvatureTerms { contact, terms: curvature });
             // A self-locking contact, such as a wedge, carries any load by friction. Curvature terms could prescribe velocities that the
             // joints do not allow, and no impulses would be a solution.
             let is_self_locking = self.problem.rows.contacts.is_self_locking();
@@ -116,9 +115,9 @@ impl<R: Real> Assembler<'_, R> {
                 self.problem.remove_curvature(self.problem.curvature_terms.len() - 1, is_self_locking);
             }
         }
-        if let Some(lengths) = lengths {
+        if let Some([before, after]) = lengths {
             // The residual of a contact is scaled by its mobility. Mobilities are those before equalities were eliminated.
-            self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
+            self.problem.rows.contacts.set_trace_ratio(trace_ratio(&before, &after));
         }
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
@@ -152,77 +151,75 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(never)]
     pub(crate) fn find_movable(
         &mut self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         lanes: u32,
         offsets: [R; 2],
     ) -> (R::Mask, R) {
-        let RowInput { compiled, options, kinematics, mass, assembly, .. } = input;
+        let RowInput { compiled, options, kinematics, mass, .. } = *input;
         self.problem.may_have_immovable_rows = true;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut squared_speed = R::zero();
-                // A lever arm whose size is below this number is rounding error.
-                let least_size = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
-                self.builder.contact_columns(input, contacts, k, lanes);
-                for i in 0..self.builder.dofs.len() {
-                    let d = self.builder.dofs[i] as usize;
-                    let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
-                    let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
-                    // A lever arm is a sum of terms. `square` is the squared size of these terms.
-                    let (motion, squared_rotation) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
-                    let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
-                    // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
-                    // immovable.
-                    self.builder.scales[d] = [square + squared_rotation * (least_size * sign).square(); 3];
-                    squared_speed += square * assembly.v_free[d].square();
-                }
-                // As in `sliding_rows`: from the Jacobian to the rows, without their factor D^-1/2.
-                self.builder.half_solve::<3>(compiled, mass);
-                self.builder.propagate_scales(compiled, mass);
-                if self.builder.eliminate(&self.problem.rows, mass, &mut [[R::zero(); 2]; 3]).is_some() {
-                    self.builder.add_removed_scales(&self.problem.rows, mass);
-                }
-                let (least, mut movable) = (R::of(least_lever::<R>().powi(2)), R::Mask::splat(false));
-                for &d in &self.builder.dofs {
-                    let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
-                    movable = movable.or(x.square().gt(scale * least));
-                }
-                let rounding = squared_speed.sqrt() * R::of(velocity_rounding::<R>());
-                (movable, rounding.max(negligible_approach(options, offsets)))
-            },
-        )
+        kernel!(R, || {
+            let mut squared_speed = R::zero();
+            // A lever arm whose size is below this number is rounding error.
+            let least_size = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
+            self.builder.contact_columns(input, contacts, k, lanes);
+            for i in 0..self.builder.dofs.len() {
+                let d = self.builder.dofs[i] as usize;
+                let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
+                let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
+                // A lever arm is a sum of terms. `square` is the squared size of these terms.
+                let (motion, squared_rotation) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
+                let square = (dot(motion, motion) + squared_rotation * dot(arm, arm)) * sign.square();
+                // If the contact is at the joint itself, the whole lever arm is rounding error. The added term makes such a contact
+                // immovable.
+                self.builder.scales[d] = [square + squared_rotation * (least_size * sign).square(); 3];
+                squared_speed += square * input.v_free[d].square();
+            }
+            // As in `sliding_rows`: from the Jacobian to the rows, without their factor D^-1/2.
+            self.builder.half_solve::<3>(compiled, mass);
+            self.builder.propagate_scales(compiled, mass);
+            if self.builder.eliminate(&self.problem.rows, mass, &mut [[R::zero(); 2]; 3]).is_some() {
+                self.builder.add_removed_scales(&self.problem.rows, mass);
+            }
+            let (least, mut movable) = (R::of(least_lever::<R>().powi(2)), R::Mask::splat(false));
+            for &d in &self.builder.dofs {
+                let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
+                movable = movable.or(x.square().gt(scale * least));
+            }
+            let rounding = squared_speed.sqrt() * R::of(velocity_rounding::<R>());
+            (movable, rounding.max(negligible_approach(options, offsets)))
+        })
     }
 
     /// Builds the rows of the contact in slot `k` along its normal and its tangents, in the lanes `lanes` (bits).
     ///
     /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]
-    pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
-        let RowInput { compiled, options, mass, assembly, .. } = input;
+    pub(crate) fn sliding_rows(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
+        let RowInput { compiled, mass, .. } = *input;
         let (slot, exists) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
-        let has_curvature = assembly.in_the_middle && self.builder.both_move != 0;
-        let change = if self.problem.resolves_impacts || has_curvature { self.builder.free_change(assembly) } else { zero() };
+        let has_curvature = input.in_the_middle && self.builder.both_move != 0;
+        let change = if self.problem.resolves_impacts || has_curvature { self.builder.free_change(input) } else { zero() };
         // Half of a solve with the mass matrix L^T D L: `column` becomes L^-T J^T. `add_contact` multiplies by D^-1/2.
         self.builder.half_solve::<3>(compiled, mass);
         // Normal rows of contacts with soft surfaces, which have a spring and a damper.
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(exists, |row| exists.and_not(row.lanes));
-        let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
-        let (mut bias, mut position) = self.biases(options, assembly.gap_of_slot(compiled, contacts, k, lanes), solved, assembly.h, rigid);
+        let solved = input.solved_overlaps.map(|solved| solved.distance(contacts, k));
+        let gap = input.gap_of_slot(contacts, k, lanes);
+        let [mut bias, mut position] = self.biases(input, input.options.max_correction_speed, gap, solved, rigid);
         if let Some(row) = &springs {
             // The spring determines the position, so that no position correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
         // Restitution: with Euler's rule `bounce_euler` and `bounce_euler_eliminated` apply it, with the midpoint rule `bounce_midpoint`.
         // With the other rule these functions change nothing.
-        let (bias, mut exists) = self.bounce_euler(compiled, options, slot, assembly, exists, [free[0], before[0]], bias);
+        let (bias, mut exists) = self.bounce_euler(input, slot, exists, [free[0], before[0]], bias);
         let mut offsets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut offsets);
-        let bias = if lengths.is_some() { self.bounce_euler_eliminated(slot, assembly, free[0], bias, &mut offsets[0][0]) } else { bias };
+        let bias = if lengths.is_some() { self.bounce_euler_eliminated(slot, free[0], bias, &mut offsets[0][0]) } else { bias };
         let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
         let mut bounces = R::Mask::splat(false);
         if self.problem.resolves_impacts {

@@ -8,9 +8,10 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::equality::{RowLaw, SpringRow, spring_law};
+use crate::constraints::assembler::RowInput;
+use crate::constraints::equality::{SpringRow, spring_law};
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
+use crate::constraints::rows::RowLaw;
 
 /// Terms of the normal row of a contact with soft surfaces (spring and damper).
 pub(crate) struct CompliantRow<R: Real> {
@@ -30,25 +31,27 @@ impl<R: Real> RowBuilder<R> {
     #[inline(always)]
     pub(crate) fn comply(
         &self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         lanes: u32,
         [free, before]: [R; 2],
     ) -> CompliantRow<R> {
-        let RowInput { compiled, assembly, .. } = input;
+        let RowInput { compiled, .. } = *input;
         let mut row = CompliantRow { lanes: R::Mask::splat(false), bias: R::zero(), compliance: R::zero() };
         let error = contacts.data[k].point.distance;
         let (apart, gram) = (error.ge(R::zero()), self.gram(input.mass, 0));
         for (pair, lanes) in contacts.pairs(k, lanes) {
             let Some(spring) = compiled.pair(pair).spring else { continue };
             let there = R::Mask::from_bits(lanes);
-            let RowLaw { g, compliance, active, .. } = spring_law(assembly, &spring, SpringRow { error, before, free, gram, taut: there });
-            let bias = R::select(apart, assembly.gap(error) / assembly.h, g[0] - free);
+            let RowLaw { g, compliance, active, .. } = spring_law(input, &spring, SpringRow { error, before, free, gram, taut: there });
+            let bias = R::select(apart, input.gap(error) / input.h, g[0] - free);
             let there = there.and(active);
             row.lanes = row.lanes.or(there);
             row.bias = R::select(there, bias, row.bias);
-            row.compliance = R::select(there, compliance, row.compliance);
+            if let Some(compliance) = compliance {
+                row.compliance = R::select(there, compliance, row.compliance);
+            }
         }
         row
     }

@@ -17,12 +17,11 @@
 //! rotates with the surface; between two round geoms it rotates with the line between their centres. Between two other geoms a corner of
 //! the second body touches, and the point moves with that body.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::constraints::assembler::{Assembler, AssemblyInput};
-use crate::constraints::row_input::RowInput;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
 
@@ -47,47 +46,44 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(never)]
     pub(crate) fn add_curvature(
         &self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         lanes: R::Mask,
         [free, change]: [V3<R>; 2],
         offsets: &mut [[R; 2]; 3],
     ) -> [R; 2] {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let AssemblyInput { h, time_before, .. } = *input.assembly;
-                let slot = &contacts.data[k];
-                let n = slot.point.normal;
-                let axes = [n, slot.tangent, cross(n, slot.tangent)];
-                let deep = slot.point.distance.lt(-R::of(MAX_CURVED_OVERLAP));
-                let lanes = lanes.and(R::Mask::from_bits(self.builder.both_move)).and_not(deep);
-                let lanes = match self.problem.impacts.last() {
-                    Some(impact) => lanes.and_not(impact.lanes),
-                    None => lanes,
-                };
-                let rate = rate(input, contacts, k, lanes.bits());
-                let mut curves = [R::zero(); 2];
-                for i in 1..3 {
-                    let most = (free[i] - change[i]).abs();
-                    let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
-                    for offset in &mut offsets[i] {
-                        *offset = R::select(lanes, *offset + curve, *offset);
-                    }
-                    curves[i - 1] = R::select(lanes, curve, R::zero());
+        kernel!(R, || {
+            let RowInput { h, time_before, .. } = *input;
+            let slot = &contacts.data[k];
+            let n = slot.point.normal;
+            let axes = [n, slot.tangent, cross(n, slot.tangent)];
+            let deep = slot.point.distance.lt(-R::of(MAX_CURVED_OVERLAP));
+            let lanes = lanes.and(R::Mask::from_bits(self.builder.both_move)).and_not(deep);
+            let lanes = match self.problem.impacts.last() {
+                Some(impact) => lanes.and_not(impact.lanes),
+                None => lanes,
+            };
+            let rate = rate(input, contacts, k, lanes.bits());
+            let mut curves = [R::zero(); 2];
+            for i in 1..3 {
+                let most = (free[i] - change[i]).abs();
+                let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
+                for offset in &mut offsets[i] {
+                    *offset = R::select(lanes, *offset + curve, *offset);
                 }
-                curves
-            },
-        )
+                curves[i - 1] = R::select(lanes, curve, R::zero());
+            }
+            curves
+        })
     }
 }
 
 /// Curvature term kappa of the contacts in slot `k` (one contact per lane), in the lanes `lanes` (bits), m/s^2; see the formula of the
 /// module.
 #[inline(always)]
-fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
-    let RowInput { compiled, kinematics, .. } = input;
+fn rate<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
+    let RowInput { compiled, kinematics, .. } = *input;
     let point = &contacts.data[k].point;
     let n = point.normal;
     let half = point.distance * R::of(0.5);
@@ -120,8 +116,8 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
 
 /// Velocity field of a frame at the point `p`.
 #[inline(always)]
-fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
-    let RowInput { compiled, kinematics, assembly, .. } = input;
+fn field<R: Real>(input: &RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
+    let RowInput { compiled, kinematics, .. } = *input;
     match frame.checked_sub(compiled.links.len() + 1) {
         _ if frame == 0 => Field { angular_velocity: zero(), velocity: zero(), rate: zero() },
         Some(mocap) => {
@@ -130,7 +126,7 @@ fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
             Field { angular_velocity: angular(motion), velocity, rate: cross(linear(motion), angular(motion)) }
         }
         None => {
-            let (velocity, change) = (&assembly.motion.velocity[frame - 1], &assembly.motion.acceleration[frame - 1]);
+            let (velocity, change) = (&input.motion.velocity[frame - 1], &input.motion.acceleration[frame - 1]);
             let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
             // The recursion represents gravity as an upward acceleration of the world. Adding gravity removes it.
             let rate = add(velocity_at(change, arm), compiled.params.gravity());

@@ -8,11 +8,6 @@ use stepper_real::{Mask, Real};
 use crate::constraints::constraint_problem::{ConstraintProblem, CurvatureTerms};
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Records the curvature terms (m/s) that the offsets of contact number `contact` contain, so that they can be removed later.
-    pub(crate) fn store_curvature(&mut self, contact: usize, terms: [R; 2]) {
-        self.curvature_terms.push(CurvatureTerms { contact, terms });
-    }
-
     /// Removes stored term number `i` from the offsets of its contact in the lanes `lanes`. Returns the lanes in which an offset changed.
     pub(crate) fn remove_curvature(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         let (Self { rows, curvature_terms, .. }, mut changed) = (self, R::Mask::splat(false));
@@ -28,10 +23,5 @@ impl<R: Real> ConstraintProblem<R> {
             *term -= dropped;
         }
         changed
-    }
-
-    /// Removes all curvature terms in the lanes `lanes`. Returns the lanes in which an offset changed.
-    pub(crate) fn remove_all_curvature(&mut self, lanes: R::Mask) -> R::Mask {
-        (0..self.curvature_terms.len()).fold(R::Mask::splat(false), |changed, i| changed.or(self.remove_curvature(i, lanes)))
     }
 }

@@ -16,7 +16,7 @@
 
 use std::ops::Range;
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Problem, ROUNDING_RATIO, ScalarRow, dependence_threshold, velocity_rounding};
 
 use crate::compile::LaneModel;
@@ -87,71 +87,55 @@ impl<R: Real> RowBuilder<R> {
     /// Eliminates the coupled equalities from the rows in the first `N` components of `column`, and from their offsets g, `offsets`.
     ///
     /// `offsets` has two offsets per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
-    /// becomes zero. Returns the squared lengths of the rows before and after; `None` without coupled equalities.
+    /// becomes zero. Returns the squared lengths of the rows before and after, 1/kg, in the metric of G; `None` without coupled equalities.
     #[inline(always)]
     pub(crate) fn eliminate<const N: usize>(
         &mut self,
         rows: &Problem<R>,
         mass: &MassMatrix<R>,
         offsets: &mut [[R; 2]; N],
-    ) -> Option<SquaredLengths<R, N>> {
+    ) -> Option<[[R; N]; 2]> {
         if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, offsets)) }
-    }
-
-    /// Does the work of [`RowBuilder::eliminate`]. It is compiled separately: inlined, it would dominate the row assembly, and few scenes
-    /// need it.
-    #[inline(never)]
-    fn eliminate_coupled<const N: usize>(
-        &mut self,
-        rows: &Problem<R>,
-        mass: &MassMatrix<R>,
-        offsets: &mut [[R; 2]; N],
-    ) -> SquaredLengths<R, N> {
-        R::vectorize(
-            #[inline(always)]
-            || self.eliminate_blocks(rows, mass, offsets),
-        )
     }
 
     /// Subtracts the coupled equalities from the rows in `column`, in chunks of up to four. Rows that became short are projected a second
     /// time.
-    #[inline(always)]
-    fn eliminate_blocks<const N: usize>(
-        &mut self,
-        rows: &Problem<R>,
-        mass: &MassMatrix<R>,
-        offsets: &mut [[R; 2]; N],
-    ) -> SquaredLengths<R, N> {
-        let mut before = [R::zero(); N];
-        for &d in &self.dofs {
-            let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
-            for n in 0..N {
-                before[n] += (x[n] * weight).square();
-            }
-        }
-        let mut after = before;
-        for block in 0..self.coupled.len() {
-            let range = self.coupled[block].clone();
-            for first in range.clone().step_by(4) {
-                match range.end - first {
-                    1 => self.eliminate_rows::<N, 1>(rows, first, offsets, &mut after),
-                    2 => self.eliminate_rows::<N, 2>(rows, first, offsets, &mut after),
-                    3 => self.eliminate_rows::<N, 3>(rows, first, offsets, &mut after),
-                    _ => self.eliminate_rows::<N, 4>(rows, first, offsets, &mut after),
+    ///
+    /// The function is compiled separately: inlined, it would dominate the row assembly, and few scenes need it.
+    #[inline(never)]
+    fn eliminate_coupled<const N: usize>(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>, offsets: &mut [[R; 2]; N]) -> [[R; N]; 2] {
+        kernel!(R, || {
+            let mut before = [R::zero(); N];
+            for &d in &self.dofs {
+                let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
+                for n in 0..N {
+                    before[n] += (x[n] * weight).square();
                 }
             }
-        }
-        let mut lengths = SquaredLengths { before, after };
-        let mut short = [R::Mask::splat(false); N];
-        let mut any = short[0];
-        for n in 0..N {
-            short[n] = after[n].lt(before[n] * R::of(reprojection_threshold::<R>()));
-            any = any.or(short[n]);
-        }
-        if any.any() {
-            self.repeat_elimination(rows, mass, offsets, &mut lengths, short);
-        }
-        lengths
+            let mut after = before;
+            for block in 0..self.coupled.len() {
+                let range = self.coupled[block].clone();
+                for first in range.clone().step_by(4) {
+                    match range.end - first {
+                        1 => self.eliminate_rows::<N, 1>(rows, first, offsets, &mut after),
+                        2 => self.eliminate_rows::<N, 2>(rows, first, offsets, &mut after),
+                        3 => self.eliminate_rows::<N, 3>(rows, first, offsets, &mut after),
+                        _ => self.eliminate_rows::<N, 4>(rows, first, offsets, &mut after),
+                    }
+                }
+            }
+            let mut lengths = [before, after];
+            let mut short = [R::Mask::splat(false); N];
+            let mut any = short[0];
+            for n in 0..N {
+                short[n] = after[n].lt(before[n] * R::of(reprojection_threshold::<R>()));
+                any = any.or(short[n]);
+            }
+            if any.any() {
+                self.repeat_elimination(rows, mass, offsets, &mut lengths, short);
+            }
+            lengths
+        })
     }
 
     /// Projects the rows in `column` a second time, in the lanes `short` in which little of them remained after the first projection.
@@ -166,92 +150,89 @@ impl<R: Real> RowBuilder<R> {
         rows: &Problem<R>,
         mass: &MassMatrix<R>,
         offsets: &mut [[R; 2]; N],
-        lengths: &mut SquaredLengths<R, N>,
+        lengths: &mut [[R; N]; 2],
         short: [R::Mask; N],
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let rounding = R::of(ROUNDING_RATIO / MIN_REMAINING_LENGTH);
-                let Self { column, coupled, projections, removed_scales, velocity_scales, dofs, .. } = self;
-                for &d in &*dofs {
-                    removed_scales[d as usize] = zero();
-                }
-                let mut speed = [[R::zero(); 2]; N];
-                for k in coupled.iter().flat_map(Range::clone) {
-                    let (row, coefficient) = (&rows.scalars[k], projections[k]);
-                    let (dofs, entries) = rows.scalars.entries(row);
-                    let mut product = [R::zero(); N];
-                    for (&d, &y) in dofs.iter().zip(entries) {
-                        let (x, weight) = (&column[d as usize], mass.sqrt_inv_d[d as usize]);
-                        for n in 0..N {
-                            product[n] += x[n] * weight * y;
-                        }
-                    }
+        kernel!(R, || {
+            let rounding = R::of(ROUNDING_RATIO / MIN_REMAINING_LENGTH);
+            let Self { column, coupled, projections, removed_scales, velocity_scales, dofs, .. } = self;
+            for &d in &*dofs {
+                removed_scales[d as usize] = zero();
+            }
+            let mut speed = [[R::zero(); 2]; N];
+            for k in coupled.iter().flat_map(Range::clone) {
+                let (row, coefficient) = (&rows.scalars[k], projections[k]);
+                let (dofs, entries) = rows.scalars.entries(row);
+                let mut product = [R::zero(); N];
+                for (&d, &y) in dofs.iter().zip(entries) {
+                    let (x, weight) = (&column[d as usize], mass.sqrt_inv_d[d as usize]);
                     for n in 0..N {
-                        product[n] = R::select(short[n], row.projection(product[n]), R::zero());
-                        let g = [row.g, row.position_g];
-                        offsets[n] = sub(offsets[n], scale(g, product[n]));
-                        let other = coefficient[n].square() * velocity_scales[k];
-                        for (speed, g) in speed[n].iter_mut().zip(g) {
-                            *speed += (coefficient[n] * g).square() + other;
-                        }
-                    }
-                    for (&d, &y) in dofs.iter().zip(entries) {
-                        let (x, scale, y) = (&mut column[d as usize], &mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
-                        for n in 0..N {
-                            let repeated = product[n] * y;
-                            x[n] = R::select(short[n], x[n] - repeated, x[n]);
-                            scale[n] += (coefficient[n] * y).square() + repeated.square() * rounding;
-                        }
-                    }
-                }
-                // Rounding error that the coefficient transfers to entries that have no other terms.
-                for k in coupled.iter().flat_map(Range::clone) {
-                    let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
-                    let (dofs, entries) = rows.scalars.entries(row);
-                    let mut square = [R::zero(); N];
-                    for (&d, &y) in dofs.iter().zip(entries) {
-                        let (x, taken, y) = (&column[d as usize], &removed_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
-                        for n in 0..N {
-                            square[n] += (x[n].square() + taken[n]) * y.square();
-                        }
-                    }
-                    for n in 0..N {
-                        coefficient[n] = row.projection(square[n].sqrt());
-                    }
-                }
-                for k in coupled.iter().flat_map(Range::clone) {
-                    let coefficient = projections[k];
-                    let (dofs, entries) = rows.scalars.entries(&rows.scalars[k]);
-                    for (&d, &y) in dofs.iter().zip(entries) {
-                        let (scale, y) = (&mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
-                        for n in 0..N {
-                            scale[n] += (coefficient[n] * y).square();
-                        }
+                        product[n] += x[n] * weight * y;
                     }
                 }
                 for n in 0..N {
-                    let (mut after, mut independent) = (R::zero(), R::Mask::splat(false));
-                    for &d in &*dofs {
-                        let (x, scale) = (column[d as usize][n], removed_scales[d as usize][n]);
-                        after += (x * mass.sqrt_inv_d[d as usize]).square();
-                        independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
-                    }
-                    let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
-                    let depends = short[n].and(lengths.after[n].lt(lengths.before[n] * R::of(threshold))).and_not(independent);
-                    for &d in &*dofs {
-                        let x = &mut column[d as usize][n];
-                        *x = R::select(depends, R::zero(), *x);
-                    }
-                    lengths.after[n] = R::select(short[n], R::select(depends, R::zero(), after), lengths.after[n]);
-                    for (g, speed) in offsets[n].iter_mut().zip(speed[n]) {
-                        let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
-                        *g = R::select(none, R::zero(), *g);
+                    product[n] = R::select(short[n], row.projection(product[n]), R::zero());
+                    let g = [row.g, row.position_g];
+                    offsets[n] = sub(offsets[n], scale(g, product[n]));
+                    let other = coefficient[n].square() * velocity_scales[k];
+                    for (speed, g) in speed[n].iter_mut().zip(g) {
+                        *speed += (coefficient[n] * g).square() + other;
                     }
                 }
-            },
-        )
+                for (&d, &y) in dofs.iter().zip(entries) {
+                    let (x, scale, y) = (&mut column[d as usize], &mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                    for n in 0..N {
+                        let repeated = product[n] * y;
+                        x[n] = R::select(short[n], x[n] - repeated, x[n]);
+                        scale[n] += (coefficient[n] * y).square() + repeated.square() * rounding;
+                    }
+                }
+            }
+            // Rounding error that the coefficient transfers to entries that have no other terms.
+            for k in coupled.iter().flat_map(Range::clone) {
+                let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
+                let (dofs, entries) = rows.scalars.entries(row);
+                let mut square = [R::zero(); N];
+                for (&d, &y) in dofs.iter().zip(entries) {
+                    let (x, taken, y) = (&column[d as usize], &removed_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
+                    for n in 0..N {
+                        square[n] += (x[n].square() + taken[n]) * y.square();
+                    }
+                }
+                for n in 0..N {
+                    coefficient[n] = row.projection(square[n].sqrt());
+                }
+            }
+            for k in coupled.iter().flat_map(Range::clone) {
+                let coefficient = projections[k];
+                let (dofs, entries) = rows.scalars.entries(&rows.scalars[k]);
+                for (&d, &y) in dofs.iter().zip(entries) {
+                    let (scale, y) = (&mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                    for n in 0..N {
+                        scale[n] += (coefficient[n] * y).square();
+                    }
+                }
+            }
+            for n in 0..N {
+                let (mut after, mut independent) = (R::zero(), R::Mask::splat(false));
+                for &d in &*dofs {
+                    let (x, scale) = (column[d as usize][n], removed_scales[d as usize][n]);
+                    after += (x * mass.sqrt_inv_d[d as usize]).square();
+                    independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
+                }
+                let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
+                let depends = short[n].and(lengths[1][n].lt(lengths[0][n] * R::of(threshold))).and_not(independent);
+                for &d in &*dofs {
+                    let x = &mut column[d as usize][n];
+                    *x = R::select(depends, R::zero(), *x);
+                }
+                lengths[1][n] = R::select(short[n], R::select(depends, R::zero(), after), lengths[1][n]);
+                for (g, speed) in offsets[n].iter_mut().zip(speed[n]) {
+                    let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
+                    *g = R::select(none, R::zero(), *g);
+                }
+            }
+        })
     }
 
     /// Updates the scales of the first component of `column` after an elimination: adds the scales of the terms that were subtracted. The
@@ -371,23 +352,6 @@ impl<R: Real> RowBuilder<R> {
 /// which it is coupled.
 fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
-}
-
-/// Squared lengths of rows before and after the elimination of equalities, in the metric of G, 1/kg.
-#[derive(Clone, Copy)]
-pub(crate) struct SquaredLengths<R, const N: usize> {
-    /// Squared length of each row before the elimination.
-    pub(crate) before: [R; N],
-    /// Squared length of each row after the elimination.
-    pub(crate) after: [R; N],
-}
-
-impl<R: Real, const N: usize> SquaredLengths<R, N> {
-    /// Sum of the squared lengths (trace of G) before the elimination, divided by the sum after it; see [`trace_ratio`].
-    #[inline(always)]
-    pub(crate) fn trace_ratio(self) -> R {
-        trace_ratio(&self.before, &self.after)
-    }
 }
 
 /// Trace(G) before the elimination of equalities, divided by trace(G) after it, from the squared lengths of the rows.

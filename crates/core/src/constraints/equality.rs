@@ -13,17 +13,17 @@
 //! moving loop keeps its energy. Without kappa every step would remove the energy (h kappa)^2 / 2 G, where G is the row's entry of the
 //! Delassus matrix.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 
 use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
-use crate::constraints::assembler::{Assembler, AssemblyInput};
-use crate::constraints::elimination::trace_ratio;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
+use crate::constraints::rows::{RowLaw, unbounded};
+use crate::constraints::target_velocities::stabilized;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
-use crate::options::{Stabilization, StepSettings};
+use crate::options::Stabilization;
 use crate::tuning::{CORRECTION_ARM, DAMPING, NEGLIGIBLE_ERROR};
 
 /// Jacobian and error of an equality, before its rows are added to the problem. It has three rows, or one row in the first component.
@@ -39,11 +39,11 @@ pub(crate) struct EqualityJacobian<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Sets the row builder's `dofs` to the degrees of freedom on which the equality acts.
+    /// Sets the row builder's `dofs` to the degrees of freedom `dofs`, ascending.
     #[inline(always)]
-    pub(crate) fn use_own_dofs(&mut self, equality: &CompiledEquality<R::Scalar>) {
+    pub(crate) fn use_dofs(&mut self, dofs: &[u32]) {
         self.dofs.clear();
-        self.dofs.extend_from_slice(&equality.dofs);
+        self.dofs.extend_from_slice(dofs);
     }
 
     /// Sets the row builder's `dofs` to the degrees of freedom of the equality's block. Sets `column` to zero at those on which the
@@ -57,8 +57,7 @@ impl<R: Real> RowBuilder<R> {
                 self.scales[d as usize] = zero();
             }
         }
-        self.dofs.clear();
-        self.dofs.extend_from_slice(&block.dofs);
+        self.use_dofs(&block.dofs);
     }
 
     /// Computes, into `column`, the Jacobian of two points that must coincide. The error is p0 - p1 (MuJoCo's `mjEQ_CONNECT`).
@@ -70,12 +69,12 @@ impl<R: Real> RowBuilder<R> {
     #[inline(always)]
     pub(crate) fn connect_points(
         &mut self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         frames: [usize; 2],
         anchors: [[R::Scalar; 3]; 2],
         relative: bool,
     ) -> EqualityJacobian<R> {
-        let RowInput { compiled, kinematics, .. } = input;
+        let RowInput { compiled, kinematics, .. } = *input;
         let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
         let mut size = R::zero();
         for &d in &self.dofs {
@@ -107,8 +106,8 @@ impl<R: Real> RowBuilder<R> {
     /// The error is the rotation vector from the second to the first orientation in world axes, times `weight` (m/rad). MuJoCo's
     /// `mjEQ_WELD` uses the sine of half its length; both are zero at the same configurations.
     #[inline(always)]
-    fn align(&mut self, input: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> EqualityJacobian<R> {
-        let RowInput { compiled, kinematics, .. } = input;
+    fn align(&mut self, input: &RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> EqualityJacobian<R> {
+        let RowInput { compiled, kinematics, .. } = *input;
         let mut size = R::zero();
         for &d in &self.dofs {
             let d = d as usize;
@@ -136,26 +135,25 @@ impl<R: Real> RowBuilder<R> {
     #[inline(always)]
     pub(crate) fn couple_joints(
         &mut self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         first: &Combination<R::Scalar>,
         second: Option<&Combination<R::Scalar>>,
         c: [R; 5],
     ) -> EqualityJacobian<R> {
-        let assembly = input.assembly;
         for &d in &self.dofs {
             self.column[d as usize] = zero();
             self.scales[d as usize] = zero();
         }
         let mut size = self.add_terms(input, first, R::one());
         self.add_term_scales(first, R::one());
-        let (mut error, mut kappa) = (first.value(assembly.q) - R::splat(first.reference) - c[0], R::zero());
+        let (mut error, mut kappa) = (first.value(input.q) - R::splat(first.reference) - c[0], R::zero());
         if let Some(second) = second {
-            let x = second.value(assembly.q) - R::splat(second.reference);
+            let x = second.value(input.q) - R::splat(second.reference);
             let of = |k: f64| R::of(k);
             let slope = c[1] + x * (of(2.0) * c[2] + x * (of(3.0) * c[3] + x * (of(4.0) * c[4])));
             let bend = of(2.0) * c[2] + x * (of(6.0) * c[3] + x * (of(12.0) * c[4]));
             error -= x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])));
-            kappa = -(bend * second.rate(assembly.v).square());
+            kappa = -(bend * second.rate(input.v).square());
             size += self.add_terms(input, second, -slope);
             self.add_term_scales(second, slope);
         }
@@ -165,7 +163,7 @@ impl<R: Real> RowBuilder<R> {
     /// Adds the Jacobian of a linear combination of joints, times `factor`, to the first row in `column`. Returns the squared length of the
     /// added terms.
     #[inline(always)]
-    pub(crate) fn add_terms(&mut self, input: RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
+    pub(crate) fn add_terms(&mut self, input: &RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
         for &(_, dof, coefficient) in &combination.terms {
             let x = R::splat(coefficient) * factor;
@@ -230,23 +228,20 @@ impl<R: Real> RowBuilder<R> {
 impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of equalities, block by block. If `eliminated` is true, it adds the blocks of eliminated equalities, otherwise all
     /// others.
-    pub(crate) fn add_equalities(&mut self, input: RowInput<'_, R>, eliminated: bool) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
-                    if !self.problem.active_equalities.has_rows(k) {
-                        block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
-                        continue;
-                    }
-                    // The test for nearly dependent rows needs the scales of their entries, which cost as much as the rows. A block
-                    // computes the scales from the first step on in which it needs them. The rows are the same with and without scales.
-                    while !self.add_block(input, block, self.builder.needs_scales[k]) {
-                        self.builder.needs_scales[k] = true;
-                    }
+    pub(crate) fn add_equalities(&mut self, input: &RowInput<'_, R>, eliminated: bool) {
+        kernel!(R, || {
+            for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
+                if !self.problem.active_equalities.has_rows(k) {
+                    block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
+                    continue;
                 }
-            },
-        )
+                // The test for nearly dependent rows needs the scales of their entries, which cost as much as the rows. A block
+                // computes the scales from the first step on in which it needs them. The rows are the same with and without scales.
+                while !self.add_block(input, block, self.builder.needs_scales[k]) {
+                    self.builder.needs_scales[k] = true;
+                }
+            }
+        })
     }
 
     /// Adds the rows of a block of equalities.
@@ -254,7 +249,7 @@ impl<R: Real> Assembler<'_, R> {
     /// With `with_scales`, the scales of the entries are computed too. The result is false, and nothing is added, if the test for dependent
     /// rows needs them but `with_scales` is false.
     #[inline(always)]
-    fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
+    fn add_block(&mut self, input: &RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
         let start = self.problem.rows.scalars.len();
         self.builder.sizes.clear();
         self.builder.entry_scales.clear();
@@ -268,7 +263,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         // The largest position correction of the block, as a distance, adds compliance to all its rows. A long correction rotates the other
         // rows. The linearised solve neglects that, and would miss their targets at the end of the step.
-        let displacement = self.builder.velocity_terms.iter().fold(R::zero(), |most, terms| most.max(terms[2].abs())) * input.assembly.h;
+        let displacement = self.builder.velocity_terms.iter().fold(R::zero(), |most, terms| most.max(terms[2].abs())) * input.h;
         let split = input.options.stabilization == Stabilization::Split;
         let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
         let entries = EntryScales { squares: &mut self.builder.entry_scales, coefficients: &mut self.builder.coefficient_scales };
@@ -287,7 +282,7 @@ impl<R: Real> Assembler<'_, R> {
             },
         );
         if decided {
-            self.set_equality_offsets(input.options, start, scales);
+            self.set_equality_offsets(input, start, scales);
         } else {
             self.problem.rows.scalars.truncate(start);
             self.velocity.impulses.scalars.truncate(start);
@@ -304,7 +299,7 @@ impl<R: Real> Assembler<'_, R> {
     /// energy, even where a loop straightens and its curvature is unbounded. For a dependent row, an offset above the rounding error of its
     /// velocity remains, so that the residual contains it. `scales` is the index of the first row's velocity scale.
     #[inline(always)]
-    fn set_equality_offsets(&mut self, options: &StepSettings, start: usize, scales: usize) {
+    fn set_equality_offsets(&mut self, input: &RowInput<'_, R>, start: usize, scales: usize) {
         let rounding = R::of(velocity_rounding::<R>().powi(2));
         for (k, &[curve, before, correction]) in self.builder.velocity_terms.iter().enumerate() {
             let row = &mut self.problem.rows.scalars[start + k];
@@ -312,13 +307,7 @@ impl<R: Real> Assembler<'_, R> {
             let uncorrected = row.g + curve.clamp(-most, most);
             let none = row.immovable().and(uncorrected.square().le(rounding * self.builder.velocity_scales[scales + k]));
             let uncorrected = R::select(none, R::zero(), uncorrected);
-            let corrected = uncorrected + correction;
-            let (velocity, position) = match options.stabilization {
-                Stabilization::Baumgarte => (corrected, uncorrected),
-                Stabilization::None => (uncorrected, uncorrected),
-                Stabilization::Split => (uncorrected, corrected),
-            };
-            (row.g, row.position_g) = (velocity, position);
+            [row.g, row.position_g] = stabilized(input, uncorrected, uncorrected + correction);
             let lambda = &mut self.velocity.impulses.scalars[start + k];
             *lambda = R::select(row.active, *lambda, R::zero());
         }
@@ -327,24 +316,23 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     fn add_equality(
         &mut self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         block: &EqualityBlock<R::Scalar>,
         equality: &CompiledEquality<R::Scalar>,
         with_scales: bool,
     ) {
+        self.builder.use_dofs(&equality.dofs);
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
-                self.builder.use_own_dofs(equality);
                 let rows = self.builder.connect_points(input, *frames, *anchors, true);
                 self.push_rows::<3>(input, block, equality, 0, &rows, with_scales);
                 if let Some((mats, weight)) = turn {
-                    self.builder.use_own_dofs(equality);
+                    self.builder.use_dofs(&equality.dofs);
                     let rows = self.builder.align(input, *frames, mats, R::splat(*weight));
                     self.push_rows::<3>(input, block, equality, 3, &rows, with_scales);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
-                self.builder.use_own_dofs(equality);
                 let rows = self.builder.couple_joints(input, first, second.as_ref(), splat(*polynomial));
                 self.push_rows::<1>(input, block, equality, 0, &rows, with_scales);
             }
@@ -355,16 +343,16 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     fn push_rows<const N: usize>(
         &mut self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         block: &EqualityBlock<R::Scalar>,
         equality: &CompiledEquality<R::Scalar>,
         first: usize,
         rows: &EqualityJacobian<R>,
         with_scales: bool,
     ) {
-        let AssemblyInput { v_free, v, h, .. } = *input.assembly;
+        let RowInput { v_free, v, h, .. } = *input;
         let acts = self.problem.active_equalities.lanes(equality);
-        let alive = input.assembly.alive.and(acts);
+        let alive = input.alive.and(acts);
         let (mut free, mut before, mut speed) = ([R::zero(); 3], [R::zero(); 3], [R::zero(); 3]);
         for &d in &self.builder.dofs {
             let d = d as usize;
@@ -382,14 +370,14 @@ impl<R: Real> Assembler<'_, R> {
         } else {
             self.builder.couple(self.problem, input.compiled);
         }
-        let correction = self.correct(input, rows, h, alive);
-        let mut laws = [RowLaw { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
+        let correction = self.correct(input, rows, alive);
+        let mut laws = [RowLaw { g: [R::zero(); 2], compliance: None, active: alive, bounds: unbounded() }; N];
         let mut g = [[R::zero(); 2]; N];
         for k in 0..N {
             laws[k].g = [free[k]; 2];
             if let Some(spring) = &equality.spring {
                 let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.builder.gram(input.mass, k));
-                laws[k] = spring_law(input.assembly, spring, SpringRow { error, before, free, gram, taut: alive });
+                laws[k] = spring_law(input, spring, SpringRow { error, before, free, gram, taut: alive });
                 laws[k].active = laws[k].active.and(acts);
             }
             g[k] = laws[k].g;
@@ -397,17 +385,15 @@ impl<R: Real> Assembler<'_, R> {
         let lengths = self.builder.eliminate(&self.problem.rows, input.mass, &mut g);
         let mut mobility = R::zero();
         for k in 0..N {
-            mobility += match &lengths {
-                Some(lengths) => lengths.before[k],
+            mobility += match lengths {
+                Some([before, _]) => before[k],
                 None => self.builder.gram(input.mass, k),
             };
         }
         mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
         for k in 0..N {
-            self.push_row(input.mass, k, equality.impulse_index + first + k, &RowLaw { g: g[k], ..laws[k] });
-            if let Some(lengths) = &lengths {
-                self.set_trace_ratio(laws[k].compliance, lengths.before[k], lengths.after[k]);
-            }
+            let lengths = lengths.map(|[before, after]| [before[k], after[k]]);
+            self.push_row(input.mass, [k, equality.impulse_index + first + k], R::one(), &RowLaw { g: g[k], ..laws[k] }, lengths);
             self.problem.rows.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
                 self.problem.rows.scalars.set_position_offset(g[k][1]);
@@ -433,83 +419,17 @@ impl<R: Real> Assembler<'_, R> {
 
     /// Position correction of an equality as biases of its rows, m/s. It is a rate times the position error, with a bounded speed.
     #[inline(always)]
-    fn correct(&mut self, input: RowInput<'_, R>, rows: &EqualityJacobian<R>, h: R, alive: R::Mask) -> V3<R> {
-        let options = input.options;
-        let middle = if input.assembly.in_the_middle { 0.125 } else { 0.0 };
+    fn correct(&mut self, input: &RowInput<'_, R>, rows: &EqualityJacobian<R>, alive: R::Mask) -> V3<R> {
+        let RowInput { options, h, .. } = *input;
+        let middle = if input.in_the_middle { 0.125 } else { 0.0 };
         let error = sub(rows.error, scale(rows.kappa, h * h * R::of(middle)));
         let length = norm(error);
         let wrong = length.gt(R::of(NEGLIGIBLE_ERROR));
-        match options.stabilization {
-            Stabilization::Split => self.problem.needs_position_solve = self.problem.needs_position_solve.or(alive.and(wrong)),
-            Stabilization::Baumgarte => self.problem.biased = self.problem.biased.or(alive.and(wrong)),
-            Stabilization::None => {}
-        }
+        self.note_corrections(input, alive.and(wrong));
         let most = R::of(options.max_correction_speed) / R::select(wrong, length, R::one());
         let rate = R::of(options.baumgarte) / h;
         scale(error, R::select(wrong, rate.min(most), rate))
     }
-
-    /// Adds the row in the first component of `column` to the problem as a scalar row, after hard equalities are eliminated from it.
-    #[inline(always)]
-    pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, impulse_index: usize, law: RowLaw<R>) {
-        let mut g = [law.g];
-        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut g);
-        self.push_row(mass, 0, impulse_index, &RowLaw { g: g[0], ..law });
-        if let Some(lengths) = lengths {
-            self.set_trace_ratio(law.compliance, lengths.before[0], lengths.after[0]);
-        }
-        self.problem.rows.scalars.set_position_offset(g[0][1]);
-    }
-
-    /// Sets the factor by which the residual of the last added row is scaled. `whole` and `rest` are its squared lengths before and after
-    /// the elimination of equalities.
-    #[inline(always)]
-    fn set_trace_ratio(&mut self, compliance: R, whole: R, rest: R) {
-        self.problem.rows.scalars.set_trace_ratio(trace_ratio(&[whole, compliance], &[rest, compliance]));
-    }
-
-    /// Appends the row in component `k` of `column` to the problem as a scalar row.
-    #[inline(always)]
-    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, impulse_index: usize, law: &RowLaw<R>) {
-        let column = &self.builder.column;
-        self.problem.rows.scalars.push(
-            &self.builder.dofs,
-            #[inline(always)]
-            |d| column[d][k] * mass.sqrt_inv_d[d],
-            R::one(),
-            law.active,
-            law.g[0],
-            law.bounds,
-        );
-        self.problem.rows.scalars.set_compliance(law.compliance);
-        self.warm_start(impulse_index, law.active);
-        self.problem.impulse_indices.push(impulse_index);
-        self.problem.constrained = self.problem.constrained.or(law.active);
-    }
-}
-
-/// Law of a scalar row: offset, compliance, lanes, and bounds of its impulse.
-#[derive(Clone, Copy)]
-pub(crate) struct RowLaw<R: Real> {
-    /// Offset g of the row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
-    pub(crate) g: [R; 2],
-    pub(crate) compliance: R,
-    pub(crate) active: R::Mask,
-    /// Lowest and highest impulse, N s.
-    pub(crate) bounds: [R; 2],
-}
-
-/// Bounds of an impulse that is unbounded: minus and plus infinity.
-#[inline(always)]
-fn free_bounds<R: Real>() -> [R; 2] {
-    [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
-}
-
-/// Law of the row of a limit. `free` is the row's velocity without constraints, and the array has its biases in the velocity and position
-/// solves, m/s.
-#[inline(always)]
-pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> RowLaw<R> {
-    RowLaw { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
 }
 
 /// Inputs of the row of a spring: position error, velocity before the step, velocity without constraints, and diagonal entry of G.
@@ -538,8 +458,8 @@ pub(crate) struct SpringRow<R: Real> {
 /// The midpoint rule does not damp oscillations that are too fast for the step. Stiff springs therefore change over to Euler's rule by s =
 /// z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps the second order.
 #[inline(always)]
-pub(crate) fn spring_law<R: Real>(assembly: &AssemblyInput<'_, R>, spring: &Spring<R::Scalar>, row: SpringRow<R>) -> RowLaw<R> {
-    let AssemblyInput { h, alive, in_the_middle, .. } = *assembly;
+pub(crate) fn spring_law<R: Real>(input: &RowInput<'_, R>, spring: &Spring<R::Scalar>, row: SpringRow<R>) -> RowLaw<R> {
+    let RowInput { h, alive, in_the_middle, .. } = *input;
     let k = R::select(row.taut, R::splat(spring.stiffness) * h, R::zero());
     let (d, a) = (R::splat(spring.damping) * h, R::splat(spring.inertia));
     let (quarter, half) = (h * k * R::of(0.25), d * R::of(0.5));
@@ -553,7 +473,7 @@ pub(crate) fn spring_law<R: Real>(assembly: &AssemblyInput<'_, R>, spring: &Spri
     let p = k * row.error + ((half - quarter) * early - a) * row.before;
     let active = alive.and(q.gt(R::zero()));
     let compliance = R::one() / R::select(active, q, R::one());
-    RowLaw { g: [row.free + p * compliance; 2], compliance, active, bounds: free_bounds() }
+    RowLaw { g: [row.free + p * compliance; 2], compliance: Some(compliance), active, bounds: unbounded() }
 }
 
 /// Whether the degree of freedom `dof` moves the frame `frame`.
@@ -564,13 +484,13 @@ pub(crate) fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: 
 
 /// Acceleration of the point `p` of a frame if no joint accelerates, world axes, m/s^2; zero for the world and for mocap bodies.
 #[inline(always)]
-fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
-    let RowInput { compiled, kinematics, assembly, .. } = input;
+fn acceleration<R: Real>(input: &RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
+    let RowInput { compiled, kinematics, .. } = *input;
     if frame == 0 || frame > compiled.links.len() {
         return zero();
     }
     let l = frame - 1;
-    let (velocity, change) = (&assembly.motion.velocity[l], &assembly.motion.acceleration[l]);
+    let (velocity, change) = (&input.motion.velocity[l], &input.motion.acceleration[l]);
     let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
     // The recursion represents gravity as an upward acceleration of the world. Adding gravity removes it.
     let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
@@ -579,6 +499,6 @@ fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R
 
 /// Angular acceleration of a frame if no joint accelerates, world axes, rad/s^2.
 #[inline(always)]
-pub(crate) fn angular_acceleration<R: Real>(input: RowInput<'_, R>, frame: usize) -> V3<R> {
-    if frame == 0 || frame > input.compiled.links.len() { zero() } else { angular(&input.assembly.motion.acceleration[frame - 1]) }
+pub(crate) fn angular_acceleration<R: Real>(input: &RowInput<'_, R>, frame: usize) -> V3<R> {
+    if frame == 0 || frame > input.compiled.links.len() { zero() } else { angular(&input.motion.acceleration[frame - 1]) }
 }

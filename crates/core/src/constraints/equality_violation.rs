@@ -1,6 +1,6 @@
 //! Position errors of equality constraints, which show how well closed loops stay closed.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::compile::{Combination, CompiledEquality, EqualityRows, LaneModel};
 use crate::constraints::active_equalities::ActiveEqualities;
@@ -28,24 +28,21 @@ pub(crate) fn max_equality_violation<R: Real>(
     if compiled.equalities.is_empty() {
         return R::zero();
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut largest = R::zero();
-            for (k, block) in compiled.equalities.iter().enumerate() {
-                if !active.has_rows(k) {
-                    continue;
-                }
-                for equality in &block.equalities {
-                    if equality.spring.is_none() || compiled.softness.is_some() {
-                        let error = violation(compiled, equality, q, mocap, R::of(elapsed));
-                        largest = R::select(active.lanes(equality), largest.max(error), largest);
-                    }
+    kernel!(R, || {
+        let mut largest = R::zero();
+        for (k, block) in compiled.equalities.iter().enumerate() {
+            if !active.has_rows(k) {
+                continue;
+            }
+            for equality in &block.equalities {
+                if equality.spring.is_none() || compiled.softness.is_some() {
+                    let error = violation(compiled, equality, q, mocap, R::of(elapsed));
+                    largest = R::select(active.lanes(equality), largest.max(error), largest);
                 }
             }
-            largest
-        },
-    )
+        }
+        largest
+    })
 }
 
 /// Position error of one equality at the configuration `q`, m or rad.

@@ -12,18 +12,25 @@ use crate::compile::ModelStructure;
 pub(crate) struct Islands {
     /// For each tree, another tree of its island with a smaller index, or the tree itself if it is the root of its island.
     above: Vec<u32>,
-    /// Maximum of the values of each island, at the index of its root.
-    most: Vec<f64>,
-    /// Both sums of penalties of each island, at the index of its root.
-    penalties: Vec<[f64; 2]>,
-    /// Whether each island is excluded from penalties, at the index of its root.
-    exempt: Vec<bool>,
+    /// Values of each island, at the index of its root.
+    islands: Vec<Island>,
+}
+
+/// Values of an island.
+#[derive(Clone, Copy, Debug, Default)]
+struct Island {
+    /// Maximum of the values that the caller supplied.
+    most: f64,
+    /// Both sums of penalties.
+    penalties: [f64; 2],
+    /// Whether the island is excluded from penalties.
+    exempt: bool,
 }
 
 impl Islands {
     /// Workspace for a model with `trees` kinematic trees.
     pub(crate) fn new(trees: usize) -> Self {
-        Self { above: vec![0; trees], most: vec![0.0; trees], penalties: vec![[0.0; 2]; trees], exempt: vec![false; trees] }
+        Self { above: vec![0; trees], islands: vec![Island::default(); trees] }
     }
 
     /// Finds the islands of lane `lane`: trees that an active row connects are in the same island.
@@ -31,9 +38,7 @@ impl Islands {
         for (tree, above) in self.above.iter_mut().enumerate() {
             *above = tree as u32;
         }
-        self.most.fill(0.0);
-        self.penalties.fill([0.0; 2]);
-        self.exempt.fill(false);
+        self.islands.fill(Island::default());
         system.for_each_column_set(lane, |dofs| {
             let mut first = None;
             for d in dofs {
@@ -52,40 +57,37 @@ impl Islands {
 
     /// Updates the maximum of the island of `tree` with the value `x`; NaN counts as infinite.
     pub(crate) fn raise_max(&mut self, tree: usize, x: f64) {
-        let root = self.root(tree);
-        self.most[root] = if x <= self.most[root] {
-            self.most[root]
-        } else if x.is_nan() {
-            f64::INFINITY
-        } else {
-            x
-        };
+        let most = &mut self.island(tree).most;
+        *most = if x.is_nan() { f64::INFINITY } else { most.max(x) };
     }
 
     /// Maximum of the values that [`Islands::raise_max`] received for the island of `tree`.
     pub(crate) fn max_of(&mut self, tree: usize) -> f64 {
-        let root = self.root(tree);
-        self.most[root]
+        self.island(tree).most
     }
 
     /// Adds a penalty to sum number `which` of the islands of two trees. If both trees are in the same island, it is added once.
     pub(crate) fn add_penalty(&mut self, trees: [Option<usize>; 2], which: usize, penalty: f64) {
         let [a, b] = trees.map(|tree| tree.map(|tree| self.root(tree)));
         for root in [a, if a == b { None } else { b }].into_iter().flatten() {
-            self.penalties[root][which] += penalty;
+            self.islands[root].penalties[which] += penalty;
         }
     }
 
     /// Excludes the island of `tree` from penalties, so that [`Islands::penalties`] returns `None`.
     pub(crate) fn exempt(&mut self, tree: usize) {
-        let root = self.root(tree);
-        self.exempt[root] = true;
+        self.island(tree).exempt = true;
     }
 
     /// Both sums of penalties of the island of `tree`; `None` if the island is excluded.
     pub(crate) fn penalties(&mut self, tree: usize) -> Option<[f64; 2]> {
+        let Island { penalties, exempt, .. } = *self.island(tree);
+        (!exempt).then_some(penalties)
+    }
+
+    fn island(&mut self, tree: usize) -> &mut Island {
         let root = self.root(tree);
-        (!self.exempt[root]).then_some(self.penalties[root])
+        &mut self.islands[root]
     }
 
     fn root(&mut self, mut tree: usize) -> usize {

@@ -6,9 +6,9 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
+use crate::constraints::assembler::RowInput;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
 use crate::dynamics::inertia::{MassMatrix, is_above};
 use crate::math::spatial::*;
 
@@ -145,8 +145,8 @@ impl<R: Real> RowBuilder<R> {
     /// the velocity before the step along the normal, with zeros for the tangents. Both include the motion of the surfaces themselves
     /// (conveyor belts).
     #[inline(always)]
-    pub(crate) fn contact_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
-        let RowInput { compiled, kinematics, assembly, .. } = input;
+    pub(crate) fn contact_columns(&mut self, input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
+        let RowInput { compiled, kinematics, .. } = *input;
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -166,8 +166,8 @@ impl<R: Real> RowBuilder<R> {
             // Adding zero converts -0 to 0, so that the bits of a lane do not depend on the contacts of other lanes.
             let j =
                 [dot(axes[0], motion) * sign + R::zero(), dot(axes[1], motion) * sign + R::zero(), dot(axes[2], motion) * sign + R::zero()];
-            free = add_scaled(free, j, assembly.v_free[d]);
-            before += j[0] * assembly.v[d];
+            free = add_scaled(free, j, input.v_free[d]);
+            before += j[0] * input.v[d];
             self.column[d] = j;
         }
         [free, [before, R::zero(), R::zero()]]

@@ -21,7 +21,6 @@ pub mod position_solution;
 pub mod redundant_supports;
 pub mod restitution;
 pub(crate) mod row_builder;
-pub(crate) mod row_input;
 pub mod rows;
 pub mod soft;
 pub(crate) mod solved_overlaps;

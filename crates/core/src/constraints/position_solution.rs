@@ -1,6 +1,6 @@
 //! Solution of the position problem: results of stages 7 (integration of positions) and 8 (position correction).
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 use stepper_solve::{PositionRows, Reference};
 
 use crate::collision::contact_set::Contacts;
@@ -67,9 +67,6 @@ impl<R: Real> PositionSolution<R> {
 
     /// Copies the rows of the constraint problem as rows of the position solve.
     pub fn copy_rows(&mut self, problem: &ConstraintProblem<R>) {
-        R::vectorize(
-            #[inline(always)]
-            || self.rows.copy(&problem.rows),
-        )
+        kernel!(R, || self.rows.copy(&problem.rows))
     }
 }

@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Iterate, Problem};
 
 use crate::collision::contact_set::Contacts;
@@ -188,14 +188,11 @@ impl<R: Real> ContactGroups<R> {
         }
         let (contacts, velocities) = (&assembled.rows.contacts, &mut self.velocities);
         velocities.clear();
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for contact in contacts.iter() {
-                    velocities.push(contacts.velocity(contact, &iterate.w));
-                }
-            },
-        );
+        kernel!(R, || {
+            for contact in contacts.iter() {
+                velocities.push(contacts.velocity(contact, &iterate.w));
+            }
+        });
         let (all, mut slipping) = (lanes.bits(), 0);
         let Self { groups, slots, velocities, .. } = self;
         for group in groups.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
@@ -223,10 +220,7 @@ impl<R: Real> ContactGroups<R> {
             start = end;
         }
         if shared != 0 {
-            R::vectorize(
-                #[inline(always)]
-                || iterate.compute_w(&assembled.rows),
-            );
+            kernel!(R, || iterate.compute_w(&assembled.rows));
         }
         R::Mask::from_bits(shared)
     }

@@ -13,20 +13,18 @@
 //! every impulse the time `time_after`. The difference, (h - t - time_after) M^-1 J^T lambda, is added in the position solve, so that other
 //! contacts take it into account.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Iterate, PositionRows, Problem};
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::LaneModel;
-use crate::constraints::assembler::{Assembler, AssemblyInput, tunnelling_distance};
-use crate::constraints::constraint_problem::{ConstraintProblem, Impact};
+use crate::constraints::assembler::{Assembler, RowInput, tunnelling_distance};
+use crate::constraints::constraint_problem::{ConstraintProblem, Impact, shift_impacts};
 use crate::constraints::impact_time::Flight;
 use crate::constraints::position_solution::PositionSolution;
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
-use crate::options::StepSettings;
 use crate::tuning::MAX_REBOUND_SPEED_RATIO;
 
 /// Offsets g of a contact's three rows in the velocity solve and in the position solve, m/s.
@@ -35,11 +33,11 @@ type Offsets<R> = [[R; 2]; 3];
 impl<R: Real> RowBuilder<R> {
     /// Change of the velocities of the three rows in `column` from before the step to the free velocity after it, m/s.
     #[inline(always)]
-    pub(crate) fn free_change(&self, assembly: &AssemblyInput<'_, R>) -> V3<R> {
+    pub(crate) fn free_change(&self, input: &RowInput<'_, R>) -> V3<R> {
         let mut change = zero();
         for &d in &self.dofs {
             let d = d as usize;
-            change = add_scaled(change, self.column[d], assembly.v_free[d] - assembly.v[d]);
+            change = add_scaled(change, self.column[d], input.v_free[d] - input.v[d]);
         }
         change
     }
@@ -53,27 +51,24 @@ impl<R: Real> Assembler<'_, R> {
     /// closed take part in an impact: 0 <= lambda, complementary to v+ + e v- >= 0. This also holds if a contact opens at the velocity
     /// v-. A contact that is slower than the threshold before the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "one contact in many parts")]
     pub(crate) fn bounce_euler(
         &mut self,
-        compiled: &LaneModel<R>,
-        options: &StepSettings,
+        input: &RowInput<'_, R>,
         slot: &Slot<R>,
-        assembly: &AssemblyInput<'_, R>,
         exists: R::Mask,
         [free, before]: [R; 2],
         bias: R,
     ) -> (R, R::Mask) {
         let e = slot.restitution;
         let elastic = exists.and(e.gt(R::zero()));
-        if assembly.in_the_middle || !self.problem.elastic {
+        if input.in_the_middle || !self.problem.elastic {
             return (bias, exists);
         }
-        let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
+        let (h, phi, threshold) = (input.h, slot.point.distance, R::of(input.options.restitution_threshold));
         // Gaps that a slow contact and gravity can close within the step.
-        let near = phi.le(h * (threshold + h * norm(compiled.params.gravity())) + R::of(options.slop));
+        let near = phi.le(h * (threshold + h * norm(input.compiled.params.gravity())) + R::of(input.options.slop));
         let rests = before.abs().le(threshold).and(near);
-        let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
+        let closed = phi.le(R::of(input.options.slop)).or((phi + h * free).lt(R::zero()));
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
         self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces);
         self.problem.euler_rebounding = self.problem.euler_rebounding.or(bounces);
@@ -89,15 +84,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Newton's law then uses the velocity after the elimination, instead of `free`. `offset` is g of the normal row after the elimination.
     /// With the midpoint rule the function changes nothing.
     #[inline(always)]
-    pub(crate) fn bounce_euler_eliminated(
-        &mut self,
-        slot: &Slot<R>,
-        assembly: &AssemblyInput<'_, R>,
-        free: R,
-        bias: R,
-        offset: &mut R,
-    ) -> R {
-        if assembly.in_the_middle || !self.problem.elastic {
+    pub(crate) fn bounce_euler_eliminated(&mut self, slot: &Slot<R>, free: R, bias: R, offset: &mut R) -> R {
+        if self.problem.resolves_impacts || !self.problem.elastic {
             return bias;
         }
         let Some(impact) = self.problem.impacts.last_mut() else { return bias };
@@ -117,40 +105,37 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(never)]
     pub(crate) fn bounce_midpoint(
         &mut self,
-        input: RowInput<'_, R>,
+        input: &RowInput<'_, R>,
         slot: &Slot<R>,
         exists: R::Mask,
         [free, change]: [V3<R>; 2],
         bias: R,
         offsets: &mut Offsets<R>,
     ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let RowInput { compiled, options, assembly, .. } = input;
-                let e = slot.restitution;
-                let elastic = exists.and(e.gt(R::zero()));
-                if elastic.none() {
-                    let none = R::zero();
-                    self.problem.impacts.push(Impact { lanes: elastic, time_fraction: none, normal_factor: none, rebound: none });
-                    return exists;
-                }
-                let before = sub(free, change);
-                let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
-                let (gap, time_before, h) = (slot.point.distance, assembly.time_before, assembly.h);
-                let flight = Flight { gap, before: before[0], free: free_eliminated[0], time_before, h };
-                let prediction = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
-                let bounces = prediction.collides.or(prediction.separates);
-                let (time_fraction, normal_factor) = (prediction.time / assembly.h, e + R::one());
-                let at = add_scaled(before, sub(free_eliminated, before), time_fraction);
-                for (k, offset) in offsets.iter_mut().enumerate() {
-                    let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
-                    offset[0] = R::select(bounces, at_impact, offset[0]);
-                }
-                self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor, rebound: R::zero() });
-                exists.and_not(elastic).or(bounces).or(prediction.rests)
-            },
-        )
+        kernel!(R, || {
+            let RowInput { compiled, options, .. } = *input;
+            let e = slot.restitution;
+            let elastic = exists.and(e.gt(R::zero()));
+            if elastic.none() {
+                let none = R::zero();
+                self.problem.impacts.push(Impact { lanes: elastic, time_fraction: none, normal_factor: none, rebound: none });
+                return exists;
+            }
+            let before = sub(free, change);
+            let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
+            let (gap, time_before, h) = (slot.point.distance, input.time_before, input.h);
+            let flight = Flight { gap, before: before[0], free: free_eliminated[0], time_before, h };
+            let prediction = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
+            let bounces = prediction.collides.or(prediction.separates);
+            let (time_fraction, normal_factor) = (prediction.time / input.h, e + R::one());
+            let at = add_scaled(before, sub(free_eliminated, before), time_fraction);
+            for (k, offset) in offsets.iter_mut().enumerate() {
+                let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
+                offset[0] = R::select(bounces, at_impact, offset[0]);
+            }
+            self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor, rebound: R::zero() });
+            exists.and_not(elastic).or(bounces).or(prediction.rests)
+        })
     }
 
     /// Changes the `offsets` of the torsional and rolling rows of the last added contact to the offsets at the time of the contact's
@@ -166,48 +151,6 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Corrects the offsets of contacts that bounce, in the lanes `lanes`, after a velocity change that acts evenly over the step. At the
-    /// time of an impact only a part of it has acted. [`ConstraintProblem::shift`] has added the whole change to these offsets.
-    ///
-    /// `change` is the change of the velocity after the step, in the scaled coordinates of the solver.
-    #[inline(always)]
-    pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
-        let Self { rows, impacts, resolves_impacts, .. } = self;
-        if !*resolves_impacts {
-            return;
-        }
-        shift_impacts(
-            impacts,
-            lanes,
-            after_impact,
-            #[inline(always)]
-            |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
-        );
-    }
-
-    /// Corrects the offsets of contacts that bounce for a velocity change that acts before their impacts.
-    ///
-    /// `change` is the corresponding change of the velocity after the step without impacts. The function overwrites it.
-    pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
-        if !self.resolves_impacts {
-            return;
-        }
-        R::vectorize(
-            #[inline(always)]
-            || {
-                mass.scale(compiled, change);
-                let Self { rows, impacts, .. } = self;
-                shift_impacts(
-                    impacts,
-                    lanes,
-                    before_impact,
-                    #[inline(always)]
-                    |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
-                );
-            },
-        )
-    }
-
     /// Sets the coefficient of restitution to 0 for impacts at which Newton's law has no plausible solution. Returns the lanes with such an
     /// impact.
     ///
@@ -225,48 +168,38 @@ impl<R: Real> ConstraintProblem<R> {
         [energy, max_rounding]: [R; 2],
         [unsolved, all_or_none]: [R::Mask; 2],
     ) -> R::Mask {
-        R::vectorize(
-            #[inline(always)]
-            || self.make_inelastic(impulses, [energy, max_rounding], [unsolved, all_or_none]),
-        )
-    }
-
-    /// Implementation of [`ConstraintProblem::drop_restitution`] inside its kernel.
-    #[inline(always)]
-    fn make_inelastic(&mut self, impulses: &Iterate<R>, [energy, max_rounding]: [R; 2], [unsolved, all_or_none]: [R::Mask; 2]) -> R::Mask {
-        let Self { rows, impacts, euler_rebounding, deferred, resolves_impacts, .. } = self;
-        let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
-        let implausible = |rows: &Problem<R>, i: usize| {
-            R::vectorize(
-                #[inline(always)]
-                || impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding)),
-            )
-        };
-        let mut all_impacts = unsolved;
-        for (i, impact) in impacts.iter().enumerate() {
-            let lanes = elastic(impact).and(all_or_none);
-            if lanes.any() {
-                all_impacts = all_impacts.or(lanes.and(implausible(rows, i)));
+        kernel!(R, || {
+            let Self { rows, impacts, euler_rebounding, deferred, resolves_impacts, .. } = self;
+            let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
+            let implausible = |rows: &Problem<R>, i: usize| {
+                kernel!(R, || impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding)))
+            };
+            let mut all_impacts = unsolved;
+            for (i, impact) in impacts.iter().enumerate() {
+                let lanes = elastic(impact).and(all_or_none);
+                if lanes.any() {
+                    all_impacts = all_impacts.or(lanes.and(implausible(rows, i)));
+                }
             }
-        }
-        let [mut changed, mut still_elastic] = [R::Mask::splat(false); 2];
-        for (i, impact) in impacts.iter_mut().enumerate() {
-            let elastic_lanes = elastic(impact);
-            if elastic_lanes.none() {
-                continue;
+            let [mut changed, mut still_elastic] = [R::Mask::splat(false); 2];
+            for (i, impact) in impacts.iter_mut().enumerate() {
+                let elastic_lanes = elastic(impact);
+                if elastic_lanes.none() {
+                    continue;
+                }
+                let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
+                let offset = rows.normal_offset_mut(i);
+                let inelastic = if *resolves_impacts { *offset * (R::one() / impact.normal_factor) } else { *offset - impact.rebound };
+                if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
+                    contact.bias = R::select(lanes, contact.bias + (inelastic - *offset), contact.bias);
+                }
+                *offset = R::select(lanes, inelastic, *offset);
+                impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
+                (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
             }
-            let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
-            let offset = rows.normal_offset_mut(i);
-            let inelastic = if *resolves_impacts { *offset * (R::one() / impact.normal_factor) } else { *offset - impact.rebound };
-            if let Some(contact) = deferred.iter_mut().find(|contact| contact.contact == i) {
-                contact.bias = R::select(lanes, contact.bias + (inelastic - *offset), contact.bias);
-            }
-            *offset = R::select(lanes, inelastic, *offset);
-            impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
-            (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
-        }
-        *euler_rebounding = euler_rebounding.and_not(changed.and_not(still_elastic));
-        changed
+            *euler_rebounding = euler_rebounding.and_not(changed.and_not(still_elastic));
+            changed
+        })
     }
 
     /// Lanes in which the midpoint rule places an impact at its time within the step, even if the impact became inelastic.
@@ -338,22 +271,19 @@ impl<R: Real> ImpactStep<'_, R> {
     /// correction of a deeper overlap could push the geoms apart on the far side.
     pub(crate) fn leave_out_impacts(&self, compiled: &LaneModel<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, .. } = *self;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (i, impact) in problem.impacts.iter().enumerate() {
-                    let impact_lanes = self.lanes.and(impact.lanes);
-                    if impact_lanes.none() {
-                        continue;
-                    }
-                    let slot = problem.slot_of(i);
-                    let tunnelling_distance = tunnelling_distance(compiled, contacts, slot, impact_lanes.bits());
-                    let end = positions.normal_offset(i) * h;
-                    let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
-                    positions.leave_out_contact(i, impact_lanes.and(harmless));
+        kernel!(R, || {
+            for (i, impact) in problem.impacts.iter().enumerate() {
+                let impact_lanes = self.lanes.and(impact.lanes);
+                if impact_lanes.none() {
+                    continue;
                 }
-            },
-        )
+                let slot = problem.slot_of(i);
+                let tunnelling_distance = tunnelling_distance(compiled, contacts, slot, impact_lanes.bits());
+                let end = positions.normal_offset(i) * h;
+                let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
+                positions.leave_out_contact(i, impact_lanes.and(harmless));
+            }
+        })
     }
 }
 
@@ -365,62 +295,56 @@ impl<R: Real> PositionSolution<R> {
     /// different times cancel. Its speed is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the largest speed, in the metric of the
     /// kinetic energy.
     pub(crate) fn remove_impacts(&mut self, compiled: &LaneModel<R>, impulses: &mut Iterate<R>, step: &ImpactStep<'_, R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;
-                let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
-                let sliding_contacts = rows.contacts.len();
-                let twice_energy = max_twice_energy(compiled, mass, free, impulses, moved);
-                moved.fill(R::zero());
-                removed.fill(R::zero());
-                for (i, impact) in problem.impacts.iter().enumerate() {
-                    let impact_lanes = lanes.and(impact.lanes);
-                    if impact_lanes.none() {
-                        continue;
-                    }
-                    step.set_end_gap_offset(i, impact_lanes, impulses, positions);
-                    let weight = R::one() + (time_before / h - impact.time_fraction);
-                    if i < sliding_contacts {
-                        let lambda = select(impact_lanes, impulses.contacts[i], zero());
-                        rows.contacts.add(&rows.contacts[i], lambda, removed);
-                        rows.contacts.add(&rows.contacts[i], scale(lambda, weight), moved);
-                        impulses.contacts[i] = select(impact_lanes, zero(), impulses.contacts[i]);
-                    } else {
-                        let k = i - sliding_contacts;
-                        let lambda = select(impact_lanes, impulses.rolling_contacts[k], zero());
-                        rows.rolling_contacts.add(&rows.rolling_contacts[k], lambda, removed);
-                        rows.rolling_contacts.add(&rows.rolling_contacts[k], scale(lambda, weight), moved);
-                        impulses.rolling_contacts[k] = select(impact_lanes, zero(), impulses.rolling_contacts[k]);
-                    }
+        kernel!(R, || {
+            let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;
+            let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
+            let sliding_contacts = rows.contacts.len();
+            let twice_energy = max_twice_energy(compiled, mass, free, impulses, moved);
+            moved.fill(R::zero());
+            removed.fill(R::zero());
+            for (i, impact) in problem.impacts.iter().enumerate() {
+                let impact_lanes = lanes.and(impact.lanes);
+                if impact_lanes.none() {
+                    continue;
                 }
-                for (w, &removed) in impulses.w.iter_mut().zip(&*removed) {
-                    *w = R::select(lanes, *w - removed, *w);
+                step.set_end_gap_offset(i, impact_lanes, impulses, positions);
+                let weight = R::one() + (time_before / h - impact.time_fraction);
+                if i < sliding_contacts {
+                    let lambda = select(impact_lanes, impulses.contacts[i], zero());
+                    rows.contacts.add(&rows.contacts[i], lambda, removed);
+                    rows.contacts.add(&rows.contacts[i], scale(lambda, weight), moved);
+                    impulses.contacts[i] = select(impact_lanes, zero(), impulses.contacts[i]);
+                } else {
+                    let k = i - sliding_contacts;
+                    let lambda = select(impact_lanes, impulses.rolling_contacts[k], zero());
+                    rows.rolling_contacts.add(&rows.rolling_contacts[k], lambda, removed);
+                    rows.rolling_contacts.add(&rows.rolling_contacts[k], scale(lambda, weight), moved);
+                    impulses.rolling_contacts[k] = select(impact_lanes, zero(), impulses.rolling_contacts[k]);
                 }
-                bound_change(moved, removed, twice_energy * R::of(MAX_REBOUND_SPEED_RATIO.powi(2)), lanes);
-                mass.unscale(compiled, moved);
-            },
-        );
+            }
+            for (w, &removed) in impulses.w.iter_mut().zip(&*removed) {
+                *w = R::select(lanes, *w - removed, *w);
+            }
+            bound_change(moved, removed, twice_energy * R::of(MAX_REBOUND_SPEED_RATIO.powi(2)), lanes);
+            mass.unscale(compiled, moved);
+        });
     }
 
     /// Adds `impact_displacement`, as a change of the free velocity, to the offsets of the position rows in the lanes `lanes`. Overwrites
     /// `impact_displacement`.
     pub(crate) fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, problem: &ConstraintProblem<R>, lanes: R::Mask) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let Self { rows: positions, impact_displacement: change, .. } = self;
-                mass.scale(compiled, change);
-                positions.shift(&problem.rows, change, lanes);
-                shift_impacts(
-                    &problem.impacts,
-                    lanes,
-                    after_impact,
-                    #[inline(always)]
-                    |i, impact_lanes, weights| positions.shift_contact(&problem.rows, i, change, impact_lanes, weights),
-                );
-            },
-        )
+        kernel!(R, || {
+            let Self { rows: positions, impact_displacement: change, .. } = self;
+            mass.scale(compiled, change);
+            positions.shift(&problem.rows, change, lanes);
+            shift_impacts(
+                &problem.impacts,
+                lanes,
+                R::one(),
+                #[inline(always)]
+                |i, impact_lanes, weights| positions.shift_contact(&problem.rows, i, change, impact_lanes, weights),
+            );
+        })
     }
 }
 
@@ -459,38 +383,6 @@ fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask
     }
     for (moved, &removed) in moved.iter_mut().zip(removed) {
         *moved = R::select(lanes, removed + (*moved - removed) * factor, *moved);
-    }
-}
-
-/// Factor by which a velocity change, which acts evenly over the step, corrects the offset of an impact's row.
-///
-/// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
-#[inline(always)]
-fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
-    normal_factor * time_fraction - R::one()
-}
-
-/// Factor by which a velocity change corrects the offset of an impact's row, if the change acts before the impact. The factor is for a
-/// change of the velocity after the step.
-#[inline(always)]
-fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
-    normal_factor * time_fraction
-}
-
-/// Calls `shift` for each contact that bounces in the lanes `lanes`. The arguments are its index, these lanes, and the weights of the
-/// normal row and of the friction rows.
-#[inline(always)]
-fn shift_impacts<R: Real>(
-    impacts: &[Impact<R>],
-    lanes: R::Mask,
-    weight: impl Fn(R, R) -> R,
-    mut shift: impl FnMut(usize, R::Mask, [R; 2]),
-) {
-    for (i, impact) in impacts.iter().enumerate() {
-        let impact_lanes = lanes.and(impact.lanes);
-        if impact_lanes.any() {
-            shift(i, impact_lanes, [weight(impact.normal_factor, impact.time_fraction), weight(R::one(), impact.time_fraction)]);
-        }
     }
 }
 

@@ -4,7 +4,7 @@
 //! 1e-17 m of either sign, so that even a tiny displacement can cross a corner. At displaced states, contacts and limits therefore stay on
 //! the side of the corner on which the solution has them.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::{Real, Scalar, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
@@ -15,7 +15,7 @@ use crate::math::lanes::each_of;
 pub(crate) struct SolvedOverlaps<R: Real> {
     contacts: Contacts<R>,
     /// Distance of each limited joint to the nearer end of its range in the solution, m or rad.
-    limits: Vec<R>,
+    pub(crate) limits: Vec<R>,
 }
 
 impl<R: Real> SolvedOverlaps<R> {
@@ -48,12 +48,6 @@ impl<R: Real> SolvedOverlaps<R> {
         distance
     }
 
-    /// Distance of limit `i` in the solution, m or rad.
-    #[inline(always)]
-    pub(crate) fn limit(&self, i: usize) -> R {
-        self.limits[i]
-    }
-
     /// Lanes of `lanes` (bits) in which a displaced state has all contacts that overlap in the solution.
     pub(crate) fn found(&self, contacts: &Contacts<R>, lanes: u32) -> u32 {
         let overlaps = |lane: usize, k: usize| self.contacts.data[k].point.distance.lane(lane).to_f64() < 0.0;
@@ -77,12 +71,9 @@ impl<R: Real> SolvedOverlaps<R> {
 
 /// Distance of limited joint `i` to the nearer end of its range at the configuration `q`, m or rad; negative outside the range.
 pub(crate) fn limit_gap<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let [lowest, highest] = compiled.params.limit(i);
-            let q = q[compiled.limits[i].q];
-            (q - lowest).min(highest - q)
-        },
-    )
+    kernel!(R, || {
+        let [lowest, highest] = compiled.params.limit(i);
+        let q = q[compiled.limits[i].q];
+        (q - lowest).min(highest - q)
+    })
 }

@@ -5,34 +5,17 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::constraints::assembler::Assembler;
-use crate::options::{Stabilization, StepSettings};
-use crate::tuning::LIMIT_RETURN;
+use crate::constraints::assembler::{Assembler, RowInput};
+use crate::options::Stabilization;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Biases of a contact's normal row at the distance `phi` (m): first in the velocity solve, then in the position solve, m/s. A bias is
-    /// minus the target velocity.
+    /// Biases of the row of a contact or limit at the distance `phi` (m or rad): first in the velocity solve, then in the position solve,
+    /// m/s or rad/s. A bias is minus the target velocity.
     ///
-    /// `solved` is the distance in the solution if the step is being differentiated.
+    /// `fastest` bounds the speed of the correction. `solved` is the distance in the solution if the step is being differentiated.
     #[inline(always)]
-    pub(crate) fn biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
-        self.biases_up_to(options, options.max_correction_speed, phi, solved, h, active)
-    }
-
-    /// Biases of the row of a limit at the distance `phi`, in the velocity solve and in the position solve, m/s or rad/s. A bias is minus
-    /// the target velocity.
-    ///
-    /// With split stabilisation (positions are corrected in a separate solve), a limit is corrected faster than a contact overlap, because
-    /// position corrections add no energy.
-    #[inline(always)]
-    pub(crate) fn limit_biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
-        let split = options.stabilization == Stabilization::Split;
-        let fastest = options.max_correction_speed * if split { LIMIT_RETURN } else { 1.0 };
-        self.biases_up_to(options, fastest, phi, solved, h, active)
-    }
-
-    #[inline(always)]
-    fn biases_up_to(&mut self, options: &StepSettings, fastest: f64, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
+    pub(crate) fn biases(&mut self, input: &RowInput<'_, R>, fastest: f64, phi: R, solved: Option<R>, active: R::Mask) -> [R; 2] {
+        let RowInput { options, h, .. } = *input;
         let apart = solved.unwrap_or(phi).ge(R::zero());
         let beyond = -phi - R::of(options.slop);
         let overlap = match solved {
@@ -48,16 +31,28 @@ impl<R: Real> Assembler<'_, R> {
         }
         let uncorrected = R::select(apart, phi / h, R::zero());
         let corrected = R::select(apart, phi / h, -correction);
-        match options.stabilization {
-            Stabilization::Baumgarte => {
-                self.problem.biased = self.problem.biased.or(active.and(overlap.gt(R::zero())));
-                (corrected, uncorrected)
-            }
-            Stabilization::Split => {
-                self.problem.needs_position_solve = self.problem.needs_position_solve.or(active.and(overlap.gt(R::zero())));
-                (uncorrected, corrected)
-            }
-            Stabilization::None => (uncorrected, uncorrected),
+        self.note_corrections(input, active.and(overlap.gt(R::zero())));
+        stabilized(input, uncorrected, corrected)
+    }
+
+    /// Stores the lanes `lanes`, in which a row corrects its position: in the position solve, or with Baumgarte's method in the velocity
+    /// solve.
+    #[inline(always)]
+    pub(crate) fn note_corrections(&mut self, input: &RowInput<'_, R>, lanes: R::Mask) {
+        match input.options.stabilization {
+            Stabilization::Split => self.problem.needs_position_solve = self.problem.needs_position_solve.or(lanes),
+            Stabilization::Baumgarte => self.problem.biased = self.problem.biased.or(lanes),
+            Stabilization::None => {}
         }
+    }
+}
+
+/// Velocities of a row in the velocity solve and in the position solve, given those without and with the correction of its position.
+#[inline(always)]
+pub(crate) fn stabilized<R: Real>(input: &RowInput<'_, R>, uncorrected: R, corrected: R) -> [R; 2] {
+    match input.options.stabilization {
+        Stabilization::Baumgarte => [corrected, uncorrected],
+        Stabilization::Split => [uncorrected, corrected],
+        Stabilization::None => [uncorrected; 2],
     }
 }

@@ -1,6 +1,6 @@
 //! Solution of the velocity problem: results of stages 5 (constraint solve) and 6 (integration of the velocity).
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Iterate, Snapshot};
 
@@ -67,16 +67,23 @@ impl<R: Real> VelocitySolution<R> {
         rolling_contacts.fill([nan; 6]);
     }
 
+    /// Computes the velocity after the step with the present impulses into `out`, nv. `v_free` is the velocity without them.
+    pub fn velocity_after(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, v_free: &[R], out: &mut [R]) {
+        kernel!(R, || {
+            self.velocity_by_impulses(compiled, mass, out);
+            for (v, &free) in out.iter_mut().zip(v_free) {
+                *v += free;
+            }
+        })
+    }
+
     /// Computes the change of the generalized velocity by the present impulses into `out`, nv.
     pub fn velocity_by_impulses(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                out.copy_from_slice(&self.impulses.w);
-                if self.impulses.changes_velocity() {
-                    mass.unscale(compiled, out);
-                }
-            },
-        )
+        kernel!(R, || {
+            out.copy_from_slice(&self.impulses.w);
+            if self.impulses.changes_velocity() {
+                mass.unscale(compiled, out);
+            }
+        })
     }
 }

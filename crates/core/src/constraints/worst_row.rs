@@ -83,10 +83,7 @@ impl<R: Real> WorstRows<R> {
         for lane in each_of(lanes) {
             let worst = worst_constraint(system, iterate, lane).map(|(i, _)| match i.checked_sub(problem.impulse_indices.len()) {
                 None => CodedConstraint::Scalar(problem.impulse_indices[i]),
-                Some(i) => {
-                    let mut slots = problem.sliding_slots.iter().map(|slot| slot.0).chain(problem.rolling_slots.iter().map(|slot| slot.0));
-                    CodedConstraint::Contact(contacts.ids[slots.nth(i).expect("every contact has a slot")][lane].pair())
-                }
+                Some(i) => CodedConstraint::Contact(contacts.ids[problem.slot_of(i)][lane].pair()),
             });
             self.codes[lane] = worst.map_or_else(ConstraintCode::default, ConstraintCode::new);
         }

@@ -16,7 +16,7 @@
 //! With the mass matrix M in the middle of the step, fixed-point iteration solves M (w+ - w) = h (torque) - N. Here N = p+(w+) - p-(w) - M
 //! (w+ - w). Each iteration reduces the error by a factor of about h |w| / 2.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::{CompiledSpinner, Inertial, LaneModel};
 use crate::dynamics::inertia::MassMatrix;
@@ -44,7 +44,7 @@ pub fn correct<R: Real>(
     [v, v_eval]: [&[R]; 2],
     v_free: &mut [R],
 ) {
-    vectorize!(R, {
+    kernel!(R, || {
         let [time_before, time_after] = times;
         let h = time_before + time_after;
         for spinner in &compiled.spinners {
@@ -80,7 +80,7 @@ pub fn correct_spin<R: Real>(
     [v, after]: [&[R]; 2],
     v_free: &mut [R],
 ) {
-    vectorize!(R, {
+    kernel!(R, || {
         let [time_before, time_after] = halves;
         for spinner in &compiled.spinners {
             let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };

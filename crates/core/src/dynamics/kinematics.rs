@@ -1,6 +1,6 @@
 //! Kinematics: poses of all frames, joint axes, and link velocities.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::{Real, Scalar, kernel};
 
 use crate::compile::{CompiledJoint, Inertial, LaneModel, Link, ModelStructure};
 use crate::math::spatial::*;
@@ -48,7 +48,7 @@ impl<R: Real> Kinematics<R> {
 
     /// Updates all poses and axes to the configuration `q`. Mocap frames do not change.
     pub fn update(&mut self, compiled: &LaneModel<R>, q: &[R]) {
-        vectorize!(R, {
+        kernel!(R, || {
             self.turn_all(compiled, q);
             let mut hinge = 0;
             for (l, link) in compiled.links.iter().enumerate() {
@@ -218,7 +218,7 @@ pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
 
 /// Computes q (+) factor d into `out`: the configuration after the displacement `d`, which has the coordinates of velocities (nv).
 pub fn displace<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
-    vectorize!(R, {
+    kernel!(R, || {
         for joint in &compiled.joints {
             let (qa, va) = (joint.q, joint.v);
             match joint.kind {
@@ -243,7 +243,7 @@ fn turn_quat<R: Real>(q: &[R], at: usize, w: V3<R>, factor: R, out: &mut [R]) {
 
 /// Sum of the kinetic energies of the links, J. `velocities` are their spatial velocities.
 pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>]) -> R {
-    vectorize!(R, {
+    kernel!(R, || {
         let mut sum = R::zero();
         for (inertia, v) in kinematics.inertia.iter().zip(velocities) {
             sum += dot6(apply_inertia(inertia, v), *v);
@@ -266,7 +266,7 @@ pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
 
 /// Computes out = x + rate * time, entry by entry.
 pub fn advance<R: Real>(x: &[R], rate: &[R], time: R, out: &mut [R]) {
-    vectorize!(R, {
+    kernel!(R, || {
         for ((out, &x), &rate) in out.iter_mut().zip(x).zip(rate) {
             *out = x + rate * time;
         }
@@ -275,7 +275,7 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], time: R, out: &mut [R]) {
 
 /// Computes out = x + share * (end - x), entry by entry.
 pub fn blend<R: Real>(x: &[R], end: &[R], share: R, out: &mut [R]) {
-    vectorize!(R, {
+    kernel!(R, || {
         for ((out, &x), &end) in out.iter_mut().zip(x).zip(end) {
             *out = x + (end - x) * share;
         }

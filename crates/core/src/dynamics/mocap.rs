@@ -4,7 +4,7 @@
 //! pushes bodies before it overlaps them, and friction depends on its speed. In the first call after a reset there is no previous pose, and
 //! the body is at its new pose at once.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
@@ -68,7 +68,7 @@ pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[Mocap
     if mocap_trajectories.is_empty() {
         return;
     }
-    vectorize!(R, {
+    kernel!(R, || {
         for (k, (mocap, trajectory)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
             kinematics.pos[mocap.frame] = add_scaled(trajectory.pos, linear(&trajectory.motion), time);
             kinematics.mat[mocap.frame] = quat_to_mat(trajectory.quat_at(time));

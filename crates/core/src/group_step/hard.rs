@@ -11,21 +11,18 @@ use crate::constraints::solved_overlaps::limit_gap;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{advance, displace};
 use crate::group_step::rule::{ConstraintNames, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Solve};
-use crate::integrators::assemble::assemble_problem;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, recompute_free_motion};
 use crate::integrators::locate::locate;
 use crate::integrators::positions::integrate_positions;
-use crate::integrators::predict::correct_free_velocity;
 use crate::integrators::recomputed::Recomputed;
-use crate::integrators::scheme;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
+use crate::integrators::velocity_solve::VelocitySolve;
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::options::{Stabilization, StepSettings};
 use crate::probe::NoProbe;
-use crate::stages::s04_assemble::shift_offsets;
 use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
@@ -74,7 +71,7 @@ impl<R: Real> HardNominal<R> {
             correction: R::zero(),
             v_free: zeros(),
             change: zeros(),
-            scheme: scheme(options),
+            scheme: Scheme::new(options),
         }
     }
 
@@ -94,7 +91,7 @@ impl<R: Real> HardNominal<R> {
         let mut bouncing = s.problem.euler_rebounding.or(s.problem.midpoint_impact_lanes()).bits();
         let prediction = self.scheme.predicts().then(|| {
             // The time of an impact is found by iteration, up to a fraction of the step.
-            bouncing |= s.evaluation.impacts.lanes.bits();
+            bouncing |= s.evaluation.impact_lanes.bits();
             Prediction {
                 drives_forces: depends_on_prediction(compiled),
                 solved: is_estimated(&s.state.v, self.scheme.h).bits(),
@@ -158,7 +155,7 @@ impl<R: Real> HardNominal<R> {
         pass: Pass,
         rule: &mut dyn ImpulseRule<R>,
     ) {
-        let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, alive, .. } = s;
+        let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, collisions, alive, .. } = s;
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
         match recomputed {
             Recomputed::Configuration => {
@@ -173,15 +170,15 @@ impl<R: Real> HardNominal<R> {
         let context = StepContext { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
         if recomputed == Recomputed::Forces {
             advance(&free.v, &self.v_free, -R::one(), &mut self.change);
-            shift_offsets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
+            problem.shift(compiled, &free.smooth.mass, &mut self.change, None, R::Mask::splat(true));
         } else {
             // Stage 4, with those contacts active that the solved step has.
-            assemble_problem(context, free, problem, velocity, builder, NoProbe);
+            VelocitySolve { context, free, problem, velocity, builder, collisions }.assemble_problem(NoProbe);
             problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }
         if self.scheme.predicts() {
             pass.find_step_impulses(Solve::Prediction, options, problem, velocity, &evaluation.contacts, rule);
-            correct_free_velocity(context, free, problem, velocity, NoProbe);
+            VelocitySolve { context, free, problem, velocity, builder, collisions }.correct_free_velocity(NoProbe);
         }
         self.v_free.copy_from_slice(&free.v);
         pass.find_step_impulses(Solve::Velocity, options, problem, velocity, &evaluation.contacts, rule);
@@ -218,14 +215,14 @@ impl<R: Real> HardNominal<R> {
         position.v_free.copy_from_slice(&free.v);
         let corrected = R::Mask::from_bits(self.corrected);
         let (mass, h) = (&free.smooth.mass, self.scheme.h);
-        let rows = PositionInput { problem, mass, contacts, lanes: corrected, rebounding: problem.euler_rebounding, h };
-        damp_rows(compiled, &rows, &velocity.impulses, position);
+        let rows = PositionInput { compiled, options, problem, mass, contacts, lanes: corrected, rebounding: problem.euler_rebounding, h };
+        damp_rows(&rows, &velocity.impulses, position);
         let VelocitySolution { impulses, newton, .. } = velocity;
         let system = position.rows.system(&problem.rows);
         let names = ConstraintNames { problem, contacts };
         let one = ImpulseProblem { solve: Solve::Position, system, impulses, lanes: self.corrected, names };
         pass.find_impulses(options, one, newton, corrected, rule);
-        let ratio = find_correction(compiled, options, &rows, velocity, position);
+        let ratio = find_correction(&rows, velocity, position);
         self.correction = R::select(corrected, ratio, R::zero());
         displace(compiled, &position.q, &position.correction, h, &mut position.q_corrected);
         R::vectorize(

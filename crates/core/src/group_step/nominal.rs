@@ -18,6 +18,7 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::NoProbe;
+use crate::stages::s10_record::Status;
 use crate::step::step;
 
 /// Nominal step: the step at which derivatives are taken. It has the states before and after this step, and the parts of its solution that
@@ -101,7 +102,7 @@ impl<R: Real> Nominal<R> {
         self.keep(compiled, s);
         let mut statuses = [0; MAX_LANES];
         record.add_flags(&mut statuses);
-        let broken = record.non_finite.or(record.infeasible).or(record.unresolved).bits() | record.contacts_full;
+        let broken = record.lanes(Status::NON_FINITE | Status::INFEASIBLE | Status::UNRESOLVED | Status::CONTACTS_FULL);
         SolvedStep { residual: record.residual, statuses, complete: s.alive.bits() & !broken }
     }
 

@@ -1,115 +1,85 @@
 //! Acceptance of a step: whether its residual may change the energy noticeably, and whether the next state is finite.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Outcome;
 use stepper_solve::newton::{Search, Terms};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
+use crate::constraints::{PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::integrators::evaluation::Evaluation;
-use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::state::State;
 use crate::integrators::step_input::{StepContext, StepInput};
+use crate::integrators::velocity_solve::VelocitySolve;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::stages::s05_solve::solve_to;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
-/// Lanes in which the solver's residual may change the kinetic energy noticeably, so that the energy after the step is ambiguous.
-///
-/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses nearly cancel. The error of their work is the residual times
-/// the impulse, which can exceed the kinetic energy even at a small residual ([`stepper_solve::energy_is_ambiguous`]).
-pub(crate) fn ambiguous<R: Real>(
-    context: StepContext<'_, R>,
-    free: &FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    velocity: &VelocitySolution<R>,
-    residual: R,
-) -> R::Mask {
-    let StepInput { options, alive, .. } = context.input;
-    R::vectorize(
-        #[inline(always)]
-        || {
+impl<R: Real> VelocitySolve<'_, R> {
+    /// Lanes in which the solver's residual may change the kinetic energy noticeably, so that the energy after the step is ambiguous.
+    ///
+    /// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses nearly cancel. The error of their work is the residual
+    /// times the impulse, which can exceed the kinetic energy even at a small residual ([`stepper_solve::energy_is_ambiguous`]).
+    pub(crate) fn ambiguous(&self, residual: R) -> R::Mask {
+        let StepInput { options, alive, .. } = self.context.input;
+        kernel!(R, || {
             let unsolved = alive.and(residual.gt(R::of(MAX_TRUSTED_RESIDUAL.max(10.0 * options.tolerance))));
-            let negligible = free.smooth.mass.energy_at(R::of(options.tolerance));
-            let ambiguous = stepper_solve::energy_is_ambiguous(&problem.rows, &velocity.impulses, residual, negligible);
-            unsolved.or(alive.and(problem.constrained).and(ambiguous))
-        },
-    )
-}
-
-/// Solves lanes with an ambiguous kinetic energy once more, with a smaller tolerance: lanes that meet the tolerance, but whose residual
-/// could still change the energy ([`ambiguous`]).
-///
-/// Where contacts press a body from several sides (a jam), impulses can be a million times the load and nearly cancel. The residual must
-/// then be a million times smaller than without a jam.
-#[inline(always)]
-pub(crate) fn resolve_ambiguous<R: Real>(
-    context: StepContext<'_, R>,
-    free: &FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    outcome: &mut Outcome<R>,
-) {
-    let tolerance = R::of(context.input.options.tolerance);
-    let lanes = ambiguous(context, free, problem, velocity, outcome.residual).and(outcome.residual.le(tolerance));
-    if lanes.any() {
-        solve_further(context, free, problem, velocity, lanes, outcome);
+            let negligible = self.free.smooth.mass.energy_at(R::of(options.tolerance));
+            let ambiguous = stepper_solve::energy_is_ambiguous(&self.problem.rows, &self.velocity.impulses, residual, negligible);
+            unsolved.or(alive.and(self.problem.constrained).and(ambiguous))
+        })
     }
-}
 
-/// Solves the lanes `lanes` to a residual that changes the kinetic energy only a little, as far as rounding permits.
-///
-/// Different impulses may give the same motion: two walls can press on a wedge with any pair of equal forces. The function therefore first
-/// computes the impulses of least norm. Lanes whose energy is still ambiguous are then solved again, to a smaller residual.
-#[cold]
-#[inline(never)]
-fn solve_further<R: Real>(
-    context: StepContext<'_, R>,
-    free: &FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    lanes: R::Mask,
-    outcome: &mut Outcome<R>,
-) {
-    let StepInput { compiled, options, .. } = context.input;
-    let goal = residual_for_energy(context, free, problem, velocity);
-    let ([_, steps], Outcome { residual, newton_steps, .. }) = (options.effort(), &mut *outcome);
-    let VelocitySolution { impulses, newton, .. } = &mut *velocity;
-    let search = Search { steps, tolerance: goal, terms: Terms::LeastNorm };
-    newton.solve(&problem.rows, impulses, search, lanes, [residual, newton_steps]);
-    let left = lanes.and(ambiguous(context, free, problem, velocity, outcome.residual));
-    if left.any() {
-        let tolerance = residual_for_energy(context, free, problem, velocity);
-        let repeated = solve_to(options, tolerance, left, problem, velocity, &context.evaluation.contacts);
-        outcome.replace(&repeated, left);
+    /// Solves lanes with an ambiguous kinetic energy once more, with a smaller tolerance: lanes that meet the tolerance, but whose residual
+    /// could still change the energy ([`VelocitySolve::ambiguous`]).
+    ///
+    /// Where contacts press a body from several sides (a jam), impulses can be a million times the load and nearly cancel. The residual
+    /// must then be a million times smaller than without a jam.
+    #[inline(always)]
+    pub(crate) fn resolve_ambiguous(&mut self, outcome: &mut Outcome<R>) {
+        let lanes = self.ambiguous(outcome.residual).and(outcome.residual.le(R::of(self.context.input.options.tolerance)));
+        if lanes.any() {
+            self.solve_further(lanes, outcome);
+        }
     }
-    integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
-}
 
-/// Residual at which the solver's error changes the kinetic energy only a little, m/s. It is above the rounding of velocities, and at most
-/// the tolerance.
-fn residual_for_energy<R: Real>(
-    context: StepContext<'_, R>,
-    free: &FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    velocity: &VelocitySolution<R>,
-) -> R {
-    let options = context.input.options;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let negligible = free.smooth.mass.energy_at(R::of(options.tolerance));
+    /// Solves the lanes `lanes` to a residual that changes the kinetic energy only a little, as far as rounding permits.
+    ///
+    /// Different impulses may give the same motion: two walls can press on a wedge with any pair of equal forces. The function therefore
+    /// first computes the impulses of least norm. Lanes whose energy is still ambiguous are then solved again, to a smaller residual.
+    #[cold]
+    #[inline(never)]
+    fn solve_further(&mut self, lanes: R::Mask, outcome: &mut Outcome<R>) {
+        let StepContext { input: StepInput { compiled, options, .. }, evaluation } = self.context;
+        let goal = self.residual_for_energy();
+        let ([_, steps], Outcome { residual, newton_steps, .. }) = (options.effort(), &mut *outcome);
+        let VelocitySolution { impulses, newton, .. } = &mut *self.velocity;
+        let search = Search { steps, tolerance: goal, terms: Terms::LeastNorm };
+        newton.solve(&self.problem.rows, impulses, search, lanes, [residual, newton_steps]);
+        let left = lanes.and(self.ambiguous(outcome.residual));
+        if left.any() {
+            let tolerance = self.residual_for_energy();
+            let repeated = solve_to(options, tolerance, left, self.problem, self.velocity, &evaluation.contacts);
+            outcome.replace(&repeated, left);
+        }
+        integrate_velocity(compiled, &self.free.smooth.mass, &self.free.v, self.velocity);
+    }
+
+    /// Residual at which the solver's error changes the kinetic energy only a little, m/s. It is above the rounding of velocities, and at
+    /// most the tolerance.
+    fn residual_for_energy(&self) -> R {
+        let tolerance = R::of(self.context.input.options.tolerance);
+        kernel!(R, || {
+            let negligible = self.free.smooth.mass.energy_at(tolerance);
             let least = R::of(10.0 * <R::Scalar as Scalar>::EPSILON.to_f64());
-            (stepper_solve::max_residual_for_energy(&problem.rows, &velocity.impulses, negligible) * R::of(TARGET_RATIO))
-                .max(least)
-                .min(R::of(options.tolerance))
-        },
-    )
+            let most = stepper_solve::max_residual_for_energy(&self.problem.rows, &self.velocity.impulses, negligible);
+            (most * R::of(TARGET_RATIO)).max(least).min(tolerance)
+        })
+    }
 }
 
 /// Stores the generalized impulse of all constraints in `impulse`, N s or N m s. Servos with force bounds read it, and users can read it.
@@ -119,13 +89,10 @@ pub(crate) fn store_joint_impulse<R: Real>(
     velocity: &VelocitySolution<R>,
     impulse: &mut [R],
 ) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            impulse.copy_from_slice(&velocity.impulses.w);
-            mass.momentum(compiled, impulse);
-        },
-    )
+    kernel!(R, || {
+        impulse.copy_from_slice(&velocity.impulses.w);
+        mass.momentum(compiled, impulse);
+    })
 }
 
 /// Accepts the step in the lanes where the next state is finite: `state` becomes the next state, and its time advances by `h`, s. Returns
@@ -143,21 +110,18 @@ pub(crate) fn accept<R: Real>(
     alive: R::Mask,
     h: f64,
 ) -> R::Mask {
-    let finite = R::vectorize(
-        #[inline(always)]
-        || {
-            let mut finite = R::Mask::splat(true);
-            for x in [&position.q, &velocity.v, &position.act] {
-                finite = finite.and(all_finite(x));
-            }
-            // A mocap body with a NaN pose would have no contacts. Such a step is rejected.
-            let Kinematics { pos, mat, .. } = &evaluation.kinematics;
-            for m in &compiled.mocap {
-                finite = finite.and(all_finite(&pos[m.frame])).and(all_finite(&mat[m.frame]));
-            }
-            finite
-        },
-    );
+    let finite = kernel!(R, || {
+        let mut finite = R::Mask::splat(true);
+        for x in [&position.q, &velocity.v, &position.act] {
+            finite = finite.and(all_finite(x));
+        }
+        // A mocap body with a NaN pose would have no contacts. Such a step is rejected.
+        let Kinematics { pos, mat, .. } = &evaluation.kinematics;
+        for m in &compiled.mocap {
+            finite = finite.and(all_finite(&pos[m.frame])).and(all_finite(&mat[m.frame]));
+        }
+        finite
+    });
     if !finite.and(alive).all() {
         keep_state(state, evaluation, velocity, position, alive, finite);
     }
@@ -185,32 +149,29 @@ fn keep_state<R: Real>(
     alive: R::Mask,
     finite: R::Mask,
 ) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let moves = finite.and(alive);
-            for (next, old) in [(&mut position.q, &state.q), (&mut velocity.v, &state.v), (&mut position.act, &state.act)] {
-                for (next, &old) in next.iter_mut().zip(old) {
-                    *next = R::select(moves, *next, old);
-                }
+    kernel!(R, || {
+        let moves = finite.and(alive);
+        for (next, old) in [(&mut position.q, &state.q), (&mut velocity.v, &state.v), (&mut position.act, &state.act)] {
+            for (next, &old) in next.iter_mut().zip(old) {
+                *next = R::select(moves, *next, old);
             }
-            let rejected = alive.and_not(finite);
-            if rejected.none() {
-                return;
-            }
-            for lambda in velocity.scalar_impulse.iter_mut().chain(&mut state.impulse) {
-                *lambda = R::select(finite, *lambda, R::zero());
-            }
-            let Contacts { count, data, torque, .. } = &mut evaluation.contacts;
-            for l in each_of(rejected.bits()) {
-                count[l] = 0;
-            }
-            for slot in data {
-                slot.impulse = select(finite, slot.impulse, zero());
-            }
-            for torque in torque {
-                *torque = select(finite, *torque, zero());
-            }
-        },
-    )
+        }
+        let rejected = alive.and_not(finite);
+        if rejected.none() {
+            return;
+        }
+        for lambda in velocity.scalar_impulse.iter_mut().chain(&mut state.impulse) {
+            *lambda = R::select(finite, *lambda, R::zero());
+        }
+        let Contacts { count, data, torque, .. } = &mut evaluation.contacts;
+        for l in each_of(rejected.bits()) {
+            count[l] = 0;
+        }
+        for slot in data {
+            slot.impulse = select(finite, slot.impulse, zero());
+        }
+        for torque in torque {
+            *torque = select(finite, *torque, zero());
+        }
+    })
 }

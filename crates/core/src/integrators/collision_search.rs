@@ -1,14 +1,14 @@
 //! Collision search: finds the pairs of geoms with deferred contacts that collide in the motion of a step. The solver leaves out deferred
 //! contacts.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
 use crate::collision::packed_pairs::{Item, gather_scalars};
 use crate::collision::packed_sweep::{PackedSweep, is_packed};
 use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch};
-use crate::compile::{CompiledPair, Kernel, LaneModel};
+use crate::compile::{Kernel, LaneModel};
 use crate::constraints::ConstraintProblem;
 use crate::constraints::approaching::resting_speed;
 use crate::dynamics::kinematics::Kinematics;
@@ -78,23 +78,6 @@ struct CandidatePair<R: Real> {
 }
 
 impl<R: Real> CandidatePair<R> {
-    /// Creates a candidate pair for the pair with index `pair` in the lanes `lanes`. Its touch is not known yet.
-    fn new(pair: usize, lanes: R::Mask) -> Self {
-        let (zero, none) = (R::zero(), R::Mask::splat(false));
-        Self {
-            pair,
-            lanes,
-            tolerance: zero,
-            time: zero,
-            before: zero,
-            distance_at_time: zero,
-            distance_before: zero,
-            uncertain: none,
-            doubtful: none,
-            later: none,
-        }
-    }
-
     /// Stores the first touch of the pair. If the overlap exceeds the tolerance by at most `error`, m, the collision counts as doubtful.
     #[inline(always)]
     fn store_touch(&mut self, touch: &Touch<R>, error: R) {
@@ -158,8 +141,10 @@ impl<R: Real> CandidatePair<R> {
     }
 }
 
-/// Inputs of one collision search: model, poses, contacts and settings.
+/// Inputs of one collision search: model, poses, contacts, constraint problem and settings.
 pub(crate) struct CollisionQuery<'a, R: Real> {
+    /// Constraint problem with the deferred contacts.
+    pub(crate) problem: &'a ConstraintProblem<R>,
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) collision: &'a CollisionWorkspace<R>,
@@ -176,6 +161,16 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) error: R,
     /// Whether all colliding pairs count, even those after an earlier collision of the same kinematic trees.
     pub(crate) includes_later_collisions: bool,
+}
+
+impl<'a, R: Real> CollisionQuery<'a, R> {
+    /// Path of the pair with index `index` in the searched motion.
+    #[inline(always)]
+    fn path(&self, index: usize) -> Path<'a, R> {
+        let Self { compiled, kinematics, collision, problem, .. } = *self;
+        let pair = compiled.pair(index);
+        Path { compiled, kinematics, start: &collision.poses, time: problem.closing_time, slack: collision.slack, index, pair }
+    }
 }
 
 impl<R: Real> CollisionSearch<R> {
@@ -200,22 +195,11 @@ impl<R: Real> CollisionSearch<R> {
     ///
     /// The velocity after the step is `v_predicted` if `predicted` is true, otherwise `v_solved`. [`CollisionSearch::list_candidates`] must
     /// be called first.
-    pub(crate) fn find(
-        &mut self,
-        query: &CollisionQuery<'_, R>,
-        predicted: bool,
-        v_solved: &[R],
-        problem: &ConstraintProblem<R>,
-    ) -> R::Mask {
-        let Self { swept, v_predicted, .. } = self;
-        R::vectorize(
-            #[inline(always)]
-            || swept.set_velocity(query.compiled, query.kinematics, if predicted { v_predicted } else { v_solved }),
-        );
-        R::vectorize(
-            #[inline(always)]
-            || self.test_paths(query, problem),
-        );
+    pub(crate) fn find(&mut self, query: &CollisionQuery<'_, R>, predicted: bool, v_solved: &[R]) -> R::Mask {
+        kernel!(R, || {
+            self.swept.set_velocity(query.compiled, query.kinematics, if predicted { &self.v_predicted } else { v_solved });
+            self.test_paths(query);
+        });
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
     }
 
@@ -229,28 +213,37 @@ impl<R: Real> CollisionSearch<R> {
 
     /// Lists the candidate pairs, whose linearised gap closes. `w` is the scaled velocity change by the impulses. Returns whether there are
     /// any.
-    pub(crate) fn list_candidates(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, w: &[R]) -> bool {
+    pub(crate) fn list_candidates(&mut self, query: &CollisionQuery<'_, R>, w: &[R]) -> bool {
+        let (problem, zero, none) = (query.problem, R::zero(), R::Mask::splat(false));
         self.rates.clear();
         self.pairs.clear();
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for contact in &problem.deferred {
-                    let tolerance = touch_tolerance(query, problem, contact.slot);
-                    let velocity = problem.rows.normal_velocity(contact.contact, w);
-                    let rate = velocity - contact.bias;
-                    let end = query.contacts.data[contact.slot].point.distance + problem.closing_time * rate;
-                    let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));
-                    self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
-                }
-            },
-        );
+        kernel!(R, || {
+            for contact in &problem.deferred {
+                let tolerance = touch_tolerance(query, contact.slot);
+                let velocity = problem.rows.normal_velocity(contact.contact, w);
+                let rate = velocity - contact.bias;
+                let end = query.contacts.data[contact.slot].point.distance + problem.closing_time * rate;
+                let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));
+                self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
+            }
+        });
         for (contact, &(_, closes)) in problem.deferred.iter().zip(&self.rates) {
             for (pair, lanes) in query.contacts.pairs(contact.slot, closes.bits()) {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
                     Some(candidate) => candidate.lanes = candidate.lanes.or(lanes),
-                    None => self.pairs.push(CandidatePair::new(pair, lanes)),
+                    None => self.pairs.push(CandidatePair {
+                        pair,
+                        lanes,
+                        tolerance: zero,
+                        time: zero,
+                        before: zero,
+                        distance_at_time: zero,
+                        distance_before: zero,
+                        uncertain: none,
+                        doubtful: none,
+                        later: none,
+                    }),
                 }
             }
         }
@@ -260,24 +253,22 @@ impl<R: Real> CollisionSearch<R> {
     /// Tests the path of each candidate pair, and reduces the lanes of the candidate to those in which it collides. Without
     /// `includes_later_collisions`, it also removes lanes in which another pair of the same trees collides earlier.
     #[inline(always)]
-    fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
-        let CollisionQuery { compiled, kinematics, collision, .. } = *query;
+    fn test_paths(&mut self, query: &CollisionQuery<'_, R>) {
+        let CollisionQuery { compiled, problem, .. } = *query;
         let Self { swept, rates, pairs, packed, .. } = self;
-        let time = problem.closing_time;
-        let path = |index: usize, pair| Path { compiled, kinematics, start: &collision.poses, time, slack: collision.slack, index, pair };
         packed.clear();
         for (k, candidate) in pairs.iter_mut().enumerate() {
-            let pair = compiled.pair(candidate.pair);
-            let (gap, tolerance_of_contact) = farthest_closing_gap(query, problem, rates, candidate);
-            let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
-            candidate.tolerance = resting_overlap(query, problem, candidate) + tolerance_of_contact;
+            let path = query.path(candidate.pair);
+            let (gap, tolerance_of_contact) = farthest_closing_gap(query, rates, candidate);
+            let least = -(gap.distance + problem.closing_time * gap.rate) * R::of(query.margin);
+            candidate.tolerance = resting_overlap(query, candidate) + tolerance_of_contact;
             candidate.distance_before = gap.distance + candidate.tolerance;
             let tolerance = candidate.tolerance.max(least);
-            if is_packed(compiled, &pair, candidate.lanes.bits()) {
-                add_packed(packed, k, (candidate.pair, &pair), candidate.lanes, gap, [tolerance, R::zero()]);
+            if is_packed(compiled, &path.pair, candidate.lanes.bits()) {
+                add_packed(packed, k, &path, candidate.lanes, gap, [tolerance, R::zero()]);
                 candidate.lanes = R::Mask::splat(false);
             } else {
-                let touch = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
+                let touch = swept.find_touch(&path, candidate.lanes, gap, tolerance);
                 candidate.store_touch(&touch, query.error);
             }
         }
@@ -285,7 +276,7 @@ impl<R: Real> CollisionSearch<R> {
             packed,
             #[inline(always)]
             |kernel, batch, items| {
-                let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
+                let sweep = PackedSweep::new(swept, &query.path(batch[0].item.index), kernel, items);
                 let gap = Gap {
                     distance: gather_scalars(
                         batch,
@@ -319,26 +310,17 @@ impl<R: Real> CollisionSearch<R> {
             once = once.or(candidate.lanes);
         }
         if !query.includes_later_collisions {
-            self.narrow_times(query, several, time);
-            self.keep_earliest(compiled, time);
+            let window = problem.closing_time * R::of(SIMULTANEOUS_FRACTION);
+            self.narrow_times(query, several, window);
+            self.keep_earliest(compiled, window);
         }
     }
 
-    /// Narrows the times of first touch in the lanes `several` until the order of the collisions is certain. `closing_time` is the duration
-    /// of the paths, s.
+    /// Narrows the times of first touch in the lanes `several` until the order of the collisions is certain. Times that differ by less than
+    /// `window` (s) count as equal.
     #[inline(always)]
-    fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, closing_time: R) {
-        let CollisionQuery { compiled, kinematics, collision, .. } = *query;
-        let path = |index: usize, pair| Path {
-            compiled,
-            kinematics,
-            start: &collision.poses,
-            time: closing_time,
-            slack: collision.slack,
-            index,
-            pair,
-        };
-        let window = closing_time * R::of(SIMULTANEOUS_FRACTION);
+    fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, window: R) {
+        let compiled = query.compiled;
         for evaluation in 0..MAX_EVALUATIONS {
             self.find_uncertain(compiled, several, window);
             let Self { swept, pairs, packed, .. } = self;
@@ -346,13 +328,13 @@ impl<R: Real> CollisionSearch<R> {
             let mut is_certain = true;
             for (k, candidate) in pairs.iter_mut().enumerate().filter(|(_, candidate)| candidate.uncertain.any()) {
                 is_certain = false;
-                let (pair, lanes) = (compiled.pair(candidate.pair), candidate.uncertain);
+                let (path, lanes) = (query.path(candidate.pair), candidate.uncertain);
                 let time = candidate.next_time(evaluation, window);
-                if is_packed(compiled, &pair, candidate.lanes.bits()) {
+                if is_packed(compiled, &path.pair, candidate.lanes.bits()) {
                     let gap = Gap { distance: R::zero(), rate: R::zero() };
-                    add_packed(packed, k, (candidate.pair, &pair), lanes, gap, [candidate.tolerance, time]);
+                    add_packed(packed, k, &path, lanes, gap, [candidate.tolerance, time]);
                 } else {
-                    let gap = swept.gap_at(&path(candidate.pair, pair), time, lanes);
+                    let gap = swept.gap_at(&path, time, lanes);
                     candidate.narrow(lanes, time, gap.distance);
                 }
             }
@@ -363,7 +345,7 @@ impl<R: Real> CollisionSearch<R> {
                 packed,
                 #[inline(always)]
                 |kernel, batch, items| {
-                    let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
+                    let sweep = PackedSweep::new(swept, &query.path(batch[0].item.index), kernel, items);
                     let time = gather_scalars(
                         batch,
                         #[inline(always)]
@@ -403,8 +385,7 @@ impl<R: Real> CollisionSearch<R> {
     ///
     /// That earlier impact changes the motion of these trees, so that the later collision may not occur.
     #[inline(always)]
-    fn keep_earliest(&mut self, compiled: &LaneModel<R>, closing_time: R) {
-        let window = closing_time * R::of(SIMULTANEOUS_FRACTION);
+    fn keep_earliest(&mut self, compiled: &LaneModel<R>, window: R) {
         for i in 0..self.pairs.len() {
             let candidate = self.pairs[i];
             let mut later = R::Mask::splat(false);
@@ -427,7 +408,7 @@ impl<R: Real> CollisionSearch<R> {
 fn add_packed<R: Real>(
     packed: &mut Vec<PackedPath<R::Scalar>>,
     candidate: usize,
-    (index, pair): (usize, &CompiledPair<R::Scalar>),
+    path: &Path<'_, R>,
     lanes: R::Mask,
     gap: Gap<R>,
     [tolerance, time]: [R; 2],
@@ -435,8 +416,8 @@ fn add_packed<R: Real>(
     for lane in each_of(lanes.bits()) {
         packed.push(PackedPath {
             candidate,
-            kernel: pair.kernel,
-            item: Item { index, geoms: pair.geoms, margin: pair.margin, lane },
+            kernel: path.pair.kernel,
+            item: Item { index: path.index, geoms: path.pair.geoms, margin: path.pair.margin, lane },
             gap: Gap { distance: gap.distance.lane(lane), rate: gap.rate.lane(lane) },
             tolerance: tolerance.lane(lane),
             time: time.lane(lane),
@@ -464,12 +445,8 @@ fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnM
 /// Linearised gap of a candidate pair, and its [`touch_tolerance`], m. Of the pair's deferred contacts, the one with the largest overlap at
 /// the end of the path determines both.
 #[inline(always)]
-fn farthest_closing_gap<R: Real>(
-    query: &CollisionQuery<'_, R>,
-    problem: &ConstraintProblem<R>,
-    rates: &[(R, R::Mask)],
-    candidate: &CandidatePair<R>,
-) -> (Gap<R>, R) {
+fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::Mask)], candidate: &CandidatePair<R>) -> (Gap<R>, R) {
+    let problem = query.problem;
     let mut tolerance = R::zero();
     let mut gap = Gap { distance: R::zero(), rate: R::zero() };
     let mut farthest = R::of(f64::INFINITY);
@@ -481,7 +458,7 @@ fn farthest_closing_gap<R: Real>(
                 let here = R::Mask::from_bits(lanes).and(end.lt(farthest));
                 farthest = R::select(here, end, farthest);
                 gap = Gap { distance: R::select(here, distance, gap.distance), rate: R::select(here, rate, gap.rate) };
-                tolerance = R::select(here, touch_tolerance(query, problem, contact.slot), tolerance);
+                tolerance = R::select(here, touch_tolerance(query, contact.slot), tolerance);
             }
         }
     }
@@ -491,12 +468,12 @@ fn farthest_closing_gap<R: Real>(
 /// Largest overlap of resting contacts of the same bodies, at most the slop (the overlap that position correction leaves), m. A body that
 /// slides to a support of the same height has this overlap there too.
 #[inline(always)]
-fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, candidate: &CandidatePair<R>) -> R {
+fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
     let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("a pair index of this compiled model").map(|g| compiled.geoms[g].frame);
     let mut overlap = R::zero();
     for lane in each_of(candidate.lanes.bits()) {
-        let deepest = problem.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
+        let deepest = query.problem.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
         overlap.set_lane(lane, R::of(deepest).lane(lane));
     }
     overlap.min(R::of(query.options.slop))
@@ -504,8 +481,8 @@ fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintP
 
 /// Overlap at the end of the path that counts as touch, m: the displacement of a resting contact, or the rounding of positions if larger.
 #[inline(always)]
-fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, slot: usize) -> R {
-    (problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
+fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, slot: usize) -> R {
+    (query.problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
 }
 
 /// Whether the pairs of geoms with the indices `first` and `second` both have a body of the same kinematic tree.

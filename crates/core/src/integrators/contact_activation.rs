@@ -8,14 +8,13 @@
 //! can cause its overlap. The contact of a doubtful collision is active only in the prediction. Stage 5 starts without it, and activates it
 //! if the solved motion has the collision too.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::residual;
 
-use crate::constraints::{ConstraintProblem, VelocitySolution};
-use crate::integrators::collision_search::{CollisionQuery, CollisionSearch};
+use crate::integrators::collision_search::CollisionQuery;
 use crate::integrators::evaluation::Evaluation;
-use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::step_input::{StepContext, StepInput};
+use crate::integrators::velocity_solve::VelocitySolve;
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 
@@ -29,73 +28,51 @@ pub(crate) enum SweptMotion {
     Solved { includes_later_collisions: bool },
 }
 
-/// Activates the deferred contacts that collide in the predicted motion, and repeats the prediction of the impulses with them.
-#[inline(always)]
-pub(crate) fn predict_collisions<R: Real>(
-    context: StepContext<'_, R>,
-    free: &FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    collisions: &mut CollisionSearch<R>,
-    (predictor, lanes): (&ImpulsePredictor<R>, R::Mask),
-) {
-    for _ in 0..MAX_PREDICTIONS {
-        let colliding = activate_colliding(context, free, problem, velocity, collisions, SweptMotion::Predicted);
-        if colliding.none() {
-            return;
+impl<R: Real> VelocitySolve<'_, R> {
+    /// Activates the deferred contacts that collide in the predicted motion, and repeats the prediction of the impulses with them, in the
+    /// lanes `lanes`.
+    #[inline(always)]
+    pub(crate) fn predict_collisions(&mut self, predictor: &ImpulsePredictor<R>, lanes: R::Mask) {
+        for _ in 0..MAX_PREDICTIONS {
+            let colliding = self.activate_colliding(SweptMotion::Predicted);
+            if colliding.none() {
+                return;
+            }
+            predictor.repeat(self.context.input.options, colliding.and(lanes), self.problem, self.velocity);
         }
-        predictor.repeat(context.input.options, colliding.and(lanes), problem, velocity);
     }
-}
 
-/// Activates the deferred contacts whose pairs collide in the given motion, so that the solver includes their rows. Returns the lanes with
-/// such a contact.
-#[inline(always)]
-pub(crate) fn activate_colliding<R: Real>(
-    context: StepContext<'_, R>,
-    free: &FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    collisions: &mut CollisionSearch<R>,
-    motion: SweptMotion,
-) -> R::Mask {
-    let StepContext { input: StepInput { compiled, options, alive, .. }, evaluation: Evaluation { kinematics, contacts, collision, .. } } =
-        context;
-    if problem.deferred_lanes(alive).none() {
-        return R::Mask::splat(false);
+    /// Activates the deferred contacts whose pairs collide in the given motion, so that the solver includes their rows. Returns the lanes
+    /// with such a contact.
+    #[inline(always)]
+    pub(crate) fn activate_colliding(&mut self, motion: SweptMotion) -> R::Mask {
+        let StepContext { input: StepInput { compiled, options, alive: lanes, .. }, evaluation } = self.context;
+        let Evaluation { kinematics, contacts, collision, .. } = evaluation;
+        let Self { free, problem, velocity, collisions, .. } = self;
+        if problem.deferred_lanes(lanes).none() {
+            return R::Mask::splat(false);
+        }
+        let (margin, error, includes_later_collisions) = match motion {
+            SweptMotion::Predicted => {
+                let residual = kernel!(R, || residual(&problem.rows, &velocity.impulses));
+                (PREDICTED_MARGIN, residual * problem.closing_time * R::of(PREDICTED_ERROR_RATIO), false)
+            }
+            SweptMotion::Solved { includes_later_collisions } => (0.0, R::zero(), includes_later_collisions),
+        };
+        let query =
+            CollisionQuery { problem, compiled, kinematics, collision, contacts, options, lanes, margin, error, includes_later_collisions };
+        if !collisions.list_candidates(&query, &velocity.impulses.w) {
+            return R::Mask::splat(false);
+        }
+        // The solved motion has the velocity `velocity.v`. The predicted motion has the free velocity plus the change by predicted
+        // impulses.
+        if motion == SweptMotion::Predicted {
+            velocity.velocity_after(compiled, &free.smooth.mass, &free.v, &mut collisions.v_predicted);
+        }
+        let colliding = collisions.find(&query, motion == SweptMotion::Predicted, &velocity.v);
+        if colliding.any() {
+            problem.activate(velocity, contacts, colliding, |pair| collisions.lanes_of(pair));
+        }
+        colliding
     }
-    let (margin, error, includes_later_collisions) = match motion {
-        SweptMotion::Predicted => (PREDICTED_MARGIN, overlap_error(problem, velocity), false),
-        SweptMotion::Solved { includes_later_collisions } => (0.0, R::zero(), includes_later_collisions),
-    };
-    let query =
-        CollisionQuery { compiled, kinematics, collision, contacts, options, lanes: alive, margin, error, includes_later_collisions };
-    if !collisions.list_candidates(&query, problem, &velocity.impulses.w) {
-        return R::Mask::splat(false);
-    }
-    // The solved motion has the velocity `velocity.v`. The predicted motion has the free velocity plus the change by predicted impulses.
-    if motion == SweptMotion::Predicted {
-        velocity.velocity_by_impulses(compiled, &free.smooth.mass, &mut collisions.v_predicted);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (v, &free) in collisions.v_predicted.iter_mut().zip(&free.v) {
-                    *v += free;
-                }
-            },
-        );
-    }
-    let colliding = collisions.find(&query, motion == SweptMotion::Predicted, &velocity.v, problem);
-    if colliding.any() {
-        problem.activate(velocity, contacts, colliding, |pair| collisions.lanes_of(pair));
-    }
-    colliding
-}
-
-/// Overlap that the error of the predicted impulses may cause on a path, m: the residual times the closing time times a factor.
-fn overlap_error<R: Real>(problem: &ConstraintProblem<R>, velocity: &VelocitySolution<R>) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || residual(&problem.rows, &velocity.impulses) * problem.closing_time * R::of(PREDICTED_ERROR_RATIO),
-    )
 }

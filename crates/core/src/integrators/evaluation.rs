@@ -7,8 +7,6 @@ use crate::collision::detection::CollisionWorkspace;
 use crate::compile::LaneModel;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::dynamics::kinematics::Kinematics;
-use crate::integrators::impact_set::Impacts;
-use crate::integrators::scheme;
 use crate::integrators::scheme::Scheme;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
@@ -20,7 +18,7 @@ pub(crate) struct Evaluation<R: Real> {
     /// Scheme of the step, with the evaluation time of each lane.
     pub(crate) scheme: Scheme<R>,
     /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are very fast. If such a lane
-    /// is also in `impacts`, it is evaluated at the time of its impact.
+    /// is also in `impact_lanes`, it is evaluated at the time of its impact.
     pub(crate) at_start: R::Mask,
     /// Configuration at the evaluation point, nq.
     pub(crate) q: Vec<R>,
@@ -35,8 +33,11 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) collision: CollisionWorkspace<R>,
     /// Contacts at `q`.
     pub(crate) contacts: Contacts<R>,
-    /// Impacts within the step.
-    pub(crate) impacts: Impacts<R>,
+    /// Lanes whose evaluation point was set by the search for impacts. It is the time of an impact, or another time that is not the middle
+    /// of the step.
+    pub(crate) impact_lanes: R::Mask,
+    /// Spatial velocities of the links from which impacts are predicted: before the step, and after the step if there were no constraints.
+    pub(super) link_velocities: [Vec<V6<R>>; 2],
     /// Overlaps in the solution of the step that is being differentiated; `None` in a normal step.
     pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
 }
@@ -46,7 +47,7 @@ impl<R: Real> Evaluation<R> {
     pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, contacts: Contacts<R>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         Self {
-            scheme: scheme(options),
+            scheme: Scheme::new(options),
             at_start: R::Mask::splat(false),
             q: zeros(compiled.nq),
             q_ahead: zeros(compiled.nq),
@@ -54,7 +55,8 @@ impl<R: Real> Evaluation<R> {
             kinematics: Kinematics::new(compiled),
             collision: CollisionWorkspace::new(compiled),
             contacts,
-            impacts: Impacts::new(compiled),
+            impact_lanes: R::Mask::splat(false),
+            link_velocities: std::array::from_fn(|_| vec![zero(); compiled.links.len()]),
             solved_overlaps: None,
         }
     }

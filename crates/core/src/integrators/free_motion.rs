@@ -62,32 +62,25 @@ pub(crate) struct Scratch<R: Real> {
 }
 
 impl<R: Real> Scratch<R> {
+    /// Buffers of length `nv` that contain `value`.
+    pub(crate) fn filled(nv: usize, value: R) -> Self {
+        let v = || vec![value; nv];
+        Self {
+            velocity_by_impulses: v(),
+            velocity_change: v(),
+            impulse: v(),
+            force_velocity: v(),
+            actuator_velocity: v(),
+            v_free_corrected: v(),
+            free_change: v(),
+            v_half: v(),
+            before_impact: v(),
+        }
+    }
+
     /// Fills all buffers with NaN, for tests.
     pub(crate) fn poison(&mut self) {
-        let Self {
-            velocity_by_impulses,
-            velocity_change,
-            impulse,
-            force_velocity,
-            actuator_velocity,
-            v_free_corrected,
-            free_change,
-            v_half,
-            before_impact,
-        } = self;
-        [
-            velocity_by_impulses,
-            velocity_change,
-            impulse,
-            force_velocity,
-            actuator_velocity,
-            v_free_corrected,
-            free_change,
-            v_half,
-            before_impact,
-        ]
-        .into_iter()
-        .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        *self = Self::filled(self.impulse.len(), R::of(f64::NAN));
     }
 }
 
@@ -104,17 +97,7 @@ impl<R: Real> FreeMotion<R> {
             impulse: v(),
             unresolved: none,
             may_gain: none,
-            scratch: Scratch {
-                velocity_by_impulses: v(),
-                velocity_change: v(),
-                impulse: v(),
-                force_velocity: v(),
-                actuator_velocity: v(),
-                v_free_corrected: v(),
-                free_change: v(),
-                v_half: v(),
-                before_impact: v(),
-            },
+            scratch: Scratch::filled(compiled.nv, R::zero()),
         }
     }
 

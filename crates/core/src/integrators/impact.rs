@@ -3,7 +3,7 @@
 //! The step evaluates a bouncing contact at the time of its impact. The contact's normal, its lever arms and the velocity in Newton's law
 //! are evaluated at this time too (see [`crate::constraints::impact_time`]).
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::Iterate;
 
 use crate::collision::contact_set::Contacts;
@@ -14,13 +14,11 @@ use crate::constraints::restitution::ImpactStep;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
-use crate::integrators::acceptance::ambiguous;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch};
-use crate::integrators::impact_set::Impacts;
 use crate::integrators::step_input::{StepContext, StepInput};
+use crate::integrators::velocity_solve::VelocitySolve;
 use crate::math::spatial::*;
-use crate::stages::s04_assemble::shift_offsets;
 use crate::tuning::{
     MAX_IMPACT_RESIDUAL, MAX_RESOLVED_ROTATION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
 };
@@ -37,37 +35,34 @@ pub(crate) fn move_to_first_impacts<R: Real>(
     first: bool,
 ) -> R::Mask {
     let StepInput { compiled, options, state, alive, .. } = input;
-    let Evaluation { scheme, kinematics, contacts, impacts: Impacts { lanes, velocities }, .. } = evaluation;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let [before, free] = velocities;
-            kinematics.velocities(compiled, &state.v, before);
-            kinematics.velocities(compiled, v_free, free);
-            let gravity = norm(compiled.params.gravity());
-            let (mut collides, mut time) = (R::Mask::splat(false), scheme.h);
-            for k in 0..contacts.slots() {
-                let elastic = contacts.elastic(k).and(alive);
-                if elastic.none() {
-                    continue;
-                }
-                let slot = &contacts.data[k];
-                let (gap, time_before, h) = (slot.point.distance, scheme.time_before, scheme.h);
-                let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
-                let ImpactPrediction { collides: here, time: at, .. } =
-                    Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
-                let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
-                let passed = if first { passed } else { R::Mask::splat(false) };
-                time = R::select(here, time.min(at), time);
-                time = R::select(passed, R::zero(), time);
-                collides = collides.or(here).or(passed);
+    let Evaluation { scheme, kinematics, contacts, impact_lanes: lanes, link_velocities, .. } = evaluation;
+    kernel!(R, || {
+        let [before, free] = link_velocities;
+        kinematics.velocities(compiled, &state.v, before);
+        kinematics.velocities(compiled, v_free, free);
+        let gravity = norm(compiled.params.gravity());
+        let (mut collides, mut time) = (R::Mask::splat(false), scheme.h);
+        for k in 0..contacts.slots() {
+            let elastic = contacts.elastic(k).and(alive);
+            if elastic.none() {
+                continue;
             }
-            let moved = collides.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
-            scheme.move_to(time, moved);
-            *lanes = lanes.or(collides);
-            moved
-        },
-    )
+            let slot = &contacts.data[k];
+            let (gap, time_before, h) = (slot.point.distance, scheme.time_before, scheme.h);
+            let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
+            let ImpactPrediction { collides: here, time: at, .. } =
+                Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
+            let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
+            let passed = if first { passed } else { R::Mask::splat(false) };
+            time = R::select(here, time.min(at), time);
+            time = R::select(passed, R::zero(), time);
+            collides = collides.or(here).or(passed);
+        }
+        let moved = collides.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
+        scheme.move_to(time, moved);
+        *lanes = lanes.or(collides);
+        moved
+    })
 }
 
 /// Normal velocities of the contacts in slot `k` (one per lane) for two sets of link velocities, m/s.
@@ -100,36 +95,6 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// Makes those impacts inelastic whose friction would add energy with Newton's law of restitution. Returns the lanes with such an impact,
-/// which must be solved again.
-///
-/// See [`ConstraintProblem::drop_restitution`]. `residual` is the residual of the present solution. In the lanes `inelastic`, an earlier
-/// call already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the
-/// tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the next solve.
-#[inline(always)]
-pub(crate) fn drop_restitution<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    residual: R,
-    inelastic: R::Mask,
-) -> R::Mask {
-    if problem.impacts.is_empty() {
-        return R::Mask::splat(false);
-    }
-    let tolerance = R::of(context.input.options.tolerance);
-    let failed = R::select(inelastic, tolerance, tolerance * R::of(MAX_IMPACT_RESIDUAL));
-    let unsolved = ambiguous(context, free, problem, velocity, residual).or(residual.gt(failed));
-    let FreeMotion { v, smooth, scratch: Scratch { free_change: scratch, .. }, .. } = free;
-    let energy = smooth.mass.kinetic_energy(context.input.compiled, v, scratch);
-    let lanes = problem.drop_restitution(&velocity.impulses, [energy, R::of(MAX_TRUSTED_RESIDUAL)], [unsolved, inelastic]);
-    if lanes.any() {
-        velocity.impulses.clear_contacts(&problem.rows, lanes, scratch);
-    }
-    lanes
-}
-
 /// Prepares the rows and the free velocity of the position solve, if any lane needs it. Returns the lanes with impacts, which need it.
 ///
 /// An impact at time t changes the velocity by dv, and the positions at the end of the step by (h - t) dv. Stage 7 advances positions from
@@ -146,9 +111,11 @@ pub(crate) fn prepare_position_solve<R: Real>(
     impulses: &mut Iterate<R>,
     position: &mut PositionSolution<R>,
 ) -> R::Mask {
-    let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, contacts, impacts, .. } } =
-        context;
-    let lanes = impacts.lanes.or(problem.midpoint_impact_lanes()).and(alive);
+    let StepContext {
+        input: StepInput { compiled, options, state, alive, .. },
+        evaluation: Evaluation { scheme, contacts, impact_lanes, .. },
+    } = context;
+    let lanes = impact_lanes.or(problem.midpoint_impact_lanes()).and(alive);
     if problem.needs_position_solve.or(lanes).none() {
         return lanes;
     }
@@ -169,62 +136,70 @@ pub(crate) fn prepare_position_solve<R: Real>(
         lanes,
     };
     position.remove_impacts(compiled, impulses, &step);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let late = scheme.time_before / scheme.h - R::of(0.5);
-            for i in 0..compiled.nv {
-                let moved = position.impact_displacement[i] + (free.v[i] - state.v[i]) * late;
-                position.impact_displacement[i] = R::select(lanes, moved, R::zero());
-                position.v_free[i] = R::select(lanes, free.v[i] + moved, free.v[i]);
-            }
-        },
-    );
+    kernel!(R, || {
+        let late = scheme.time_before / scheme.h - R::of(0.5);
+        for i in 0..compiled.nv {
+            let moved = position.impact_displacement[i] + (free.v[i] - state.v[i]) * late;
+            position.impact_displacement[i] = R::select(lanes, moved, R::zero());
+            position.v_free[i] = R::select(lanes, free.v[i] + moved, free.v[i]);
+        }
+    });
     position.shift(compiled, &free.smooth.mass, problem, lanes);
     step.leave_out_impacts(compiled, &mut position.rows);
     lanes
 }
 
-/// Recomputes the free velocity in lanes in which contacts made the velocity jump, by elastic or inelastic impacts. Returns these lanes,
-/// which must be solved again.
-///
-/// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should therefore
-/// be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead. If the
-/// velocity jumps, this is an error of first order in momentum and energy. `first` is true in the first call of a step.
-#[inline(always)]
-pub(crate) fn correct_impact_forces<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    v_next: &[R],
-    first: bool,
-) -> R::Mask {
-    let lanes = lanes_with_impacts(context, free, problem, v_next, first);
-    if lanes.any() {
-        compute_inertial_forces(context, free, problem, v_next);
-        update_free_velocity(context, free, problem, v_next, (lanes, first));
+impl<R: Real> VelocitySolve<'_, R> {
+    /// Makes those impacts inelastic whose friction would add energy with Newton's law of restitution. Returns the lanes with such an
+    /// impact, which must be solved again.
+    ///
+    /// See [`ConstraintProblem::drop_restitution`]. `residual` is the residual of the present solution. In the lanes `inelastic`, an
+    /// earlier call already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual
+    /// exceeds the tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the
+    /// next solve.
+    pub(crate) fn drop_restitution(&mut self, residual: R, inelastic: R::Mask) -> R::Mask {
+        if self.problem.impacts.is_empty() {
+            return R::Mask::splat(false);
+        }
+        let StepInput { compiled, options, .. } = self.context.input;
+        let tolerance = R::of(options.tolerance);
+        let failed = R::select(inelastic, tolerance, tolerance * R::of(MAX_IMPACT_RESIDUAL));
+        let unsolved = self.ambiguous(residual).or(residual.gt(failed));
+        let Self { free, problem, velocity: VelocitySolution { impulses, .. }, .. } = self;
+        let FreeMotion { v, smooth, scratch: Scratch { free_change: scratch, .. }, .. } = &mut **free;
+        let energy = smooth.mass.kinetic_energy(compiled, v, scratch);
+        let lanes = problem.drop_restitution(impulses, [energy, R::of(MAX_TRUSTED_RESIDUAL)], [unsolved, inelastic]);
+        if lanes.any() {
+            impulses.clear_contacts(&problem.rows, lanes, scratch);
+        }
+        lanes
     }
-    lanes
-}
 
-/// Lanes with an impact whose inertial forces must be recomputed, because `v_next` is not the velocity with which they were computed.
-/// `v_next` is the velocity after the step.
-///
-/// If `first` is true, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the mean
-/// of the forces at these two velocities. Lanes in which constraints made the velocity jump then count too.
-fn lanes_with_impacts<R: Real>(
-    context: StepContext<'_, R>,
-    free: &FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    v_next: &[R],
-    first: bool,
-) -> R::Mask {
-    let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = context;
-    R::vectorize(
-        #[inline(always)]
-        || {
+    /// Recomputes the free velocity in lanes in which contacts made the velocity jump, by elastic or inelastic impacts. Returns these
+    /// lanes, which must be solved again.
+    ///
+    /// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should
+    /// therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead.
+    /// If the velocity jumps, this is an error of first order in momentum and energy. `first` is true in the first call of a step.
+    pub(crate) fn correct_impact_forces(&mut self, first: bool) -> R::Mask {
+        let lanes = self.lanes_with_impacts(first);
+        if lanes.any() {
+            self.compute_inertial_forces();
+            self.update_free_velocity(lanes, first);
+        }
+        lanes
+    }
+
+    /// Lanes with an impact whose inertial forces must be recomputed, because they were computed with another velocity than the solved one.
+    ///
+    /// If `first` is true, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
+    /// mean of the forces at these two velocities. Lanes in which constraints made the velocity jump then count too.
+    fn lanes_with_impacts(&self, first: bool) -> R::Mask {
+        let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
+        let Self { free, problem, velocity, .. } = self;
+        kernel!(R, || {
             let (mut jump, mut fastest, mut pushed, mut smooth) = (R::zero(), R::zero(), R::zero(), R::zero());
-            for (((&v, &free), &next), &expected) in state.v.iter().zip(&free.v).zip(v_next).zip(&free.v_expected) {
+            for (((&v, &free), &next), &expected) in state.v.iter().zip(&free.v).zip(&velocity.v).zip(&free.v_expected) {
                 pushed = pushed.max((next - free).abs());
                 smooth = smooth.max((free - v).abs());
                 jump = jump.max((next - expected).abs());
@@ -235,68 +210,62 @@ fn lanes_with_impacts<R: Real>(
             let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
             // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
-            let slots = problem.sliding_slots.iter().map(|slot| slot.1).chain(problem.rolling_slots.iter().map(|slot| slot.1));
-            let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
+            let touching = problem.slots().fold(R::Mask::splat(false), |all, (_, lanes)| all.or(lanes));
             touching.and(alive).and_not(free.unresolved).and(matters)
-        },
-    )
-}
-
-/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`, the velocity after it.
-///
-/// Each of the two acts for half of the step. In lanes with an impact, the first acts before the impact and the second after it. Only
-/// inertial forces are recomputed. The forces of stage 1 do not change.
-fn compute_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
-    let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = context;
-    let half = scheme.h * R::of(0.5);
-    let times = [scheme.time_before, scheme.time_after].map(|time| R::select(impacts.lanes, time, half));
-    free.accelerate(compiled, kinematics, &state.v, &state.v);
-    advance(&state.v, &free.smooth.acc, times[0], &mut free.scratch.v_half);
-    if problem.resolves_impacts {
-        advance(&state.v, &free.smooth.acc, scheme.h, &mut free.scratch.before_impact);
+        })
     }
-    free.accelerate(compiled, kinematics, &state.v, v_next);
-    let FreeMotion { smooth, scratch, .. } = free;
-    advance(&scratch.v_half, &smooth.acc, times[1], &mut scratch.v_free_corrected);
-    if !compiled.spinners.is_empty() {
-        gyroscopic::correct_spin(
-            compiled,
-            kinematics,
-            &smooth.mass,
-            [[scheme.time_before, scheme.time_after], times],
-            [&state.v, v_next],
-            &mut scratch.v_free_corrected,
-        );
-    }
-}
 
-/// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
-///
-/// The rows of impacts depend on the velocity before the impact. With `first`, this velocity has inertial forces at the velocity before the
-/// step. Later calls do not change it.
-fn update_free_velocity<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    v_next: &[R],
-    (lanes, first): (R::Mask, bool),
-) {
-    let compiled = context.input.compiled;
-    let FreeMotion { v, v_expected, smooth, scratch: Scratch { v_free_corrected, free_change, before_impact, .. }, .. } = free;
-    R::vectorize(
-        #[inline(always)]
-        || {
+    /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it.
+    ///
+    /// Each of the two acts for half of the step. In lanes with an impact, the first acts before the impact and the second after it. Only
+    /// inertial forces are recomputed. The forces of stage 1 do not change.
+    fn compute_inertial_forces(&mut self) {
+        let StepContext { input: StepInput { compiled, state, .. }, evaluation } = self.context;
+        let Evaluation { scheme, kinematics, impact_lanes, .. } = evaluation;
+        let Self { free, problem, velocity, .. } = self;
+        let half = scheme.h * R::of(0.5);
+        let times = [scheme.time_before, scheme.time_after].map(|time| R::select(*impact_lanes, time, half));
+        free.accelerate(compiled, kinematics, &state.v, &state.v);
+        advance(&state.v, &free.smooth.acc, times[0], &mut free.scratch.v_half);
+        if problem.resolves_impacts {
+            advance(&state.v, &free.smooth.acc, scheme.h, &mut free.scratch.before_impact);
+        }
+        free.accelerate(compiled, kinematics, &state.v, &velocity.v);
+        let FreeMotion { smooth, scratch, .. } = &mut **free;
+        advance(&scratch.v_half, &smooth.acc, times[1], &mut scratch.v_free_corrected);
+        if !compiled.spinners.is_empty() {
+            gyroscopic::correct_spin(
+                compiled,
+                kinematics,
+                &smooth.mass,
+                [[scheme.time_before, scheme.time_after], times],
+                [&state.v, &velocity.v],
+                &mut scratch.v_free_corrected,
+            );
+        }
+    }
+
+    /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
+    ///
+    /// The rows of impacts depend on the velocity before the impact. With `first`, this velocity has inertial forces at the velocity before
+    /// the step. Later calls do not change it.
+    fn update_free_velocity(&mut self, lanes: R::Mask, first: bool) {
+        let compiled = self.context.input.compiled;
+        let Self { free, problem, velocity, .. } = self;
+        let FreeMotion { v, v_expected, smooth, scratch, .. } = &mut **free;
+        let Scratch { v_free_corrected, free_change, before_impact, .. } = scratch;
+        kernel!(R, || {
             for i in 0..compiled.nv {
                 let new = R::select(lanes, v_free_corrected[i], v[i]);
                 free_change[i] = new - v[i];
                 v[i] = new;
-                v_expected[i] = R::select(lanes, v_next[i], v_expected[i]);
+                v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
                 if problem.resolves_impacts {
                     before_impact[i] = if first { before_impact[i] - new } else { -free_change[i] };
                 }
             }
-        },
-    );
-    let before_impacts = problem.resolves_impacts.then_some(&mut before_impact[..]);
-    shift_offsets(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
+        });
+        let before_impacts = problem.resolves_impacts.then_some(&mut before_impact[..]);
+        problem.shift(compiled, &smooth.mass, free_change, before_impacts, lanes);
+    }
 }

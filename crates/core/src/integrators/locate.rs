@@ -2,12 +2,13 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::constraints::restitution::any_elastic;
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, advance_activations, compute_free_motion};
 use crate::integrators::impact::move_to_first_impacts;
-use crate::integrators::scheme;
+use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s03_detect::detect;
@@ -20,9 +21,9 @@ use crate::tuning::MAX_EVALUATION_MOVES;
 /// impact is evaluated at the time of its first impact.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
-    evaluation.scheme = scheme(input.options);
+    evaluation.scheme = Scheme::new(input.options);
     evaluation.at_start = R::Mask::splat(false);
-    evaluation.impacts.lanes = R::Mask::splat(false);
+    evaluation.impact_lanes = R::Mask::splat(false);
     let unreliable = evaluate(input, evaluation, free, probe);
     // A very fast body may be beyond a thin geom in the middle of the step. At the beginning, the geom is still ahead.
     if unreliable.any() {
@@ -35,8 +36,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     }
     // Newton's method for the time of the first elastic impact: each move of the evaluation point requires new forces and contacts.
     for pass in 0..MAX_EVALUATION_MOVES {
-        let elastic = |k: usize| evaluation.contacts.elastic(k).any();
-        if !(0..evaluation.contacts.slots()).any(elastic) {
+        if !any_elastic(&evaluation.contacts) {
             return;
         }
         let moved = probe.span(Span::ImpactTimes, || move_to_first_impacts(input, evaluation, &free.v, pass == 0));
@@ -68,27 +68,23 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
 #[inline(always)]
 fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepInput { compiled, state, inputs, .. } = input;
-    probe.span(Span::Displace, || displace_evaluation(input, evaluation));
+    probe.span(Span::Displace, || {
+        let scheme = evaluation.scheme;
+        // Positions move at the velocity before the step.
+        if scheme.in_the_middle {
+            displace(compiled, &state.q, &state.v, scheme.time_before, &mut evaluation.q);
+        } else {
+            evaluation.q.copy_from_slice(&state.q);
+        }
+        advance_activations(input, evaluation);
+        if scheme.looks_ahead() {
+            displace(compiled, &evaluation.q, &state.v, scheme.time_ahead, &mut evaluation.q_ahead);
+        }
+    });
     let Evaluation { scheme, q, kinematics, .. } = evaluation;
     probe.span(Span::Kinematics, || {
         mocap::pose_bodies(compiled, &inputs.mocap_trajectories, R::of(state.elapsed) + scheme.time_before, kinematics);
         kinematics.update(compiled, q);
     });
     probe.span(Span::Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));
-}
-
-/// Computes the configuration and the activations at the evaluation point of the step (such as its middle) from the state before the step.
-/// Positions move at the velocity before the step.
-#[inline(always)]
-fn displace_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
-    let StepInput { compiled, state, .. } = input;
-    if evaluation.scheme.in_the_middle {
-        displace(compiled, &state.q, &state.v, evaluation.scheme.time_before, &mut evaluation.q);
-    } else {
-        evaluation.q.copy_from_slice(&state.q);
-    }
-    advance_activations(input, evaluation);
-    if evaluation.scheme.looks_ahead {
-        displace(compiled, &evaluation.q, &state.v, evaluation.scheme.time_ahead, &mut evaluation.q_ahead);
-    }
 }

@@ -1,6 +1,6 @@
 //! Sensor readings after a step, with the error models of sensors (part of stage 9).
 
-use stepper_real::{Real, Scalar};
+use stepper_real::{Real, Scalar, kernel};
 
 use crate::actuation::forces::{ActuatorForces, ForceState};
 use crate::constraints::VelocitySolution;
@@ -27,15 +27,12 @@ pub(crate) fn observe<R: Real>(
     devices: &mut Devices<'_, R::Scalar>,
 ) {
     let StepInput { options, state, alive, .. } = input;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let rate = R::one() / R::of(options.timestep);
-            for ((a, &before), &after) in sensors.acceleration.iter_mut().zip(&velocity.v).zip(&state.v) {
-                *a = (after - before) * rate;
-            }
-        },
-    );
+    kernel!(R, || {
+        let rate = R::one() / R::of(options.timestep);
+        for ((a, &before), &after) in sensors.acceleration.iter_mut().zip(&velocity.v).zip(&state.v) {
+            *a = (after - before) * rate;
+        }
+    });
     let Some(SensorDevices { errors, memory, read }) = &mut devices.sensors else { return };
     memory.step.iter_mut().for_each(|step| *step = step.wrapping_add(1));
     if *read || errors.is_some() {
@@ -82,10 +79,7 @@ pub(crate) fn read_sensors<R: Real>(
     }
     if !sensors.workspace.orientation.is_empty() {
         for (m, trajectory) in compiled.mocap.iter().zip(&inputs.mocap_trajectories) {
-            sensors.workspace.orientation[m.frame] = R::vectorize(
-                #[inline(always)]
-                || trajectory.quat_at(elapsed),
-            );
+            sensors.workspace.orientation[m.frame] = kernel!(R, || trajectory.quat_at(elapsed));
         }
     }
     let mut time = R::zero();

@@ -110,11 +110,7 @@ fn add_overlaps<R: Real>(
             continue;
         }
         let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
-        let tree = |geom: usize| {
-            let frame = compiled.geoms[geom].frame;
-            (frame > 0 && frame <= compiled.links.len()).then(|| compiled.links[frame - 1].tree)
-        };
-        islands.add_penalty(geoms.map(tree), pose, penalty(options, depth));
+        islands.add_penalty(geoms.map(|g| compiled.tree_of(compiled.geoms[g].frame)), pose, penalty(options, depth));
     }
 }
 

@@ -1,6 +1,6 @@
 //! Stages 7 and 8 of a step: the configuration after it, and its correction.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::tunnelling::{TakenStep, may_have_passed};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
@@ -52,15 +52,15 @@ pub(crate) fn correct_positions<R: Real>(
     velocity: &mut VelocitySolution<R>,
     position: &mut PositionSolution<R>,
 ) -> CorrectedLanes<R> {
-    let StepContext { input, evaluation } = context;
+    let StepContext { input: StepInput { compiled, options, .. }, evaluation } = context;
     let impacts = prepare_position_solve(context, free, problem, &mut velocity.impulses, position);
     let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.euler_rebounding.or(impacts));
     if lanes.none() {
         return CorrectedLanes { all: lanes, rebounding, infeasible: lanes };
     }
     let (contacts, h) = (&evaluation.contacts, evaluation.scheme.h);
-    let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h };
-    let infeasible = stabilise(input.compiled, input.options, &rows, velocity, position);
+    let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h };
+    let infeasible = stabilise(&rows, velocity, position);
     CorrectedLanes { all: lanes, rebounding, infeasible }
 }
 
@@ -77,7 +77,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     corrected: CorrectedLanes<R>,
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
-    let Evaluation { scheme, kinematics, collision, impacts, .. } = evaluation;
+    let Evaluation { scheme, kinematics, collision, impact_lanes, .. } = evaluation;
     let PositionSolution { impact_displacement: motion, correction, .. } = position;
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
@@ -96,7 +96,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     let passed = may_have_passed(input.compiled, kinematics, step, input.alive, collision);
     // Each step checks the path from its evaluation point to that of the next step. If an impact moved the evaluation point of this step,
     // the path from the beginning of the step to this point is checked here.
-    let moved = impacts.lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
+    let moved = impact_lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
     if moved.none() {
         return passed;
     }
@@ -123,12 +123,9 @@ pub(crate) fn accept_corrections<R: Real>(
     if jammed.any() {
         revert_ineffective_corrections(input, evaluation, problem, position, jammed);
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (q, &corrected) in position.q.iter_mut().zip(&position.q_corrected) {
-                *q = R::select(all, corrected, *q);
-            }
-        },
-    );
+    kernel!(R, || {
+        for (q, &corrected) in position.q.iter_mut().zip(&position.q_corrected) {
+            *q = R::select(all, corrected, *q);
+        }
+    });
 }

@@ -1,125 +1,112 @@
 //! Prediction of the velocity after the step, and of the forces that depend on it.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
-use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend};
-use crate::integrators::collision_search::CollisionSearch;
-use crate::integrators::contact_activation::predict_collisions;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch};
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::assess_corrector;
+use crate::integrators::velocity_solve::VelocitySolve;
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
-use crate::stages::s04_assemble::shift_offsets;
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::MAX_IMPACT_ROTATION;
 
-/// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
-///
-/// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. In
-/// lanes whose bodies move, the impulses of the last step are at most the first guess of the prediction (`ImpulsePredictor` in stage 5).
-#[inline(always)]
-pub(crate) fn predict<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    collisions: &mut CollisionSearch<R>,
-    probe: impl Probe,
-) {
-    let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = context;
-    if !scheme.predicts() {
-        return;
-    }
-    let constrained = problem.constrained.or(problem.deferred_lanes(alive));
-    let predictor = ImpulsePredictor::new(compiled, options, &state.v, scheme.h, velocity);
-    if constrained.any() {
-        probe.span(Span::EstimateImpulses, || {
-            // Impulses of the active contacts first, then of deferred contacts that collide in the predicted motion.
-            predictor.make(options, constrained, problem, velocity);
-            predict_collisions(context, free, problem, velocity, collisions, (&predictor, constrained));
-        });
-    }
-    correct_free_velocity(context, free, problem, velocity, probe);
-    if constrained.any() {
-        // The prediction has served its purpose. From here on, its impulses are only a possible start of the solve.
-        probe.span(Span::EstimateImpulses, || predictor.choose_start(constrained, problem, velocity));
-        if problem.has_doubtful_contacts() {
-            problem.defer_doubtful(velocity);
+impl<R: Real> VelocitySolve<'_, R> {
+    /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
+    ///
+    /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. In
+    /// lanes whose bodies move, the impulses of the last step are at most the first guess of the prediction (`ImpulsePredictor` in stage
+    /// 5).
+    pub(crate) fn predict(&mut self, probe: impl Probe) {
+        let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
+        if !scheme.predicts() {
+            return;
+        }
+        let constrained = self.problem.constrained.or(self.problem.deferred_lanes(alive));
+        let predictor = ImpulsePredictor::new(compiled, options, &state.v, scheme.h, self.velocity);
+        if constrained.any() {
+            probe.span(Span::EstimateImpulses, || {
+                // Impulses of the active contacts first, then of deferred contacts that collide in the predicted motion.
+                predictor.make(options, constrained, self.problem, self.velocity);
+                self.predict_collisions(&predictor, constrained);
+            });
+        }
+        self.correct_free_velocity(probe);
+        if constrained.any() {
+            // The prediction has served its purpose. From here on, its impulses are only a possible start of the solve.
+            probe.span(Span::EstimateImpulses, || predictor.choose_start(constrained, self.problem, self.velocity));
+            if self.problem.has_doubtful_contacts() {
+                self.problem.defer_doubtful(self.velocity);
+            }
         }
     }
-}
 
-/// Recomputes the free velocity, with velocity-dependent forces at the force velocity. The force velocity includes the present impulses.
-/// With the midpoint rule it is the mean of the velocities before and after the step, with the implicit rule the velocity after the step.
-///
-/// One such correction suffices for the second order of the midpoint rule. The offsets g of the rows of `problem` contain the free velocity
-/// and change with it.
-#[inline(always)]
-pub(crate) fn correct_free_velocity<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &VelocitySolution<R>,
-    probe: impl Probe,
-) {
-    let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
-    let FreeMotion { smooth, actuator_forces, applied, v, v_expected, scratch, .. } = &mut *free;
-    let Scratch { velocity_by_impulses, force_velocity, v_free_corrected, free_change, .. } = scratch;
-    velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
-    ignore_large_impacts(scheme, v, velocity_by_impulses);
-    advance(v, velocity_by_impulses, R::one(), v_expected);
-    blend(&state.v, v_expected, scheme.velocity_weight, force_velocity);
-    // In stage 1 only forces of servos depend on the velocity.
-    if !compiled.servos.is_empty() {
-        probe.span(Span::Actuate, || {
-            actuate(compiled, &context.forces_at(force_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
+    /// Recomputes the free velocity, with velocity-dependent forces at the force velocity. The force velocity includes the present
+    /// impulses. With the midpoint rule it is the mean of the velocities before and after the step, with the implicit rule the velocity
+    /// after the step.
+    ///
+    /// One such correction suffices for the second order of the midpoint rule. The offsets g of the rows of `problem` contain the free
+    /// velocity and change with it.
+    pub(crate) fn correct_free_velocity(&mut self, probe: impl Probe) {
+        let Self { context, free, problem, velocity, .. } = self;
+        let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = *context;
+        let FreeMotion { smooth, actuator_forces, applied, v, v_expected, scratch, .. } = &mut **free;
+        let Scratch { velocity_by_impulses, force_velocity, v_free_corrected, free_change, .. } = scratch;
+        velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
+        ignore_large_impacts(scheme, v, velocity_by_impulses);
+        advance(v, velocity_by_impulses, R::one(), v_expected);
+        blend(&state.v, v_expected, scheme.velocity_weight, force_velocity);
+        // In stage 1 only forces of servos depend on the velocity.
+        if !compiled.servos.is_empty() {
+            probe.span(Span::Actuate, || {
+                actuate(compiled, &context.forces_at(force_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
+            });
+        }
+        probe.span(Span::Acceleration, || {
+            smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity)
         });
+        advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
+        // Spinners are single bodies on a free or ball joint. `correct` replaces their gyroscopic torque by one that keeps angular
+        // momentum.
+        if !compiled.spinners.is_empty() && scheme.in_the_middle {
+            let times = [scheme.time_before, scheme.time_after];
+            gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, force_velocity], v_free_corrected);
+        }
+        advance(v_free_corrected, v, -R::one(), free_change);
+        // This function is the corrector of the free velocity. If it changes the velocity too much, the time step is too long for the
+        // motion.
+        let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);
+        [free.unresolved, free.may_gain] = lanes.map(|lanes| lanes.and(alive));
+        if free.unresolved.any() {
+            leave_out_inertial_forces(*context, free);
+        }
+        std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
+        problem.shift(compiled, &free.smooth.mass, &mut free.scratch.free_change, None, R::Mask::splat(true));
     }
-    probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity));
-    advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
-    // Spinners are single bodies on a free or ball joint. `correct` replaces their gyroscopic torque by one that keeps angular momentum.
-    if !compiled.spinners.is_empty() && scheme.in_the_middle {
-        let times = [scheme.time_before, scheme.time_after];
-        gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, force_velocity], v_free_corrected);
-    }
-    advance(v_free_corrected, v, -R::one(), free_change);
-    // This function is the corrector of the free velocity. If it changes the velocity too much, the time step is too long for the motion.
-    let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);
-    [free.unresolved, free.may_gain] = lanes.map(|lanes| lanes.and(alive));
-    if free.unresolved.any() {
-        leave_out_inertial_forces(context, free);
-    }
-    std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
-    let everywhere = R::Mask::splat(true);
-    shift_offsets(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
 }
 
 /// Sets the velocity change by the predicted impulses, `change`, to zero in lanes in which it makes the motion too fast for the time step.
 ///
 /// Inertial forces at such a velocity would add energy to the motion.
 fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (mut largest_change, mut fastest_free, mut fastest_with_impulses) = (R::zero(), R::zero(), R::zero());
-            for (&change, &v) in change.iter().zip(v_free) {
-                largest_change = largest_change.max(change.abs());
-                fastest_free = fastest_free.max(v.abs());
-                fastest_with_impulses = fastest_with_impulses.max((v + change).abs());
+    kernel!(R, || {
+        let (mut largest_change, mut fastest_free, mut fastest_with_impulses) = (R::zero(), R::zero(), R::zero());
+        for (&change, &v) in change.iter().zip(v_free) {
+            largest_change = largest_change.max(change.abs());
+            fastest_free = fastest_free.max(v.abs());
+            fastest_with_impulses = fastest_with_impulses.max((v + change).abs());
+        }
+        let large = (scheme.h * largest_change).gt(R::of(MAX_IMPACT_ROTATION)).and(fastest_with_impulses.gt(fastest_free));
+        if large.any() {
+            for change in change {
+                *change = R::select(large, R::zero(), *change);
             }
-            let large = (scheme.h * largest_change).gt(R::of(MAX_IMPACT_ROTATION)).and(fastest_with_impulses.gt(fastest_free));
-            if large.any() {
-                for change in change {
-                    *change = R::select(large, R::zero(), *change);
-                }
-            }
-        },
-    )
+        }
+    })
 }
 
 /// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) in the lanes whose motion is
@@ -130,26 +117,20 @@ fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut Fr
     let Scratch { force_velocity: zero_velocity, actuator_velocity, v_free_corrected, free_change, .. } = scratch;
     // In the other lanes, actuator forces must keep all bits, because later solves of the step read them. They are evaluated again at the
     // same velocity.
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for i in 0..compiled.nv {
-                let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;
-                actuator_velocity[i] = R::select(*unresolved, state.v[i], mean);
-            }
-        },
-    );
+    kernel!(R, || {
+        for i in 0..compiled.nv {
+            let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;
+            actuator_velocity[i] = R::select(*unresolved, state.v[i], mean);
+        }
+    });
     actuate(compiled, &context.forces_at(actuator_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces);
     zero_velocity.fill(R::zero());
     smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, zero_velocity);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for i in 0..compiled.nv {
-                let v_without_inertial_forces = state.v[i] + smooth.acc[i] * scheme.h;
-                v_free_corrected[i] = R::select(*unresolved, v_without_inertial_forces, v_free_corrected[i]);
-                free_change[i] = R::select(*unresolved, v_without_inertial_forces - v[i], free_change[i]);
-            }
-        },
-    )
+    kernel!(R, || {
+        for i in 0..compiled.nv {
+            let v_without_inertial_forces = state.v[i] + smooth.acc[i] * scheme.h;
+            v_free_corrected[i] = R::select(*unresolved, v_without_inertial_forces, v_free_corrected[i]);
+            free_change[i] = R::select(*unresolved, v_without_inertial_forces - v[i], free_change[i]);
+        }
+    })
 }

@@ -1,6 +1,6 @@
 //! Runge-Kutta-Munthe-Kaas method of order 4 for smooth motion (integrator `rk4` with hard contact).
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{LaneModel, ModelStructure};
@@ -8,19 +8,11 @@ use crate::constraints::{PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::inputs::Inputs;
-use crate::integrators::midpoint;
-use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
 use crate::stages::s02_smooth::Smooth;
-
-/// Integration scheme of `rk4` for environments with an active constraint: the midpoint rule for a time step of `h` seconds.
-#[inline(always)]
-pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
-    midpoint::scheme(h)
-}
 
 /// Workspace of the four Runge-Kutta stages.
 ///
@@ -64,55 +56,20 @@ impl<R: Real> Rk4<R> {
         }
     }
 
-    /// Makes one step of `h` seconds from `state` = (q, v, act). The result is in (q, v, act) of this workspace.
-    ///
-    /// The poses of mocap bodies are in `kinematics`.
-    pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
-        for mocap in &compiled.mocap {
-            self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
-            self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
-        }
-        self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
-        for stage in 0..4 {
-            self.go(compiled, state, h * R::of([0.0, 0.5, 0.5, 1.0][stage]));
-            self.rates(compiled, inputs);
-            self.accumulate(R::of([1.0, 2.0, 2.0, 1.0][stage]));
-        }
-        std::mem::swap(&mut self.sum, &mut self.rate);
-        self.go(compiled, state, h * R::of(1.0 / 6.0));
-    }
-
-    /// Adds `weight` times the present rates (of displacement, velocity and activations) to their sums.
-    fn accumulate(&mut self, weight: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
-                    for (sum, &rate) in sum.iter_mut().zip(rate) {
-                        *sum += weight * rate;
-                    }
-                }
-            },
-        )
-    }
-
     /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, the result is exactly `state`.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let moving = time.gt(R::zero());
-                for i in 0..compiled.nv {
-                    self.rotation[i] = R::select(moving, self.rate[0][i] * time, R::zero());
-                    self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * time, R::zero());
-                }
-                for i in 0..compiled.na {
-                    self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * time, R::zero());
-                }
-                clamp_activation(compiled, &mut self.act);
-                displace(compiled, state[0], &self.rotation, R::one(), &mut self.q);
-            },
-        )
+        kernel!(R, || {
+            let moving = time.gt(R::zero());
+            for i in 0..compiled.nv {
+                self.rotation[i] = R::select(moving, self.rate[0][i] * time, R::zero());
+                self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * time, R::zero());
+            }
+            for i in 0..compiled.na {
+                self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * time, R::zero());
+            }
+            clamp_activation(compiled, &mut self.act);
+            displace(compiled, state[0], &self.rotation, R::one(), &mut self.q);
+        })
     }
 
     /// Computes the rates of displacement, velocity and activations at the present state.
@@ -135,25 +92,22 @@ impl<R: Real> Rk4<R> {
 
     /// Computes the displacement rate theta' at (theta, v).
     fn angular_rates(&mut self, compiled: &LaneModel<R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.rate[0].copy_from_slice(&self.v);
-                for joint in &compiled.joints {
-                    let at = match joint.kind {
-                        JointKind::Free => joint.v + 3,
-                        JointKind::Ball => joint.v,
-                        JointKind::Slide | JointKind::Hinge => continue,
-                    };
-                    let rotation = [self.rotation[at], self.rotation[at + 1], self.rotation[at + 2]];
-                    let omega = [self.v[at], self.v[at + 1], self.v[at + 2]];
-                    // dexpinv up to the order that the method needs: omega + theta x omega / 2 + theta x (theta x omega) / 12.
-                    let once = cross(rotation, omega);
-                    let rate = add(add_scaled(omega, once, R::of(0.5)), scale(cross(rotation, once), R::of(1.0 / 12.0)));
-                    self.rate[0][at..at + 3].copy_from_slice(&rate);
-                }
-            },
-        )
+        kernel!(R, || {
+            self.rate[0].copy_from_slice(&self.v);
+            for joint in &compiled.joints {
+                let at = match joint.kind {
+                    JointKind::Free => joint.v + 3,
+                    JointKind::Ball => joint.v,
+                    JointKind::Slide | JointKind::Hinge => continue,
+                };
+                let rotation = [self.rotation[at], self.rotation[at + 1], self.rotation[at + 2]];
+                let omega = [self.v[at], self.v[at + 1], self.v[at + 2]];
+                // dexpinv up to the order that the method needs: omega + theta x omega / 2 + theta x (theta x omega) / 12.
+                let once = cross(rotation, omega);
+                let rate = add(add_scaled(omega, once, R::of(0.5)), scale(cross(rotation, once), R::of(1.0 / 12.0)));
+                self.rate[0][at..at + 3].copy_from_slice(&rate);
+            }
+        })
     }
 
     /// Replaces the midpoint step by a Runge-Kutta step in the lanes `lanes`, which have no active constraint.
@@ -165,17 +119,32 @@ impl<R: Real> Rk4<R> {
         position: &mut PositionSolution<R>,
     ) {
         let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
-        self.step(compiled, kinematics, inputs, [&state.q, &state.v, &state.act], scheme.h);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let results = [(&mut position.q, &self.q), (&mut velocity.v, &self.v), (&mut position.act, &self.act)];
-                for (out, new) in results {
-                    for (out, &new) in out.iter_mut().zip(new) {
-                        *out = R::select(lanes, new, *out);
+        for mocap in &compiled.mocap {
+            self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
+            self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
+        }
+        let state = [&state.q[..], &state.v[..], &state.act[..]];
+        self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
+        for (fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
+            self.go(compiled, state, scheme.h * R::of(fraction));
+            self.rates(compiled, inputs);
+            kernel!(R, || {
+                for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
+                    for (sum, &rate) in sum.iter_mut().zip(rate) {
+                        *sum += R::of(weight) * rate;
                     }
                 }
-            },
-        )
+            });
+        }
+        std::mem::swap(&mut self.sum, &mut self.rate);
+        self.go(compiled, state, scheme.h * R::of(1.0 / 6.0));
+        kernel!(R, || {
+            let results = [(&mut position.q, &self.q), (&mut velocity.v, &self.v), (&mut position.act, &self.act)];
+            for (out, new) in results {
+                for (out, &new) in out.iter_mut().zip(new) {
+                    *out = R::select(lanes, new, *out);
+                }
+            }
+        })
     }
 }

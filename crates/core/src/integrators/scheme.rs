@@ -1,10 +1,21 @@
-//! Integration scheme: the times in the step at which forces and constraint rows are evaluated. Each scheme has a file in this folder.
+//! Integration scheme: the times in the step at which forces and constraint rows are evaluated.
+//!
+//! * Euler's rule, semi-implicit: forces and constraint rows at the configuration before the step, then q+ = q (+) h v+. First order. Some
+//!   forces are implicit: damping of joints (unless the model makes it explicit), springs and dampers of tendons and soft equalities, and
+//!   servos of actuator dynamics. All other forces use the velocity before the step, as in MuJoCo's `Euler`.
+//! * Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+ (Moreau 1988). Second order in
+//!   free flight and between impacts, which are evaluated at their times (`impact.rs`). Springs, dampers and servos follow the implicit
+//!   midpoint rule, which is A-stable and keeps the energy of linear springs ([`crate::actuation::forces`]).
+//! * Implicit rule: Euler's rule with springs, dampers and servos at the end of the step. Other velocity-dependent forces use the predicted
+//!   velocity there. First order, and L-stable in springs and dampers (backward Euler): it dissipates the energy of motions that it cannot
+//!   resolve.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::forces::ImplicitServos;
 use crate::compile::LaneModel;
 use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::options::{Integrator, StepSettings};
 
 /// Integration scheme for one time step.
 #[derive(Clone, Copy, Debug)]
@@ -25,14 +36,50 @@ pub(crate) struct Scheme<R> {
     pub(crate) velocity_weight: R,
     /// Whether the scheme evaluates forces and rows in the middle of the step, and impacts at their times.
     pub(crate) in_the_middle: bool,
-    /// Whether springs and servos are evaluated at a later point than the other forces.
-    pub(crate) looks_ahead: bool,
     /// Whether the mass matrix has implicit terms of joint springs, all servos and fluid drag. Otherwise it has only the implicit terms of
     /// joint damping and of the servos of actuator dynamics.
     pub(crate) implicit_forces: bool,
 }
 
 impl<R: Real> Scheme<R> {
+    /// Integration scheme for hard contact of the integrator that the options select.
+    ///
+    /// `Rk4` uses the midpoint rule in environments with an active constraint. `ImplicitFast` and `Discrete`, which the options allow only
+    /// with MuJoCo's law, count as `Implicit` here.
+    pub(crate) fn new(options: &StepSettings) -> Self {
+        let (h, none) = (R::of(options.timestep), R::zero());
+        let half = h * R::of(0.5);
+        let euler = Self {
+            h,
+            time_before: none,
+            time_after: h,
+            time_ahead: none,
+            weights: ImplicitWeights { damping: h, stiffness: none, step: none },
+            velocity_weight: none,
+            in_the_middle: false,
+            implicit_forces: false,
+        };
+        match options.integrator {
+            Integrator::Euler => euler,
+            Integrator::Midpoint | Integrator::Rk4 => Self {
+                time_before: half,
+                time_after: half,
+                weights: ImplicitWeights { damping: half, stiffness: half * half, step: h },
+                velocity_weight: R::of(0.5),
+                in_the_middle: true,
+                implicit_forces: true,
+                ..euler
+            },
+            Integrator::Implicit | Integrator::ImplicitFast | Integrator::Discrete => Self {
+                time_ahead: h,
+                weights: ImplicitWeights { damping: h, stiffness: h * h, step: none },
+                velocity_weight: R::one(),
+                implicit_forces: true,
+                ..euler
+            },
+        }
+    }
+
     /// Whether the step predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     ///
     /// The schemes with `implicit_forces` do so, and no others.
@@ -52,10 +99,7 @@ impl<R: Real> Scheme<R> {
         if impacts.none() {
             return whole;
         }
-        R::vectorize(
-            #[inline(always)]
-            || R::select(impacts, self.h / (self.time_after + self.h * R::of(0.5)), whole),
-        )
+        kernel!(R, || R::select(impacts, self.h / (self.time_after + self.h * R::of(0.5)), whole))
     }
 
     /// Selection of the servos with implicit forces in stage 1: all servos with `implicit_forces`, otherwise only those of actuator
@@ -77,10 +121,9 @@ impl<R: Real> Scheme<R> {
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }
 
-    /// Configuration at which springs and servos are evaluated. It is `ahead` if the scheme evaluates them later than the other forces,
-    /// otherwise `here`.
-    pub(crate) fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
-        if self.looks_ahead { ahead } else { here }
+    /// Whether springs and servos are evaluated at a later point than the other forces.
+    pub(crate) fn looks_ahead(&self) -> bool {
+        self.implicit_forces && !self.in_the_middle
     }
 
     /// Moves the evaluation point of the lanes `lanes` to `time` seconds after the beginning of the step.

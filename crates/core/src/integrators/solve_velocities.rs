@@ -3,187 +3,163 @@
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
 
-use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
+use crate::constraints::{ConstraintProblem, PositionSolution};
 use crate::dynamics::kinematics::advance;
-use crate::integrators::acceptance::{ambiguous, resolve_ambiguous};
-use crate::integrators::assemble::assemble_problem;
-use crate::integrators::collision_search::CollisionSearch;
-use crate::integrators::contact_activation::{SweptMotion, activate_colliding};
+use crate::integrators::contact_activation::SweptMotion;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch, compute_free_motion, has_bounded_servos};
-use crate::integrators::impact::{correct_impact_forces, drop_restitution};
-use crate::integrators::predict::predict;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{diverging, limit_joint_rates};
+use crate::integrators::velocity_solve::VelocitySolve;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{FIRST_COLLISION_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
-/// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem.
-///
-/// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact
-/// that collides becomes active. (2) Inertial forces were evaluated at the mean of the velocities before and after the step. If an impact
-/// changed the velocity, they are recomputed, at most three times. (3) Newton's law of impact has a solution in which friction adds no
-/// energy. If not, the impact becomes inelastic. (4) The active bounds of stiff servos are those of the solution. If not, the mass matrix
-/// changes, so that the problem is assembled and solved again, at most four times.
-///
-/// The second result has the lanes whose energy may be wrong. In them assumption 4 still fails, or an impact became inelastic. A shorter
-/// time step helps.
-#[inline(always)]
-pub(crate) fn solve_velocities<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    builder: &mut RowBuilder<R>,
-    collisions: &mut CollisionSearch<R>,
-    probe: impl Probe,
-) -> (Outcome<R>, R::Mask) {
-    let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = context;
-    let none = R::Mask::splat(false);
-    let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    // Each assembly resets the variables of the next line.
-    let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
-    let (mut must_assemble, mut reassemblies) = (true, 0);
-    let disagrees = loop {
-        if must_assemble {
-            assemble_problem(context, free, problem, velocity, builder, probe);
-            probe.span(Span::CorrectForces, || predict(context, free, problem, velocity, collisions, probe));
-            (lanes, inelastic, passes, impacts) = (problem.constrained, none, 0, 0);
-        }
-        let solved = probe.span(Span::Solve, || solve_lanes(context, lanes, problem, velocity));
-        // After a new assembly all lanes are solved again, and their numbers of iterations start from zero. A sum over assemblies would
-        // make the record of a lane depend on the other lanes, which may have caused the new assembly.
-        if must_assemble {
-            outcome = solved;
-        } else {
-            outcome.replace(&solved, lanes);
-        }
-        must_assemble = false;
-        probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
-        let motion = SweptMotion::Solved { includes_later_collisions: passes >= FIRST_COLLISION_PASSES };
-        lanes = probe.span(Span::Solve, || activate_colliding(context, free, problem, velocity, collisions, motion));
-        passes += 1;
-        if lanes.none() && scheme.in_the_middle && impacts < IMPACT_PASSES {
-            lanes = probe.span(Span::SolveImpacts, || correct_impact_forces(context, free, problem, &velocity.v, impacts == 0));
-            (passes, impacts) = (0, impacts + 1);
-        }
-        if lanes.none() {
-            lanes = drop_restitution(context, free, problem, velocity, outcome.residual, inelastic);
-            (passes, inelastic) = (0, inelastic.or(lanes));
-        }
-        if lanes.none() {
-            let changed = assume_bounds_of_solution(context, free, velocity, reassemblies < SATURATION_PASSES);
-            if changed.none() || reassemblies == SATURATION_PASSES {
-                break changed;
+impl<R: Real> VelocitySolve<'_, R> {
+    /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem.
+    ///
+    /// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred
+    /// contact that collides becomes active. (2) Inertial forces were evaluated at the mean of the velocities before and after the step. If
+    /// an impact changed the velocity, they are recomputed, at most three times. (3) Newton's law of impact has a solution in which
+    /// friction adds no energy. If not, the impact becomes inelastic. (4) The active bounds of stiff servos are those of the solution. If
+    /// not, the mass matrix changes, so that the problem is assembled and solved again, at most four times.
+    ///
+    /// The second result has the lanes whose energy may be wrong. In them assumption 4 still fails, or an impact became inelastic. A
+    /// shorter time step helps.
+    #[inline(always)]
+    pub(crate) fn solve_velocities(&mut self, probe: impl Probe) -> (Outcome<R>, R::Mask) {
+        let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
+        let none = R::Mask::splat(false);
+        let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
+        // Each assembly resets the variables of the next line.
+        let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
+        let (mut must_assemble, mut reassemblies) = (true, 0);
+        let disagrees = loop {
+            if must_assemble {
+                self.assemble_problem(probe);
+                probe.span(Span::CorrectForces, || self.predict(probe));
+                (lanes, inelastic, passes, impacts) = (self.problem.constrained, none, 0, 0);
             }
-            compute_free_motion(context, free, probe);
-            // All lanes are assembled and solved again. Lanes without a changed bound get the same bits as before.
-            (must_assemble, reassemblies) = (true, reassemblies + 1);
+            let solved = probe.span(Span::Solve, || self.solve_lanes(lanes));
+            // After a new assembly all lanes are solved again, and their numbers of iterations start from zero. A sum over assemblies would
+            // make the record of a lane depend on the other lanes, which may have caused the new assembly.
+            if must_assemble {
+                outcome = solved;
+            } else {
+                outcome.replace(&solved, lanes);
+            }
+            must_assemble = false;
+            let Self { free, velocity, .. } = self;
+            probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
+            let motion = SweptMotion::Solved { includes_later_collisions: passes >= FIRST_COLLISION_PASSES };
+            lanes = probe.span(Span::Solve, || self.activate_colliding(motion));
+            passes += 1;
+            if lanes.none() && scheme.in_the_middle && impacts < IMPACT_PASSES {
+                lanes = probe.span(Span::SolveImpacts, || self.correct_impact_forces(impacts == 0));
+                (passes, impacts) = (0, impacts + 1);
+            }
+            if lanes.none() {
+                lanes = self.drop_restitution(outcome.residual, inelastic);
+                (passes, inelastic) = (0, inelastic.or(lanes));
+            }
+            if lanes.none() {
+                let changed = self.assume_bounds_of_solution(reassemblies < SATURATION_PASSES);
+                if changed.none() || reassemblies == SATURATION_PASSES {
+                    break changed;
+                }
+                compute_free_motion(self.context, self.free, probe);
+                // All lanes are assembled and solved again. Lanes without a changed bound get the same bits as before.
+                (must_assemble, reassemblies) = (true, reassemblies + 1);
+            }
+        };
+        // Contacts that are still deferred and whose gap stays open become active with zero impulse: stage 8 needs their rows, and the
+        // state keeps them.
+        self.problem.activate_not_closing(self.velocity);
+        probe.span(Span::Solve, || self.resolve_ambiguous(&mut outcome));
+        count_iterations(&outcome, self.problem, probe);
+        (outcome, inelastic.or(disagrees))
+    }
+
+    /// Updates the assumed active bounds of servos (none, a force bound, or the torque-speed curve) to the bounds that are active in the
+    /// solution. Returns the lanes in which any of them changed.
+    ///
+    /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
+    fn assume_bounds_of_solution(&mut self, may_change: bool) -> R::Mask {
+        let StepContext { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
+        if !has_bounded_servos(compiled, scheme) {
+            return R::Mask::splat(false);
         }
-    };
-    // Contacts that are still deferred and whose gap stays open become active with zero impulse: stage 8 needs their rows, and the state
-    // keeps them.
-    problem.activate_not_closing(velocity);
-    probe.span(Span::Solve, || resolve_ambiguous(context, free, problem, velocity, &mut outcome));
-    count_iterations(&outcome, problem, probe);
-    (outcome, inelastic.or(disagrees))
-}
-
-/// Updates the assumed active bounds of servos (none, a force bound, or the torque-speed curve) to the bounds that are active in the
-/// solution. Returns the lanes in which any of them changed.
-///
-/// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
-#[inline(always)]
-fn assume_bounds_of_solution<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    velocity: &VelocitySolution<R>,
-    may_change: bool,
-) -> R::Mask {
-    let StepContext { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = context;
-    if !has_bounded_servos(compiled, scheme) {
-        return R::Mask::splat(false);
+        let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *self.free;
+        advance(&self.velocity.v, &state.v, -R::one(), velocity_change);
+        let bounds_at = scheme.implicit_servos();
+        actuator_forces
+            .set_bounds_at_velocity_change(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change)
+            .and(alive)
     }
-    let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *free;
-    advance(&velocity.v, &state.v, -R::one(), velocity_change);
-    let bounds_at = scheme.implicit_servos();
-    actuator_forces.set_bounds_at_velocity_change(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change).and(alive)
-}
 
-/// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature terms.
-///
-/// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), it may not be able to
-/// reach these velocities, and the impulses of the first solve diverge. The second solve therefore starts from zero impulses.
-#[inline(always)]
-fn solve_lanes<R: Real>(
-    context: StepContext<'_, R>,
-    lanes: R::Mask,
-    problem: &mut ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-) -> Outcome<R> {
-    let StepContext { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = context;
-    let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
-    let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
-    let [_, newton_steps] = options.effort();
-    if newton_steps >= MIN_NEWTON_STEPS_FOR_RETRY && unsolved.any() {
-        let changed = problem.remove_all_curvature(unsolved);
-        if changed.any() {
-            stepper_solve::gauss_seidel::sweep_from_zero(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
-            outcome.replace(&solve(options, &state.v, changed, problem, velocity, contacts), changed);
+    /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature
+    /// terms.
+    ///
+    /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), it may not be able
+    /// to reach these velocities, and the impulses of the first solve diverge. The second solve therefore starts from zero impulses.
+    fn solve_lanes(&mut self, lanes: R::Mask) -> Outcome<R> {
+        let StepContext { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = self.context;
+        let Self { problem, velocity, .. } = self;
+        let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
+        let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
+        let [_, newton_steps] = options.effort();
+        if newton_steps >= MIN_NEWTON_STEPS_FOR_RETRY && unsolved.any() {
+            let terms = 0..problem.curvature_terms.len();
+            let changed = terms.fold(R::Mask::splat(false), |changed, i| changed.or(problem.remove_curvature(i, unsolved)));
+            if changed.any() {
+                stepper_solve::gauss_seidel::sweep_from_zero(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
+                outcome.replace(&solve(options, &state.v, changed, problem, velocity, contacts), changed);
+            }
         }
+        outcome
     }
-    outcome
-}
 
-/// Limits the velocity after the step in lanes with a large Baumgarte correction, a motion that is too fast for the time step, or an
-/// ambiguous energy.
-#[inline(always)]
-pub(crate) fn bound_velocities<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    position: &mut PositionSolution<R>,
-    mut outcome: Outcome<R>,
-    probe: impl Probe,
-) -> StepOutcome<R> {
-    let StepContext { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = context;
-    let impulses_act = velocity.impulses.changes_velocity();
-    let (lanes, rebounding) = (problem.needs_position_solve, problem.euler_rebounding);
-    let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
-    let infeasible = probe.span(Span::Stabilise, || limit_baumgarte(compiled, options, &rows, &free.v, velocity, position, &mut outcome));
-    let [ambiguous, limited] = probe.span(Span::GuardEnergy, || limit_speed(context, free, problem, velocity, outcome.residual));
-    let none = R::Mask::splat(false);
-    StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
-}
+    /// Limits the velocity after the step in lanes with a large Baumgarte correction, a motion that is too fast for the time step, or an
+    /// ambiguous energy.
+    #[inline(always)]
+    pub(crate) fn bound_velocities(
+        &mut self,
+        position: &mut PositionSolution<R>,
+        mut outcome: Outcome<R>,
+        probe: impl Probe,
+    ) -> StepOutcome<R> {
+        let StepContext { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = self.context;
+        let Self { free, problem, velocity, .. } = self;
+        let impulses_act = velocity.impulses.changes_velocity();
+        let (lanes, rebounding) = (problem.needs_position_solve, problem.euler_rebounding);
+        let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
+        let infeasible = probe.span(Span::Stabilise, || limit_baumgarte(&rows, &free.v, velocity, position, &mut outcome));
+        let [ambiguous, limited] = probe.span(Span::GuardEnergy, || self.limit_speed(outcome.residual));
+        let none = R::Mask::splat(false);
+        StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
+    }
 
-/// Limits joint speeds in lanes whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with ambiguous
-/// energy, and all limited lanes.
-///
-/// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits the energy of these lanes after stage 8.
-#[inline(always)]
-fn limit_speed<R: Real>(
-    context: StepContext<'_, R>,
-    free: &mut FreeMotion<R>,
-    problem: &ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
-    residual: R,
-) -> [R::Mask; 2] {
-    let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = context;
-    let ambiguous = ambiguous(context, free, problem, velocity, residual);
-    if scheme.predicts() && problem.constrained.any() {
-        free.unresolved = free.unresolved.or(alive.and(diverging(compiled, [&state.v, &free.v], &velocity.v, scheme.h)));
+    /// Limits joint speeds in lanes whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with
+    /// ambiguous energy, and all limited lanes.
+    ///
+    /// [`limit_energy`](crate::integrators::step_resolution::StepResolution::limit_energy) limits the energy of these lanes after stage 8.
+    #[inline(always)]
+    fn limit_speed(&mut self, residual: R) -> [R::Mask; 2] {
+        let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
+        let ambiguous = self.ambiguous(residual);
+        let Self { free, problem, velocity, .. } = self;
+        if scheme.predicts() && problem.constrained.any() {
+            free.unresolved = free.unresolved.or(alive.and(diverging(compiled, [&state.v, &free.v], &velocity.v, scheme.h)));
+        }
+        let limited = free.unresolved.or(ambiguous);
+        if limited.any() {
+            limit_joint_rates(compiled, limited, scheme.h, &mut velocity.v);
+        }
+        [ambiguous, limited]
     }
-    let limited = free.unresolved.or(ambiguous);
-    if limited.any() {
-        limit_joint_rates(compiled, limited, scheme.h, &mut velocity.v);
-    }
-    [ambiguous, limited]
 }
 
 /// Reports the number of rows and of solver iterations to the probe.

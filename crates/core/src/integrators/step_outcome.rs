@@ -1,13 +1,13 @@
 //! Outcome of a step, from which stage 10 computes its record.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::{Outcome, System};
 
 use crate::constraints::ConstraintProblem;
 use crate::constraints::equality_violation::max_equality_violation;
 use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::step_input::StepInput;
-use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, depth, limit_overshoot};
+use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Status, depth, limit_overshoot};
 
 /// Outcome of the solver in a step, and sets of lanes with problems.
 #[derive(Clone, Copy, Debug)]
@@ -31,23 +31,6 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) energy_unresolved: R::Mask,
 }
 
-/// Residual of the whole step, m/s: the solver's residual, or the largest unmet target velocity of an immovable row if it is larger.
-///
-/// The solver's residual does not include immovable rows: dependent rows, and rows whose velocity no degree of freedom changes.
-#[inline(always)]
-fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R {
-    if !problem.may_have_immovable_rows {
-        return residual;
-    }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let unmet = System::from(&problem.rows).unmet_velocity();
-            R::select(unmet.gt(residual), unmet, residual)
-        },
-    )
-}
-
 /// Computes stage 10: status and record of the step. `input` has the state after the step; `finite` marks the lanes in which the step was
 /// accepted.
 #[inline(always)]
@@ -63,8 +46,14 @@ pub(crate) fn record<R: Real>(
     let active = &problem.active_equalities;
     let violation = max_equality_violation(compiled, active, &state.q, &inputs.mocap_trajectories, state.elapsed);
     let violation = R::select(finite, violation, R::zero());
+    let mut residual = outcome.solver.residual;
+    if problem.may_have_immovable_rows {
+        // The solver's residual does not include immovable rows: dependent rows, and rows whose velocity no degree of freedom changes.
+        let unmet = kernel!(R, || System::from(&problem.rows).unmet_velocity());
+        residual = R::select(unmet.gt(residual), unmet, residual);
+    }
     // A rejected step has no residual, because its value would depend on which numbers are NaN.
-    let residual = R::select(finite, with_blocked_rows(problem, outcome.solver.residual), R::zero());
+    residual = R::select(finite, residual, R::zero());
     let unsolved = outcome.ambiguous.or(alive.and_not(residual.le(R::of(options.tolerance))));
     Record {
         residual,
@@ -73,14 +62,16 @@ pub(crate) fn record<R: Real>(
         depth,
         overshoot,
         equality_violation: violation,
-        deep: alive.and(depth.gt(R::of(DEEP))),
-        over_limit: alive.and(overshoot.gt(R::of(OVER_LIMIT))),
-        equality_violated: alive.and(violation.gt(R::of(EQUALITY_VIOLATED))),
-        not_converged: unsolved.and(finite),
-        infeasible: alive.and(finite).and(outcome.infeasible),
-        non_finite: alive.and_not(finite),
-        contacts_full: state.contacts.full,
-        unresolved: free.unresolved.or(outcome.energy_unresolved),
-        tunnelled: outcome.tunnelled,
+        flags: [
+            (Status::NOT_CONVERGED, unsolved.and(finite).bits()),
+            (Status::NON_FINITE, alive.and_not(finite).bits()),
+            (Status::CONTACTS_FULL, state.contacts.full),
+            (Status::UNRESOLVED, free.unresolved.or(outcome.energy_unresolved).bits()),
+            (Status::TUNNELLED, outcome.tunnelled.bits()),
+            (Status::INFEASIBLE, alive.and(finite).and(outcome.infeasible).bits()),
+            (Status::DEEP, alive.and(depth.gt(R::of(DEEP))).bits()),
+            (Status::OVER_LIMIT, alive.and(overshoot.gt(R::of(OVER_LIMIT))).bits()),
+            (Status::EQUALITY_VIOLATED, alive.and(violation.gt(R::of(EQUALITY_VIOLATED))).bits()),
+        ],
     }
 }

@@ -10,18 +10,20 @@
 //!
 //! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The whip of a chain may gain
 //! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
-//! (`StepResolution::gains_energy`). A gain sets status UNRESOLVED and leaves the motion unchanged.
+//! (`StepResolution::find_energy_gain`). A gain sets status UNRESOLVED and leaves the motion unchanged.
 //!
 //! The two bounds also hold where impulses rotate a joint by half a turn or more within the step, for example levers in a jam. The rows are
 //! linearised at one pose and are invalid that far away. Such a step keeps its inertial forces.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::VelocitySolution;
 use crate::dynamics::inertia::{NewtonEuler, link_forces};
-use crate::dynamics::kinematics::{Kinematics, blend, kinetic_energy};
+use crate::dynamics::kinematics::{Kinematics, blend, displace, kinetic_energy};
+use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
-use crate::integrators::scheme::Scheme;
+use crate::integrators::step_input::{StepContext, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::tuning::{
@@ -34,26 +36,23 @@ use crate::tuning::{
 /// `v` is the velocity before the step, and `v_free` the velocity after it without constraints; `change` is the change of `v_free` by the
 /// corrector. All are generalized velocities.
 pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let turn = max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free)) * h;
-            let active = turn.gt(R::of(BALANCE_ROTATION));
-            if active.none() {
-                return [active; 2];
-            }
-            let (mut speed, mut largest_change) = (R::zero(), R::zero());
-            for i in 0..compiled.nv {
-                speed = speed.max(v[i].abs()).max(v_free[i].abs());
-                largest_change = largest_change.max_or_nan(change[i].abs());
-            }
-            let fast = turn.gt(R::of(FAST_ROTATION));
-            [
-                fast.and_not(largest_change.le(speed * R::of(MAX_RELATIVE_CHANGE))),
-                active.and_not(largest_change.le(speed * R::of(BALANCE_RELATIVE_CHANGE))),
-            ]
-        },
-    )
+    kernel!(R, || {
+        let turn = max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free)) * h;
+        let active = turn.gt(R::of(BALANCE_ROTATION));
+        if active.none() {
+            return [active; 2];
+        }
+        let (mut speed, mut largest_change) = (R::zero(), R::zero());
+        for i in 0..compiled.nv {
+            speed = speed.max(v[i].abs()).max(v_free[i].abs());
+            largest_change = largest_change.max_or_nan(change[i].abs());
+        }
+        let fast = turn.gt(R::of(FAST_ROTATION));
+        [
+            fast.and_not(largest_change.le(speed * R::of(MAX_RELATIVE_CHANGE))),
+            active.and_not(largest_change.le(speed * R::of(BALANCE_RELATIVE_CHANGE))),
+        ]
+    })
 }
 
 /// Lanes in which constraint impulses rotate a hinge or ball joint by more than half a turn per step.
@@ -61,22 +60,19 @@ pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R],
 /// In addition, the joint must be faster than every joint in `v`, the velocity before the step, and in `v_free`, the velocity without
 /// constraints.
 pub fn diverging<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut turn = R::zero();
-            for joint in compiled.joints.iter().filter(|j| matches!(j.kind, JointKind::Hinge | JointKind::Ball)) {
-                for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
-                    turn = turn.max(v.abs());
-                }
+    kernel!(R, || {
+        let mut turn = R::zero();
+        for joint in compiled.joints.iter().filter(|j| matches!(j.kind, JointKind::Hinge | JointKind::Ball)) {
+            for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
+                turn = turn.max(v.abs());
             }
-            let far = (turn * h).gt(R::of(MAX_IMPULSE_ROTATION));
-            if far.none() {
-                return far;
-            }
-            far.and(turn.gt(max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free))))
-        },
-    )
+        }
+        let far = (turn * h).gt(R::of(MAX_IMPULSE_ROTATION));
+        if far.none() {
+            return far;
+        }
+        far.and(turn.gt(max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free))))
+    })
 }
 
 /// Largest angular velocity of any joint, rad/s.
@@ -94,41 +90,35 @@ fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
 
 /// Scales `v` down in the lanes `lanes`, so that the fastest joint rotates by at most one radian per step.
 pub fn limit_joint_rates<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let turn = max_joint_rate(compiled, v) * h;
-            let fast = lanes.and(turn.gt(R::of(MAX_ROTATION)));
-            let factor = R::select(fast, R::of(MAX_ROTATION) / R::select(fast, turn, R::one()), R::one());
-            for v in v {
-                *v *= factor;
-            }
-        },
-    )
+    kernel!(R, || {
+        let turn = max_joint_rate(compiled, v) * h;
+        let fast = lanes.and(turn.gt(R::of(MAX_ROTATION)));
+        let factor = R::select(fast, R::of(MAX_ROTATION) / R::select(fast, turn, R::one()), R::one());
+        for v in v {
+            *v *= factor;
+        }
+    })
 }
 
 /// Kinetic energy of bodies and armatures at the configuration of `kinematics`, J.
 fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            kinematics.velocities(compiled, v, velocity);
-            let mut sum = kinetic_energy(kinematics, velocity);
-            for (d, &v) in v.iter().enumerate() {
-                sum += compiled.params.dof(d).armature * v.square() * R::of(0.5);
-            }
-            sum
-        },
-    )
+    kernel!(R, || {
+        kinematics.velocities(compiled, v, velocity);
+        let mut sum = kinetic_energy(kinematics, velocity);
+        for (d, &v) in v.iter().enumerate() {
+            sum += compiled.params.dof(d).armature * v.square() * R::of(0.5);
+        }
+        sum
+    })
 }
 
 /// Workspace of the checks for motion that is too fast for the time step: energy balance, and energy limit.
 #[derive(Clone, Debug)]
 pub struct StepResolution<R: Real> {
     /// Configuration after the step before position corrections, nq.
-    pub(crate) q_end: Vec<R>,
+    q_end: Vec<R>,
     /// Limited velocity after the step, nv.
-    pub(crate) v_limited: Vec<R>,
+    v_limited: Vec<R>,
     /// Velocity at which inertial forces are evaluated, nv.
     force_velocity: Vec<R>,
     kinematics: Kinematics<R>,
@@ -161,69 +151,78 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Lanes in which the error of a step of `h` seconds adds so much kinetic energy that the step counts as unresolved.
+    /// Lanes in which the error of the midpoint rule adds so much kinetic energy that the step counts as unresolved. Positions are not
+    /// corrected yet. The lanes `excluded` are not tested, because the Runge-Kutta scheme replaces their step.
     ///
     /// The work of forces and impulses f is f . (v + v+) / 2, and f = M (v+ - v) + h c. M is the mass matrix and c the inertial force, both
-    /// in the `middle` and at the velocity `force_velocity`. The energy gained by the error of the step is therefore
+    /// in the middle of the step and at the velocity `force_velocity`. The energy gained by the error of the step is therefore
     ///
     /// ```text
     /// K(q+, v+) - K(q, v) - (v + v+) / 2 . (M (v+ - v) + h c),
     /// ```
     ///
     /// for all kinds of forces: of actuators, damping, friction and contacts. The error in the work of gravity and springs is neglected: in
-    /// chains that gain 98 J, it is 0.01 J. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain of up
-    /// to `negligible`, J, does not count. It may be rounding error, if constraints hold bodies that would move fast without them.
-    ///
-    /// The state before the step is (`q`, `v`); the state after it is `q_end` and `v_next`.
-    pub(crate) fn gains_energy(
+    /// chains that gain 98 J, it is 0.01 J. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain that
+    /// the tolerance may cause does not count. It may be rounding error, if constraints hold bodies that would move fast without them.
+    #[inline(always)]
+    pub(crate) fn find_energy_gain(
         &mut self,
-        compiled: &LaneModel<R>,
-        middle: &Kinematics<R>,
-        [q, v, v_next]: [&[R]; 3],
+        context: StepContext<'_, R>,
         free: &FreeMotion<R>,
-        scheme: &Scheme<R>,
-        negligible: R,
+        velocity: &VelocitySolution<R>,
+        excluded: R::Mask,
     ) -> R::Mask {
-        let before = [q, v];
+        let StepContext { input: StepInput { compiled, options, state, .. }, evaluation } = context;
+        let Evaluation { scheme, q, kinematics: middle, .. } = evaluation;
+        if !scheme.predicts() || !scheme.in_the_middle {
+            return R::Mask::splat(false);
+        }
+        // A step that is evaluated at another time than its middle has an energy error of first order in its rotation, which this test
+        // would report.
+        let lanes = free.may_gain.and_not(free.unresolved).and_not(excluded).and(scheme.time_before.eq(scheme.time_after));
+        if lanes.none() {
+            return lanes;
+        }
+        let (before, v_next) = ([&state.q[..], &state.v[..]], &velocity.v);
+        displace(compiled, q, v_next, scheme.time_after, &mut self.q_end);
+        let negligible = free.smooth.mass.energy_at(R::of(options.tolerance));
         self.place_mocap(compiled, middle);
         blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.force_velocity);
         let (h, v_free) = (scheme.h, &free.v);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let [mean, change] = &mut self.mean;
-                let mut work = R::zero();
-                for d in 0..compiled.nv {
-                    mean[d] = (before[1][d] + v_next[d]) * R::of(0.5);
-                    change[d] = v_next[d] - before[1][d];
-                    work += compiled.params.dof(d).armature * mean[d] * change[d];
+        let gains = kernel!(R, || {
+            let [mean, change] = &mut self.mean;
+            let mut work = R::zero();
+            for d in 0..compiled.nv {
+                mean[d] = (before[1][d] + v_next[d]) * R::of(0.5);
+                change[d] = v_next[d] - before[1][d];
+                work += compiled.params.dof(d).armature * mean[d] * change[d];
+            }
+            middle.velocities(compiled, mean, &mut self.velocity);
+            middle.velocities(compiled, change, &mut self.change);
+            link_forces(compiled, middle, &self.force_velocity, &mut self.newton_euler);
+            let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
+            for l in 0..compiled.links.len() {
+                if !self.single_link[l] {
+                    let momentum = apply_inertia(&middle.inertia[l], &self.change[l]);
+                    let weight = apply_inertia(&middle.inertia[l], &ground);
+                    work += dot6(self.velocity[l], momentum) + dot6(self.velocity[l], self.newton_euler.force[l]) * h;
+                    work -= dot6(self.velocity[l], weight) * h;
                 }
-                middle.velocities(compiled, mean, &mut self.velocity);
-                middle.velocities(compiled, change, &mut self.change);
-                link_forces(compiled, middle, &self.force_velocity, &mut self.newton_euler);
-                let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
-                for l in 0..compiled.links.len() {
-                    if !self.single_link[l] {
-                        let momentum = apply_inertia(&middle.inertia[l], &self.change[l]);
-                        let weight = apply_inertia(&middle.inertia[l], &ground);
-                        work += dot6(self.velocity[l], momentum) + dot6(self.velocity[l], self.newton_euler.force[l]) * h;
-                        work -= dot6(self.velocity[l], weight) * h;
-                    }
-                }
-                let start = self.kinetic_energy_of_chains(compiled, before);
-                let q_end = std::mem::take(&mut self.q_end);
-                let end = self.kinetic_energy_of_chains(compiled, [&q_end, v_next]);
-                self.q_end = q_end;
-                let (mut pushed, mut fastest) = (R::zero(), R::zero());
-                for d in 0..compiled.nv {
-                    pushed = pushed.max((v_next[d] - v_free[d]).abs());
-                    fastest = fastest.max(v_next[d].abs()).max(before[1][d].abs());
-                }
-                let max_gain = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
-                let is_impact = pushed.gt(fastest * R::of(IMPACT_RELATIVE_CHANGE));
-                ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain) + negligible)
-            },
-        )
+            }
+            let start = self.kinetic_energy_of_chains(compiled, before);
+            let q_end = std::mem::take(&mut self.q_end);
+            let end = self.kinetic_energy_of_chains(compiled, [&q_end, v_next]);
+            self.q_end = q_end;
+            let (mut pushed, mut fastest) = (R::zero(), R::zero());
+            for d in 0..compiled.nv {
+                pushed = pushed.max((v_next[d] - v_free[d]).abs());
+                fastest = fastest.max(v_next[d].abs()).max(before[1][d].abs());
+            }
+            let max_gain = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
+            let is_impact = pushed.gt(fastest * R::of(IMPACT_RELATIVE_CHANGE));
+            ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain) + negligible)
+        });
+        lanes.and(gains)
     }
 
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
@@ -256,36 +255,40 @@ impl<R: Real> StepResolution<R> {
         twice * R::of(0.5)
     }
 
-    /// Scales the velocity `v` after the step down, in the lanes `lanes`, until the energy bound holds. Writes it to `v_limited`.
+    /// Scales the velocity after the step down, in the lanes `lanes`, until the energy bound holds. `q` is the configuration after the
+    /// step.
     ///
-    /// The allowed kinetic energy is the kinetic energy of the state `before` plus the work of forces in the step, with the mass matrix of
-    /// `middle`. Constraints changed `v_free` to `v`; their work counts only if it is negative. States are (q, v).
-    pub fn limit_energy(
+    /// The allowed kinetic energy is that before the step plus the work of forces in the step. Constraints changed the velocity from
+    /// `v_free`; their work counts only if it is negative. The work is computed with the mass matrix in the middle of the step.
+    #[inline(always)]
+    pub(crate) fn limit_energy(
         &mut self,
-        compiled: &LaneModel<R>,
-        middle: &Kinematics<R>,
-        lanes: R::Mask,
-        before: [&[R]; 2],
-        [q, v]: [&[R]; 2],
+        context: StepContext<'_, R>,
         v_free: &[R],
+        velocity: &mut VelocitySolution<R>,
+        q: &[R],
+        lanes: R::Mask,
     ) {
+        if lanes.none() {
+            return;
+        }
+        let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { kinematics: middle, .. } } = context;
+        let (before, v) = ([&state.q[..], &state.v[..]], &velocity.v);
         self.place_mocap(compiled, middle);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut energy_with = |v: &[R]| kinetic_energy_with_rotors(compiled, middle, v, &mut self.velocity);
-                let work = energy_with(v).min(energy_with(v_free)) - energy_with(before[1]);
-                self.kinematics.update(compiled, before[0]);
-                let start = kinetic_energy_with_rotors(compiled, &self.kinematics, before[1], &mut self.velocity);
-                self.kinematics.update(compiled, q);
-                let end = kinetic_energy_with_rotors(compiled, &self.kinematics, v, &mut self.velocity);
-                let allowed = (start + work).max(R::zero());
-                let slower = lanes.and(end.gt(allowed));
-                let factor = R::select(slower, (allowed / R::select(slower, end, R::one())).sqrt(), R::one());
-                for (out, &v) in self.v_limited.iter_mut().zip(v) {
-                    *out = v * factor;
-                }
-            },
-        )
+        kernel!(R, || {
+            let mut energy_with = |v: &[R]| kinetic_energy_with_rotors(compiled, middle, v, &mut self.velocity);
+            let work = energy_with(v).min(energy_with(v_free)) - energy_with(before[1]);
+            self.kinematics.update(compiled, before[0]);
+            let start = kinetic_energy_with_rotors(compiled, &self.kinematics, before[1], &mut self.velocity);
+            self.kinematics.update(compiled, q);
+            let end = kinetic_energy_with_rotors(compiled, &self.kinematics, v, &mut self.velocity);
+            let allowed = (start + work).max(R::zero());
+            let slower = lanes.and(end.gt(allowed));
+            let factor = R::select(slower, (allowed / R::select(slower, end, R::one())).sqrt(), R::one());
+            for (out, &v) in self.v_limited.iter_mut().zip(v) {
+                *out = v * factor;
+            }
+        });
+        std::mem::swap(&mut velocity.v, &mut self.v_limited);
     }
 }

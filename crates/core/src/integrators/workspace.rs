@@ -100,11 +100,6 @@ impl<R: Real> Workspace<R> {
         }
     }
 
-    /// Updates the poses of geoms that are fixed to the world, after a change of their parameters.
-    pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
-        self.evaluation.collision.update_static_poses(compiled);
-    }
-
     /// Fills with NaN the vectors that a step must compute before it reads them.
     ///
     /// A test then detects reads of results of the last step. Kinematics, contacts, mass matrix, actuator forces and constraint rows are

@@ -4,4 +4,3 @@ pub mod lanes;
 pub mod precision;
 pub mod random;
 pub mod spatial;
-pub(crate) mod vectorize;

@@ -1,7 +1,7 @@
 //! Stage 1: computes generalized forces from controls and state. [`crate::actuation::forces`] explains explicit parts, added inertia and
 //! active bounds.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::affine_force::{AffineForce, exceeds_range, within};
 use crate::actuation::force_limits::clamp_to_limits;
@@ -22,80 +22,78 @@ pub fn actuate<R: Real>(
     implicit: Option<ImplicitServos<R>>,
     actuator_forces: &mut ActuatorForces<R>,
 ) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
-                // `at.act` is already the activation at the evaluation point (`advance_activations`). The control acts only through it.
-                let input = match actuator.act {
-                    Some(a) => at.act[a],
-                    None => control(u, actuator.ctrl_range),
+    kernel!(R, || {
+        for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
+            // `at.act` is already the activation at the evaluation point (`advance_activations`). The control acts only through it.
+            let input = match actuator.act {
+                Some(a) => at.act[a],
+                None => control(u, actuator.ctrl_range),
+            };
+            let Some(k) = actuator.servo else {
+                let ActuatorParams { gain, bias } = compiled.params.actuator(i);
+                let requested = gain[0] * input + bias[0];
+                let force = within(requested, actuator.force_range);
+                actuator_forces.found_saturated[i] = exceeds_range(requested, actuator.force_range);
+                actuator_forces.force[i] = match &actuator.dynamics {
+                    Some(dynamics) => {
+                        let (numbers, saturated) = (&at.actuator_dynamics[dynamics.index], &mut actuator_forces.found_saturated[i]);
+                        let (clamped, is_reduced) = clamp_to_limits(dynamics, numbers, force, R::zero());
+                        *saturated = saturated.or(is_reduced);
+                        clamped
+                    }
+                    None => force,
                 };
-                let Some(k) = actuator.servo else {
-                    let ActuatorParams { gain, bias } = compiled.params.actuator(i);
-                    let requested = gain[0] * input + bias[0];
-                    let force = within(requested, actuator.force_range);
+                continue;
+            };
+            let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
+            let parameters = compiled.params.actuator(i);
+            let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
+            actuator_forces.found_saturated[i] = R::Mask::splat(false);
+            // Servos of actuator dynamics are implicit in every scheme. Other servos are implicit only if the scheme makes `all` servos
+            // implicit.
+            match (implicit, &actuator.dynamics) {
+                (Some(implicit), Some(dynamics)) => {
+                    actuator_forces.set_actuator_dynamics(
+                        i,
+                        k,
+                        &affine,
+                        &motion,
+                        dynamics,
+                        &at.actuator_dynamics[dynamics.index],
+                        implicit.weights,
+                    );
+                }
+                (Some(ImplicitServos { weights, all: true, .. }), None) => {
+                    let (force, added_inertia) =
+                        affine.explicit_part_and_added_inertia(&motion, actuator_forces.effective_inertias[k], weights);
+                    actuator_forces.set_servo(i, k, force, added_inertia);
+                }
+                (None, Some(dynamics)) => {
+                    actuator_forces.force[i] =
+                        clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity).0;
+                }
+                (_, None) => {
+                    let requested = affine.force(&motion);
                     actuator_forces.found_saturated[i] = exceeds_range(requested, actuator.force_range);
-                    actuator_forces.force[i] = match &actuator.dynamics {
-                        Some(dynamics) => {
-                            let (clamped, is_reduced) = clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero());
-                            actuator_forces.found_saturated[i] = actuator_forces.found_saturated[i].or(is_reduced);
-                            clamped
-                        }
-                        None => force,
-                    };
-                    continue;
-                };
-                let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
-                let parameters = compiled.params.actuator(i);
-                let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
-                actuator_forces.found_saturated[i] = R::Mask::splat(false);
-                // Servos of actuator dynamics are implicit in every scheme. Other servos are implicit only if the scheme makes `all` servos
-                // implicit.
-                match (implicit, &actuator.dynamics) {
-                    (Some(implicit), Some(dynamics)) => {
-                        actuator_forces.set_actuator_dynamics(
-                            i,
-                            k,
-                            &affine,
-                            &motion,
-                            dynamics,
-                            &at.actuator_dynamics[dynamics.index],
-                            implicit.weights,
-                        );
-                    }
-                    (Some(ImplicitServos { weights, all: true, .. }), None) => {
-                        let (force, added_inertia) =
-                            affine.explicit_part_and_added_inertia(&motion, actuator_forces.effective_inertias[k], weights);
-                        actuator_forces.set_servo(i, k, force, added_inertia);
-                    }
-                    (None, Some(dynamics)) => {
-                        actuator_forces.force[i] =
-                            clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity).0;
-                    }
-                    (_, None) => {
-                        let requested = affine.force(&motion);
-                        actuator_forces.found_saturated[i] = exceeds_range(requested, actuator.force_range);
-                        actuator_forces.set_servo(i, k, within(requested, actuator.force_range), R::zero());
-                    }
-                }
-                if let Some(implicit) = implicit.filter(|implicit| implicit.predicted && compiled.servos_are_bounded) {
-                    // The scheme evaluates forces at v + (weights.damping / h) (v+ - v), so that this is the predicted change v+ - v.
-                    let dv = (motion.velocity - motion.before) * (implicit.h / implicit.weights.damping);
-                    actuator_forces.clamp_at_predicted_velocity(compiled, at.actuator_dynamics, implicit, (k, dv));
+                    actuator_forces.set_servo(i, k, within(requested, actuator.force_range), R::zero());
                 }
             }
-            if let Some(implicit) = implicit.filter(|_| actuator_forces.needs_guess()) {
-                actuator_forces.guess_active_bounds(compiled, at.actuator_dynamics, implicit);
+            if let Some(implicit) = implicit.filter(|implicit| implicit.predicted && compiled.servos_are_bounded) {
+                // The scheme evaluates forces at v + (weights.damping / h) (v+ - v), so that this is the predicted change v+ - v.
+                let dv = (motion.velocity - motion.before) * (implicit.h / implicit.weights.damping);
+                actuator_forces.clamp_at_predicted_velocity(compiled, at.actuator_dynamics, implicit, (k, dv));
             }
-            actuator_forces.sum_forces(compiled, implicit);
-            // With explicit forces, derivatives and sensors read the generalized forces of the actuators without those of springs.
-            if implicit.is_none() {
-                actuator_forces.without_springs.copy_from_slice(&actuator_forces.tau);
-            }
-            add_springs(compiled, at.q, &mut actuator_forces.tau);
-        },
-    )
+        }
+        if let Some(implicit) = implicit.filter(|_| actuator_forces.needs_guess()) {
+            actuator_forces.guess_active_bounds(compiled, at.actuator_dynamics, implicit);
+        }
+        actuator_forces.sum_forces(compiled, implicit);
+        // With explicit forces, derivatives and sensors read the generalized forces of the actuators without those of springs.
+        if implicit.is_none() {
+            actuator_forces.without_springs.copy_from_slice(&actuator_forces.tau);
+        }
+        add_springs(compiled, at.q, &mut actuator_forces.tau);
+    })
 }
 
 /// Computes the inertia that implicit damping of a servo adds along the servo's moment, for every servo. It is the time step `h` times the
@@ -103,15 +101,12 @@ pub fn actuate<R: Real>(
 ///
 /// The added inertia is zero if the servo's force is at a bound. The caller must have called [`actuate`] with `implicit` = `None`.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (k, servo) in compiled.servos.iter().enumerate() {
-                let [_, rate] = slopes(compiled, at, servo.actuator, forces);
-                forces.added_inertia[k] = -(h * rate);
-            }
-        },
-    )
+    kernel!(R, || {
+        for (k, servo) in compiled.servos.iter().enumerate() {
+            let [_, rate] = slopes(compiled, at, servo.actuator, forces);
+            forces.added_inertia[k] = -(h * rate);
+        }
+    })
 }
 
 /// Stiffness and damping of a servo, if they oppose its motion and its force is not at a bound; otherwise 0.
@@ -243,22 +238,19 @@ pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: 
     if out.is_empty() {
         return;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (i, (actuator, &u)) in compiled.actuators.iter().zip(ctrl).enumerate() {
-                let Some(a) = actuator.act else { continue };
-                let u = setpoint(compiled, i, actuator, u, rate_at[a]);
-                let next = match actuator.activation {
-                    Activation::None => act[a],
-                    Activation::Integrator => act[a] + h * u,
-                    Activation::Filter(tau) => act[a] + h * ((u - rate_at[a]) / R::of(tau)),
-                    Activation::FilterExact(tau) => u + (act[a] - u) * (-(h / R::of(tau))).exp(),
-                };
-                out[a] = within(next, actuator.act_range);
-            }
-        },
-    )
+    kernel!(R, || {
+        for (i, (actuator, &u)) in compiled.actuators.iter().zip(ctrl).enumerate() {
+            let Some(a) = actuator.act else { continue };
+            let u = setpoint(compiled, i, actuator, u, rate_at[a]);
+            let next = match actuator.activation {
+                Activation::None => act[a],
+                Activation::Integrator => act[a] + h * u,
+                Activation::Filter(tau) => act[a] + h * ((u - rate_at[a]) / R::of(tau)),
+                Activation::FilterExact(tau) => u + (act[a] - u) * (-(h / R::of(tau))).exp(),
+            };
+            out[a] = within(next, actuator.act_range);
+        }
+    })
 }
 
 /// Clamps the activations `act` to their ranges.
@@ -273,18 +265,15 @@ pub fn clamp_activation<R: Real>(compiled: &LaneModel<R>, act: &mut [R]) {
 
 /// Computes the time derivatives of the activations at `act`, 1/s, into `out`.
 pub fn activation_rate<R: Real>(compiled: &LaneModel<R>, act: &[R], ctrl: &[R], out: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (i, (actuator, &u)) in compiled.actuators.iter().zip(ctrl).enumerate() {
-                let Some(a) = actuator.act else { continue };
-                let u = setpoint(compiled, i, actuator, u, act[a]);
-                out[a] = match actuator.activation {
-                    Activation::None => R::zero(),
-                    Activation::Integrator => u,
-                    Activation::Filter(tau) | Activation::FilterExact(tau) => (u - act[a]) / R::of(tau),
-                };
-            }
-        },
-    )
+    kernel!(R, || {
+        for (i, (actuator, &u)) in compiled.actuators.iter().zip(ctrl).enumerate() {
+            let Some(a) = actuator.act else { continue };
+            let u = setpoint(compiled, i, actuator, u, act[a]);
+            out[a] = match actuator.activation {
+                Activation::None => R::zero(),
+                Activation::Integrator => u,
+                Activation::Filter(tau) | Activation::FilterExact(tau) => (u - act[a]) / R::of(tau),
+            };
+        }
+    })
 }

@@ -1,6 +1,6 @@
 //! Stage 2: smooth dynamics, which determine the motion without constraints.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::actuation::forces::Implicit;
 use crate::compile::{CompensationParams, LaneModel, ModelStructure};
@@ -46,102 +46,75 @@ impl<R: Real> Smooth<R> {
 
     /// Assembles the mass matrix, with the implicit terms of joint damping and stiffness.
     pub fn assemble_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
-        R::vectorize(
-            #[inline(always)]
-            || self.assemble(compiled, kinematics, weights),
-        )
+        kernel!(R, || {
+            self.mass.assemble(compiled, kinematics, &mut self.composite);
+            // The diagonal is copied before implicit terms are added to it. Stage 1 reads the copy.
+            for (inertia, dof) in self.inertia.iter_mut().zip(&compiled.dofs) {
+                *inertia = self.mass.entries[dof.chain];
+            }
+            self.mass.add_joints(compiled, weights, &mut self.spring_damping);
+        })
     }
 
     /// Completes the mass matrix of [`Smooth::assemble_mass`] with the implicit terms of servos and fluid drag, and factors it.
     pub fn complete_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
-        R::vectorize(
-            #[inline(always)]
-            || self.factor(compiled, kinematics, implicit),
-        )
+        kernel!(R, || {
+            self.mass.add_servos(compiled, implicit.servos, implicit.arms, true);
+            if !compiled.fluid.is_empty() {
+                match implicit.drag_at {
+                    Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.weights.damping, &mut self.mass.entries),
+                    None => self.fluid.make_drag_explicit(),
+                }
+            }
+            self.mass.factor(compiled);
+        })
     }
 
     /// Assembles, completes and factors the mass matrix.
     pub fn factor_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.assemble(compiled, kinematics, implicit.weights);
-                self.factor(compiled, kinematics, implicit);
-            },
-        )
+        self.assemble_mass(compiled, kinematics, implicit.weights);
+        self.complete_mass(compiled, kinematics, implicit);
     }
 
-    #[inline(always)]
-    fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
-        self.mass.assemble(compiled, kinematics, &mut self.composite);
-        // The diagonal is copied before implicit terms are added to it. Stage 1 reads the copy.
-        for (inertia, dof) in self.inertia.iter_mut().zip(&compiled.dofs) {
-            *inertia = self.mass.entries[dof.chain];
-        }
-        self.mass.add_joints(compiled, weights, &mut self.spring_damping);
-    }
-
-    #[inline(always)]
-    fn factor(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
-        self.mass.add_servos(compiled, implicit.servos, implicit.arms, true);
-        if !compiled.fluid.is_empty() {
-            match implicit.drag_at {
-                Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.weights.damping, &mut self.mass.entries),
-                None => self.fluid.make_drag_explicit(),
-            }
-        }
-        self.mass.factor(compiled);
-    }
-
-    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]. `forces` are tau and
+    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]. The array has tau and
     /// applied.
     ///
     /// A step with this acceleration is implicit in the damping D and in the springs that A contains (see [`crate::actuation::forces`]).
-    pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                link_forces(compiled, kinematics, v_bias, &mut self.newton_euler);
-                if !compiled.fluid.is_empty() {
-                    self.fluid.subtract(compiled, kinematics, &self.newton_euler.velocity, &mut self.newton_euler.force);
-                }
-                for (i, compensated) in compiled.compensation.iter().enumerate() {
-                    let CompensationParams { pos, force } = compiled.params.compensation(i);
-                    let arm = sub(kinematics.point(compensated.link + 1, pos), kinematics.origin[compiled.links[compensated.link].tree]);
-                    self.newton_euler.force[compensated.link] =
-                        sub(self.newton_euler.force[compensated.link], spatial(cross(arm, force), force));
-                }
-                project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
-                self.accelerate(compiled, forces, v);
-            },
-        )
-    }
-
-    #[inline(always)]
-    fn accelerate(&mut self, compiled: &LaneModel<R>, [tau, applied]: [&[R]; 2], v: &[R]) {
-        let forces = tau.iter().zip(applied).zip(&self.bias);
-        for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(compiled.params.dofs()).zip(v) {
-            *acc = (tau + applied) - bias - damping * v;
-        }
-        for ((acc, &damping), &v) in self.acc.iter_mut().zip(&self.spring_damping).zip(v) {
-            *acc -= damping * v;
-        }
-        self.mass.solve(compiled, &mut self.acc);
+    pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [tau, applied]: [&[R]; 2], v: &[R], v_bias: &[R]) {
+        kernel!(R, || {
+            link_forces(compiled, kinematics, v_bias, &mut self.newton_euler);
+            if !compiled.fluid.is_empty() {
+                self.fluid.subtract(compiled, kinematics, &self.newton_euler.velocity, &mut self.newton_euler.force);
+            }
+            for (i, compensated) in compiled.compensation.iter().enumerate() {
+                let CompensationParams { pos, force } = compiled.params.compensation(i);
+                let arm = sub(kinematics.point(compensated.link + 1, pos), kinematics.origin[compiled.links[compensated.link].tree]);
+                self.newton_euler.force[compensated.link] =
+                    sub(self.newton_euler.force[compensated.link], spatial(cross(arm, force), force));
+            }
+            project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
+            let forces = tau.iter().zip(applied).zip(&self.bias);
+            let damping = compiled.params.dofs();
+            for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(damping).zip(v) {
+                *acc = (tau + applied) - bias - damping * v;
+            }
+            for ((acc, &damping), &v) in self.acc.iter_mut().zip(&self.spring_damping).zip(v) {
+                *acc -= damping * v;
+            }
+            self.mass.solve(compiled, &mut self.acc);
+        })
     }
 
     /// Adds implicit damping to the mass matrix: the added inertia of servos, and `h` times the fluid drag. The function leaves out entries
     /// that couple two degrees of freedom on different branches of a tree.
     pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [added_inertias, arms]: [&[R]; 2], v: &[R], h: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.mass.add_servos(compiled, added_inertias, arms, false);
-                if !compiled.fluid.is_empty() {
-                    self.fluid.linearise(compiled, kinematics, v, h, &mut self.mass.entries);
-                    self.fluid.make_drag_explicit();
-                }
-            },
-        )
+        kernel!(R, || {
+            self.mass.add_servos(compiled, added_inertias, arms, false);
+            if !compiled.fluid.is_empty() {
+                self.fluid.linearise(compiled, kinematics, v, h, &mut self.mass.entries);
+                self.fluid.make_drag_explicit();
+            }
+        })
     }
 
     /// Computes the generalized forces of the user's applied forces into `out`.
@@ -154,32 +127,26 @@ impl<R: Real> Smooth<R> {
         } else {
             out.copy_from_slice(qfrc);
         }
-        if !xfrc.is_empty() {
-            self.add_wrenches(compiled, kinematics, xfrc, out);
+        if xfrc.is_empty() {
+            return;
         }
-    }
-
-    fn add_wrenches(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, xfrc: &[R], out: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                // `newton_euler.force` and `bias` are only buffers here. The next call of `acceleration` overwrites them.
-                self.newton_euler.force.fill(zero());
-                for (b, body) in compiled.bodies.iter().enumerate() {
-                    if body.frame == 0 || body.frame > compiled.links.len() {
-                        continue;
-                    }
-                    let l = body.frame - 1;
-                    let w = &xfrc[6 * b..6 * b + 6];
-                    let (force, torque) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
-                    let arm = sub(kinematics.point(body.frame, compiled.params.body_com(b)), kinematics.origin[compiled.links[l].tree]);
-                    self.newton_euler.force[l] = add(self.newton_euler.force[l], spatial(add(torque, cross(arm, force)), force));
+        kernel!(R, || {
+            // `newton_euler.force` and `bias` are only buffers here. The next call of `acceleration` overwrites them.
+            self.newton_euler.force.fill(zero());
+            for (b, body) in compiled.bodies.iter().enumerate() {
+                if body.frame == 0 || body.frame > compiled.links.len() {
+                    continue;
                 }
-                project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
-                for i in 0..compiled.nv {
-                    out[i] += self.bias[i];
-                }
-            },
-        )
+                let l = body.frame - 1;
+                let w = &xfrc[6 * b..6 * b + 6];
+                let (force, torque) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
+                let arm = sub(kinematics.point(body.frame, compiled.params.body_com(b)), kinematics.origin[compiled.links[l].tree]);
+                self.newton_euler.force[l] = add(self.newton_euler.force[l], spatial(add(torque, cross(arm, force)), force));
+            }
+            project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
+            for i in 0..compiled.nv {
+                out[i] += self.bias[i];
+            }
+        })
     }
 }

@@ -12,7 +12,7 @@
 //! impulse makes them faster than the search assumed, or they rotate so far that the contact normal is no longer valid. After the step,
 //! [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds these lanes.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::{CollisionWorkspace, Scene, slack};
@@ -67,18 +67,15 @@ fn find_pairs<R: Real>(
     collision: &mut CollisionWorkspace<R>,
 ) {
     let checks_static = checks_passing && !compiled.static_pairs.is_empty();
-    R::vectorize(
-        #[inline(always)]
-        || {
-            collision.slack = slack(compiled, h);
-            collision.poses.update_poses(compiled, kinematics);
-            collision.poses.update_search_displacement(compiled, kinematics, v_free, h + h);
-            if checks_static {
-                collision.poses.update_passing_displacement(compiled, kinematics, v, time_before);
-            }
-            collision.find_near(compiled, alive);
-        },
-    );
+    kernel!(R, || {
+        collision.slack = slack(compiled, h);
+        collision.poses.update_poses(compiled, kinematics);
+        collision.poses.update_search_displacement(compiled, kinematics, v_free, h + h);
+        if checks_static {
+            collision.poses.update_passing_displacement(compiled, kinematics, v, time_before);
+        }
+        collision.find_near(compiled, alive);
+    });
     // A static pair is a listed or a dynamic pair. Each kind is merged with the other pairs of its kind.
     collision.find_static(compiled, alive, checks_static, |poses| &poses.search_displacement);
     collision.add_static(compiled);
@@ -105,43 +102,37 @@ fn find_contacts<R: Real>(
     let checks_passing = checks_passing && (compiled.dynamic_pairs.is_some() || near.iter().any(can_be_passed));
     // With static pairs, `find_pairs` has already computed these displacements.
     if checks_passing && compiled.static_pairs.is_empty() {
-        R::vectorize(
-            #[inline(always)]
-            || poses.update_passing_displacement(compiled, kinematics, v, time_before),
-        );
+        kernel!(R, || poses.update_passing_displacement(compiled, kinematics, v, time_before));
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let scene = Scene { compiled, kinematics, poses, h, slack, passing_time: time_before, checks_passing };
-            // Pairs of a ball or capsule with a box that are near in few lanes are packed: several share a SIMD register, in which
-            // `test_packed` computes their contact points. `collide` then adds these points in the order of all pairs.
-            packed.clear();
-            for &(index, lanes) in near {
-                packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);
-            }
-            // The broad phase of dynamic pairs has tested bounding balls in f64, enlarged for rounding. `can_touch` has the exact limit.
-            dynamic.clear();
-            if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
-                for &(index, lanes) in &broad.pairs {
-                    let Some(pair) = dynamic_pairs.pair(index as usize) else { continue };
-                    let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
-                    if lanes.any() {
-                        packed.add::<R>(index as usize, &pair, lanes.bits());
-                        dynamic.push((index as usize, lanes, pair));
-                    }
+    kernel!(R, || {
+        let scene = Scene { compiled, kinematics, poses, h, slack, passing_time: time_before, checks_passing };
+        // Pairs of a ball or capsule with a box that are near in few lanes are packed: several share a SIMD register, in which
+        // `test_packed` computes their contact points. `collide` then adds these points in the order of all pairs.
+        packed.clear();
+        for &(index, lanes) in near {
+            packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);
+        }
+        // The broad phase of dynamic pairs has tested bounding balls in f64, enlarged for rounding. `can_touch` has the exact limit.
+        dynamic.clear();
+        if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
+            for &(index, lanes) in &broad.pairs {
+                let Some(pair) = dynamic_pairs.pair(index as usize) else { continue };
+                let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
+                if lanes.any() {
+                    packed.add::<R>(index as usize, &pair, lanes.bits());
+                    dynamic.push((index as usize, lanes, pair));
                 }
             }
-            scene.test_packed(packed);
-            let mut unreliable = R::Mask::splat(false);
-            for &(index, lanes) in near {
-                let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                unreliable = unreliable.or(scene.collide(index, &compiled.pairs[index], lanes, packed, narrow_phase, contacts));
-            }
-            for (index, lanes, pair) in &*dynamic {
-                unreliable = unreliable.or(scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts));
-            }
-            unreliable
-        },
-    )
+        }
+        scene.test_packed(packed);
+        let mut unreliable = R::Mask::splat(false);
+        for &(index, lanes) in near {
+            let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
+            unreliable = unreliable.or(scene.collide(index, &compiled.pairs[index], lanes, packed, narrow_phase, contacts));
+        }
+        for (index, lanes, pair) in &*dynamic {
+            unreliable = unreliable.or(scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts));
+        }
+        unreliable
+    })
 }

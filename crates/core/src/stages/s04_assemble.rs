@@ -5,7 +5,7 @@
 //! step:
 //!
 //! ```text
-//! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `AssemblyInput::closing_fraction`)
+//! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `RowInput::closing_fraction`)
 //! touching, or overlapping:       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
 //! bouncing, e > 0:                v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
@@ -18,71 +18,65 @@
 //! (`constraints/restitution.rs`). A contact with e > 0 that neither bounces nor comes to rest in this step has no row. A row would stop it
 //! at the surface and remove the energy of its later bounce.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::ConstraintProblem;
-use crate::constraints::assembler::Assembler;
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::contact::least_mobility;
 use crate::constraints::restitution::any_elastic;
-use crate::constraints::row_input::RowInput;
 use crate::constraints::torsional_rolling::rolling_lanes;
-use crate::dynamics::inertia::MassMatrix;
 
 /// Assembles all rows of contacts, limits, dry friction, equalities and tendons, with their initial impulses.
-pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let compiled = input.compiled;
-            assembler.clear(input);
-            // Eliminated equalities come first, because every later row is projected on the motions that they allow.
-            if !compiled.equalities.is_empty() {
-                assembler.add_equalities(input, true);
-                let Assembler { problem, builder, .. } = &mut assembler;
-                builder.store_eliminated(&mut problem.rows, compiled, &problem.active_equalities, input.mass);
+pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
+    kernel!(R, || {
+        let compiled = input.compiled;
+        assembler.clear(input);
+        // Eliminated equalities come first, because every later row is projected on the motions that they allow.
+        if !compiled.equalities.is_empty() {
+            assembler.add_equalities(input, true);
+            let Assembler { problem, builder, .. } = &mut assembler;
+            builder.store_eliminated(&mut problem.rows, compiled, &problem.active_equalities, input.mass);
+        }
+        assembler.add_frictions(input);
+        assembler.add_limits(input);
+        if !compiled.ball_limits.is_empty() {
+            assembler.add_ball_limits(input);
+        }
+        if !compiled.tendons.is_empty() {
+            assembler.add_tendons(input);
+        }
+        if !compiled.equalities.is_empty() {
+            assembler.add_equalities(input, false);
+        }
+        assembler.problem.elastic = any_elastic(contacts);
+        assembler.problem.resolves_impacts = assembler.problem.elastic && input.in_the_middle;
+        for k in 0..contacts.slots() {
+            let lanes = contacts.lanes_of(k);
+            let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
+            if sliding != 0 {
+                assembler.builder.gather_dofs(assembler.problem, compiled, contacts, k, sliding);
+                assembler.add_contact(input, contacts, k, sliding);
             }
-            assembler.add_frictions(compiled, input.mass, input.assembly);
-            assembler.add_limits(compiled, input.options, input.mass, input.assembly);
-            if !compiled.ball_limits.is_empty() {
-                assembler.add_ball_limits(input);
-            }
-            if !compiled.tendons.is_empty() {
-                assembler.add_tendons(input);
-            }
-            if !compiled.equalities.is_empty() {
-                assembler.add_equalities(input, false);
-            }
-            assembler.problem.elastic = any_elastic(contacts);
-            assembler.problem.resolves_impacts = assembler.problem.elastic && input.assembly.in_the_middle;
+        }
+        // Contacts with rolling friction have six rows instead of three, and a separate list.
+        if compiled.has_rolling_friction {
             for k in 0..contacts.slots() {
-                let lanes = contacts.lanes_of(k);
-                let sliding = lanes & !rolling_lanes(compiled, contacts, k, lanes);
-                if sliding != 0 {
-                    assembler.builder.gather_dofs(assembler.problem, compiled, contacts, k, sliding);
-                    assembler.add_contact(input, contacts, k, sliding);
+                let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
+                if rolling != 0 {
+                    assembler.add_rolling_contact(input, contacts, k, rolling);
                 }
             }
-            // Contacts with rolling friction have six rows instead of three, and a separate list.
-            if compiled.has_rolling_friction {
-                for k in 0..contacts.slots() {
-                    let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
-                    if rolling != 0 {
-                        assembler.add_rolling_contact(input, contacts, k, rolling);
-                    }
-                }
-            }
-            assembler.finish(compiled, contacts);
-        },
-    )
+        }
+        assembler.finish(compiled, contacts);
+    })
 }
 
 impl<R: Real> Assembler<'_, R> {
     /// Resets the problem: removes the rows of the last step, and sets the numbers that do not depend on rows.
     #[inline(always)]
-    fn clear(&mut self, input: RowInput<'_, R>) {
-        let (compiled, assembly, none) = (input.compiled, input.assembly, R::Mask::splat(false));
+    fn clear(&mut self, input: &RowInput<'_, R>) {
+        let (compiled, none) = (input.compiled, R::Mask::splat(false));
         let Self { problem, velocity, builder } = self;
         problem.rows.clear();
         velocity.impulses.clear();
@@ -93,7 +87,7 @@ impl<R: Real> Assembler<'_, R> {
         problem.curvature_terms.clear();
         problem.deferred.clear();
         problem.impacts.clear();
-        problem.closing_time = assembly.h / assembly.closing_fraction;
+        problem.closing_time = input.h / input.closing_fraction;
         [problem.constrained, problem.needs_position_solve, problem.biased, problem.euler_rebounding] = [none; 4];
         problem.may_have_immovable_rows = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
@@ -111,23 +105,5 @@ impl<R: Real> Assembler<'_, R> {
         velocity.impulses.compute_w(&problem.rows);
         problem.rows.newly_loaded =
             velocity.contact_groups.newly_loaded_lanes(contacts, &problem.sliding_slots, &problem.rows, &velocity.impulses);
-    }
-}
-
-/// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`. Overwrites `change` and
-/// `before_impacts`.
-///
-/// `before_impacts` is the change of the velocity that the whole step would have without impacts, if a contact bounces within the step.
-pub(crate) fn shift_offsets<R: Real>(
-    compiled: &LaneModel<R>,
-    mass: &MassMatrix<R>,
-    problem: &mut ConstraintProblem<R>,
-    change: &mut [R],
-    before_impacts: Option<&mut [R]>,
-    lanes: R::Mask,
-) {
-    problem.shift(compiled, mass, change, lanes);
-    if let Some(change) = before_impacts {
-        problem.shift_before_impacts(compiled, mass, change, lanes);
     }
 }

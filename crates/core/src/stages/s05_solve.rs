@@ -1,6 +1,6 @@
 //! Stage 5: solves the constraint problem for impulses, and computes the residual.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Outcome, Settings, System, residual};
 
 use crate::collision::contact_set::Contacts;
@@ -64,21 +64,18 @@ pub fn solve_to<R: Real>(
 pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>, contacts: &mut Contacts<R>) {
     let ConstraintProblem { impulse_indices, sliding_slots, rolling_slots, .. } = problem;
     let VelocitySolution { impulses, scalar_impulse, .. } = velocity;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (&impulse_index, &lambda) in impulse_indices.iter().zip(&impulses.scalars) {
-                scalar_impulse[impulse_index] = lambda;
-            }
-            for (&(k, lanes), &lambda) in sliding_slots.iter().zip(&impulses.contacts) {
-                contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
-            }
-            for (&(k, lanes, scale), &[n, a, b, spin, roll_a, roll_b]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
-                contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
-                contacts.torque[k] = select(lanes, [spin * scale[0], roll_a * scale[1], roll_b * scale[2]], contacts.torque[k]);
-            }
-        },
-    );
+    kernel!(R, || {
+        for (&impulse_index, &lambda) in impulse_indices.iter().zip(&impulses.scalars) {
+            scalar_impulse[impulse_index] = lambda;
+        }
+        for (&(k, lanes), &lambda) in sliding_slots.iter().zip(&impulses.contacts) {
+            contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
+        }
+        for (&(k, lanes, scale), &[n, a, b, spin, roll_a, roll_b]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
+            contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
+            contacts.torque[k] = select(lanes, [spin * scale[0], roll_a * scale[1], roll_b * scale[2]], contacts.torque[k]);
+        }
+    });
 }
 
 /// Distributes the load evenly over the contacts of each contact group that slips (see [`crate::constraints::redundant_supports`]). The
@@ -102,10 +99,7 @@ fn share_loads<R: Real>(
     saved_impulses.save(impulses, slipping);
     let redistributed = contact_groups.share(problem, impulses, slipping);
     saved_impulses.restore(impulses, redistributed.not());
-    let left = R::vectorize(
-        #[inline(always)]
-        || residual(&problem.rows, impulses),
-    );
+    let left = kernel!(R, || residual(&problem.rows, impulses));
     let before = outcome.residual;
     outcome.residual = R::select(redistributed, left, before);
     let moved = redistributed.and_not(left.le(before.max(settings.tolerance)));
@@ -138,18 +132,15 @@ impl<R: Real> ImpulsePredictor<R> {
         let error = ESTIMATE_ERROR / options.tolerance_ratio();
         let never_rough = error < ESTIMATE_ERROR || options.solver == Solver::Newton;
         let least = if compiled.ntree > 1 { MIN_ROUGH_MOTION_OF_SEVERAL_TREES } else { REST_MOTION };
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let displacement = h * fastest(v);
-                let slow = (displacement * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
-                let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), displacement));
-                let moving = is_moving(displacement);
-                let rough =
-                    displacement.gt(R::of(least)).and(displacement.lt(R::of(MAX_ROUGH_MOTION))).and_not(velocity.contact_groups.lanes());
-                Self { moving, rough: if never_rough { R::Mask::splat(false) } else { rough }, tolerance }
-            },
-        )
+        kernel!(R, || {
+            let displacement = h * fastest(v);
+            let slow = (displacement * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
+            let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), displacement));
+            let moving = is_moving(displacement);
+            let rough =
+                displacement.gt(R::of(least)).and(displacement.lt(R::of(MAX_ROUGH_MOTION))).and_not(velocity.contact_groups.lanes());
+            Self { moving, rough: if never_rough { R::Mask::splat(false) } else { rough }, tolerance }
+        })
     }
 
     /// Predicts the impulses in the lanes `lanes`.
@@ -195,10 +186,7 @@ impl<R: Real> ImpulsePredictor<R> {
 /// Lanes whose impulses are predicted, because they move noticeably at the velocity `v`. The other lanes take the impulses of the last step
 /// as their prediction.
 pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
-    R::vectorize(
-        #[inline(always)]
-        || is_moving(h * fastest(v)),
-    )
+    kernel!(R, || is_moving(h * fastest(v)))
 }
 
 /// Lanes that are not at rest. `displacement` is the largest displacement of a degree of freedom within the step, m or rad.
@@ -224,12 +212,9 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// With such a residual, heavy boxes would creep into light ones if the option `tolerance` permits it. Lanes with a contact group
 /// (`has_groups`) therefore stop at a smaller residual.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
-            let least = R::select(has_groups, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
-            (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(least).min(R::of(options.tolerance))
-        },
-    )
+    kernel!(R, || {
+        let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
+        let least = R::select(has_groups, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
+        (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(least).min(R::of(options.tolerance))
+    })
 }

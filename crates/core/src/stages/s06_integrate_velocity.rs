@@ -1,6 +1,6 @@
 //! Stage 6: computes the velocity after the step from the impulses.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::constraints::VelocitySolution;
@@ -8,17 +8,14 @@ use crate::dynamics::inertia::MassMatrix;
 
 /// Computes v+ = v_free + L^-1 D^-1/2 w into `velocity.v`, where w is the scaled velocity change of stage 5.
 pub fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, v_free: &[R], velocity: &mut VelocitySolution<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let VelocitySolution { impulses, v, .. } = velocity;
-            v.copy_from_slice(&impulses.w);
-            if impulses.changes_velocity() {
-                mass.unscale(compiled, v);
-            }
-            for (v, &free) in v.iter_mut().zip(v_free) {
-                *v = free + *v;
-            }
-        },
-    )
+    kernel!(R, || {
+        let VelocitySolution { impulses, v, .. } = velocity;
+        v.copy_from_slice(&impulses.w);
+        if impulses.changes_velocity() {
+            mass.unscale(compiled, v);
+        }
+        for (v, &free) in v.iter_mut().zip(v_free) {
+            *v = free + *v;
+        }
+    })
 }

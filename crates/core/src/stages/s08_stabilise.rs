@@ -9,7 +9,7 @@
 //! are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is marked infeasible
 //! if the impulses of the correction prove that no motion within the bounds meets its targets (Farkas' lemma).
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
 
 use crate::collision::contact_set::Contacts;
@@ -61,6 +61,10 @@ impl<R: Real> Bounds<R> {
 
 /// Inputs of the position solve.
 pub struct PositionInput<'a, R: Real> {
+    /// Compiled model.
+    pub compiled: &'a LaneModel<R>,
+    /// Settings of the step.
+    pub options: &'a StepSettings,
     /// Constraint problem of the step.
     pub problem: &'a ConstraintProblem<R>,
     /// Factors of the mass matrix.
@@ -82,15 +86,9 @@ pub struct PositionInput<'a, R: Real> {
 /// The caller has computed the position rows and the free velocity with `integrators::impact::prepare_position_solve`. The solve starts
 /// from the impulses of the velocity solution and overwrites them.
 #[inline(always)]
-pub fn stabilise<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    input: &PositionInput<'_, R>,
-    velocity: &mut VelocitySolution<R>,
-    position: &mut PositionSolution<R>,
-) -> R::Mask {
-    let infeasible = correct(compiled, options, input, velocity, position);
-    displace(compiled, &position.q, &position.correction, input.h, &mut position.q_corrected);
+pub fn stabilise<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> R::Mask {
+    let infeasible = correct(input, velocity, position);
+    displace(input.compiled, &position.q, &position.correction, input.h, &mut position.q_corrected);
     infeasible
 }
 
@@ -105,8 +103,6 @@ pub fn stabilise<R: Real>(
 /// stabilisation. `v_free` is the velocity without constraint impulses.
 #[inline(always)]
 pub fn limit_baumgarte<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
     input: &PositionInput<'_, R>,
     v_free: &[R],
     velocity: &mut VelocitySolution<R>,
@@ -114,22 +110,19 @@ pub fn limit_baumgarte<R: Real>(
     outcome: &mut Outcome<R>,
 ) -> R::Mask {
     let never = R::Mask::splat(false);
-    let ConstraintProblem { rows, biased, .. } = input.problem;
+    let PositionInput { compiled, options, problem: ConstraintProblem { rows, biased, .. }, .. } = *input;
     if biased.none() {
         return never;
     }
     let bounds = Bounds::absurd(options);
-    let lanes = R::vectorize(
-        #[inline(always)]
-        || {
-            let correction = &mut position.correction;
-            for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(v_free)) {
-                *change = v - free;
-            }
-            let unmet = System::from(rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
-            biased.and(excess(compiled, correction, bounds).gt(R::one()).or(unmet))
-        },
-    );
+    let lanes = kernel!(R, || {
+        let correction = &mut position.correction;
+        for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(v_free)) {
+            *change = v - free;
+        }
+        let unmet = System::from(rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
+        biased.and(excess(compiled, correction, bounds).gt(R::one()).or(unmet))
+    });
     if lanes.none() {
         return never;
     }
@@ -138,50 +131,41 @@ pub fn limit_baumgarte<R: Real>(
     let [sweeps, newton_steps] = options.effort();
     let tolerance = R::of(options.tolerance);
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
-    R::vectorize(
-        #[inline(always)]
-        || {
-            // With Baumgarte's method, the offsets of the position solve have no bias. `correct` exchanges the offsets back.
-            position.rows.copy(rows);
-            position.rows.exchange_offsets();
-        },
-    );
+    kernel!(R, || {
+        // With Baumgarte's method, the offsets of the position solve have no bias. `correct` exchanges the offsets back.
+        position.rows.copy(rows);
+        position.rows.exchange_offsets();
+    });
     let VelocitySolution { impulses, v, newton, worst, saved_impulses, .. } = &mut *velocity;
     let system = position.rows.system(rows);
     let repeated = stepper_solve::solve(system, impulses, settings, lanes, newton);
     let unsolved = lanes.and_not(repeated.residual.le(tolerance));
     worst.update(input.problem, system, impulses, input.contacts, [lanes, unsolved]);
     outcome.replace(&repeated, lanes);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let PositionSolution { correction: change, v_free, .. } = &mut *position;
-            change.copy_from_slice(&impulses.w);
-            input.mass.unscale(compiled, change);
-            for i in 0..compiled.nv {
-                v[i] = R::select(lanes, v_free[i] + change[i], v[i]);
-            }
-        },
-    );
+    kernel!(R, || {
+        let PositionSolution { correction: change, v_free, .. } = &mut *position;
+        change.copy_from_slice(&impulses.w);
+        input.mass.unscale(compiled, change);
+        for i in 0..compiled.nv {
+            v[i] = R::select(lanes, v_free[i] + change[i], v[i]);
+        }
+    });
     saved_impulses.save(impulses, lanes);
-    let infeasible = correct(compiled, options, &PositionInput { lanes, ..*input }, velocity, position);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (PositionSolution { correction, v_free, .. }, VelocitySolution { impulses, v, .. }) = (position, velocity);
-            for (v, &more) in v.iter_mut().zip(&*correction) {
-                *v += R::select(lanes, more, R::zero());
-            }
-            // `w` becomes the scaled velocity change from `v_free` to the limited `v`. The joint impulses that users read follow from `w`.
-            for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
-                *change = v - free;
-            }
-            input.mass.scale(compiled, correction);
-            for (w, &change) in impulses.w.iter_mut().zip(&*correction) {
-                *w = R::select(lanes, change, *w);
-            }
-        },
-    );
+    let infeasible = correct(&PositionInput { lanes, ..*input }, velocity, position);
+    kernel!(R, || {
+        let (PositionSolution { correction, v_free, .. }, VelocitySolution { impulses, v, .. }) = (position, velocity);
+        for (v, &more) in v.iter_mut().zip(&*correction) {
+            *v += R::select(lanes, more, R::zero());
+        }
+        // `w` becomes the scaled velocity change from `v_free` to the limited `v`. The joint impulses that users read follow from `w`.
+        for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
+            *change = v - free;
+        }
+        input.mass.scale(compiled, correction);
+        for (w, &change) in impulses.w.iter_mut().zip(&*correction) {
+            *w = R::select(lanes, change, *w);
+        }
+    });
     infeasible
 }
 
@@ -189,16 +173,9 @@ pub fn limit_baumgarte<R: Real>(
 ///
 /// The function limits the speed of this correction and writes it to `position.correction`. It returns the lanes in which a proof shows
 /// that the position targets contradict each other.
-#[inline(always)]
-fn correct<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    input: &PositionInput<'_, R>,
-    velocity: &mut VelocitySolution<R>,
-    position: &mut PositionSolution<R>,
-) -> R::Mask {
-    let lanes = input.lanes;
-    damp_rows(compiled, input, &velocity.impulses, position);
+fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> R::Mask {
+    let PositionInput { compiled, options, lanes, .. } = *input;
+    damp_rows(input, &velocity.impulses, position);
     let [sweeps, newton] = options.effort();
     let tolerance_ratio = options.tolerance_ratio();
     let tolerance = (CORRECTION_TOLERANCE / tolerance_ratio).max(options.tolerance);
@@ -216,22 +193,18 @@ fn correct<R: Real>(
     let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.uncertified() };
     stepper_solve::solve(system, impulses, settings, lanes, newton);
     let bounds = Bounds::new(options, input.h);
-    let (fast, lacking) = R::vectorize(
-        #[inline(always)]
-        || {
-            find_motion(compiled, input.mass, impulses, [v_free, v_next], out);
-            let rebounding = lanes.and(input.rebounding);
-            if rebounding.any() {
-                bound_rebound(compiled, input.mass, [v_free, v_next], out, scratch, rebounding);
-            }
-            let short = system.shortfall(impulses, reference);
-            let blocked = system.immovable_target();
-            let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
-            (fast, lanes.and(short.max(blocked).gt(R::of(MIN_UNMET_TARGET))))
-        },
-    );
-    let infeasible =
-        if lacking.any() { prove_infeasible(compiled, input.mass, system, impulses, reference, lacking, bounds) } else { lacking };
+    let (fast, lacking) = kernel!(R, || {
+        find_motion(input, impulses, [v_free, v_next], out);
+        let rebounding = lanes.and(input.rebounding);
+        if rebounding.any() {
+            bound_rebound(input, [v_free, v_next], out, scratch, rebounding);
+        }
+        let short = system.shortfall(impulses, reference);
+        let blocked = system.immovable_target();
+        let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
+        (fast, lanes.and(short.max(blocked).gt(R::of(MIN_UNMET_TARGET))))
+    });
+    let infeasible = if lacking.any() { prove_infeasible(input, system, impulses, reference, lacking, bounds) } else { lacking };
     if fast.any() {
         // With Baumgarte's method, the user can read the impulses. They are reduced in the same ratio as the motion.
         let blended = (options.stabilization == Stabilization::Baumgarte).then_some(&*saved_impulses);
@@ -244,51 +217,38 @@ fn correct<R: Real>(
 ///
 /// Position rows are damped, and have position errors as targets. Their impulses are relative to those of the velocity solution.
 #[inline(always)]
-pub(crate) fn damp_rows<R: Real>(
-    compiled: &LaneModel<R>,
-    input: &PositionInput<'_, R>,
-    impulses: &Iterate<R>,
-    position: &mut PositionSolution<R>,
-) {
+pub(crate) fn damp_rows<R: Real>(input: &PositionInput<'_, R>, impulses: &Iterate<R>, position: &mut PositionSolution<R>) {
     let damping =
         Damping { ratio: R::of(DAMPING), bending: input.h * R::of(1.0 / CORRECTION_ARM), negligible: R::of(NEGLIGIBLE_CORRECTION) };
     let PositionSolution { rows, unconstrained_mobility, reference, .. } = position;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            rows.exchange_offsets();
-            find_unconstrained_mobility(compiled, input, unconstrained_mobility);
-            rows.damp(&input.problem.rows, impulses, damping, unconstrained_mobility, reference);
-        },
-    );
+    kernel!(R, || {
+        rows.exchange_offsets();
+        find_unconstrained_mobility(input, unconstrained_mobility);
+        rows.damp(&input.problem.rows, impulses, damping, unconstrained_mobility, reference);
+    });
 }
 
 /// Computes the velocity that the position solve adds to that of the velocity solution, into `position.correction`. Returns the largest
 /// ratio of a joint's velocity to its bound; above 1, [`stabilise`] slows the correction down.
 pub(crate) fn find_correction<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
     input: &PositionInput<'_, R>,
     velocity: &VelocitySolution<R>,
     position: &mut PositionSolution<R>,
 ) -> R {
-    let bounds = Bounds::new(options, input.h);
+    let bounds = Bounds::new(input.options, input.h);
     let PositionSolution { v_free, correction, .. } = position;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            find_motion(compiled, input.mass, &velocity.impulses, [v_free, &velocity.v], correction);
-            excess(compiled, correction, bounds)
-        },
-    )
+    kernel!(R, || {
+        find_motion(input, &velocity.impulses, [v_free, &velocity.v], correction);
+        excess(input.compiled, correction, bounds)
+    })
 }
 
 /// Computes the velocity that the impulses of the position solve add to `v_next`, without bounds, into `out`.
 #[inline(always)]
-fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses: &Iterate<R>, [v_free, v_next]: [&[R]; 2], out: &mut [R]) {
+fn find_motion<R: Real>(input: &PositionInput<'_, R>, impulses: &Iterate<R>, [v_free, v_next]: [&[R]; 2], out: &mut [R]) {
     out.copy_from_slice(&impulses.w);
-    mass.unscale(compiled, out);
-    for i in 0..compiled.nv {
+    input.mass.unscale(input.compiled, out);
+    for i in 0..input.compiled.nv {
         out[i] = (v_free[i] + out[i]) - v_next[i];
     }
 }
@@ -298,15 +258,8 @@ fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses:
 ///
 /// Friction in a corner can make the correction enormous. The function overwrites `scratch`.
 #[inline(always)]
-fn bound_rebound<R: Real>(
-    compiled: &LaneModel<R>,
-    mass: &MassMatrix<R>,
-    velocities: [&[R]; 2],
-    v: &mut [R],
-    scratch: &mut [R],
-    lanes: R::Mask,
-) {
-    let mut energy = |v: &[R]| mass.kinetic_energy(compiled, v, scratch);
+fn bound_rebound<R: Real>(input: &PositionInput<'_, R>, velocities: [&[R]; 2], v: &mut [R], scratch: &mut [R], lanes: R::Mask) {
+    let mut energy = |v: &[R]| input.mass.kinetic_energy(input.compiled, v, scratch);
     let most = energy(velocities[0]).max(energy(velocities[1])) * R::of(MAX_REBOUND_SPEED_RATIO.powi(2));
     let (lanes, factor) = shrink_factor(energy(v), most, lanes);
     for v in v {
@@ -373,42 +326,37 @@ fn bound_islands<R: Real>(
 /// Lanes of `lanes` in which the impulses of the correction prove that no motion within the bounds meets the position targets.
 #[cold]
 fn prove_infeasible<R: Real>(
-    compiled: &LaneModel<R>,
-    mass: &MassMatrix<R>,
+    input: &PositionInput<'_, R>,
     system: System<'_, R>,
     impulses: &Iterate<R>,
     reference: &mut Reference<R>,
     lanes: R::Mask,
     bounds: Bounds<R>,
 ) -> R::Mask {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let lack = system.witness(impulses, reference);
-            let momentum = reference.momentum();
-            mass.momentum(compiled, momentum);
-            let mut most = R::zero();
-            for joint in &compiled.joints {
-                for k in 0..joint.kind.nv() {
-                    most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
-                }
+    kernel!(R, || {
+        let lack = system.witness(impulses, reference);
+        let momentum = reference.momentum();
+        input.mass.momentum(input.compiled, momentum);
+        let mut most = R::zero();
+        for joint in &input.compiled.joints {
+            for k in 0..joint.kind.nv() {
+                most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
             }
-            // A contact that no degree of freedom moves along its normal cannot be corrected by any motion.
-            let blocked = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
-            lanes.and(blocked.or(lack.gt(most)))
-        },
-    )
+        }
+        // A contact that no degree of freedom moves along its normal cannot be corrected by any motion.
+        let blocked = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
+        lanes.and(blocked.or(lack.gt(most)))
+    })
 }
 
 /// Computes for every contact the sum of the inverse masses of its two bodies, as if they were free, 1/kg; 0 for scalar rows. The result is
 /// the lower bound of the inverse inertia that scales the damping of the contact.
 #[inline(always)]
-fn find_unconstrained_mobility<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, unconstrained_mobility: &mut Vec<R>) {
-    let ConstraintProblem { rows, sliding_slots, rolling_slots, .. } = input.problem;
+fn find_unconstrained_mobility<R: Real>(input: &PositionInput<'_, R>, unconstrained_mobility: &mut Vec<R>) {
+    let compiled = input.compiled;
     unconstrained_mobility.clear();
-    unconstrained_mobility.resize(rows.scalars.len(), R::zero());
-    let all = sliding_slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
-    for (k, lanes) in all {
+    unconstrained_mobility.resize(input.problem.rows.scalars.len(), R::zero());
+    for (k, lanes) in input.problem.slots() {
         let mut floor = R::zero();
         for (pair, lanes) in input.contacts.pairs(k, lanes.bits()) {
             let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");

@@ -3,7 +3,7 @@
 //! True readings are a function of the state after the step and of the step's results: its impulses, and its acceleration (v+ - v) / h,
 //! which includes impulses. Positions and velocities are those after the step, so that all readings belong to one time.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::compile::sensing::{Bounds, CompiledSensor, Read, SensorFrame};
@@ -40,28 +40,37 @@ fn read<R: Real>(
     let (at, dim) = (sensor.at, sensor.dim);
     let place = at..at + dim;
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
-    let scalar = match &sensor.read {
+    let scalar = |x: R| [x, R::zero(), R::zero()];
+    let reading = match &sensor.read {
         Read::Position(q) => return workspace.truth[place].copy_from_slice(&input.q[*q..q + dim]),
         Read::Velocity(v) => return workspace.truth[place].copy_from_slice(&input.v[*v..v + dim]),
-        Read::Length(terms) => weighted(terms, input.q),
-        Read::Rate(terms) => weighted(terms, input.v),
-        Read::ActuatorForce(actuators) => total(actuators, &input.actuator_forces.force),
-        Read::JointForce(dof) => input.actuator_forces.without_springs[*dof],
-        Read::ActuatorLength(a) => input.actuator_forces.length(compiled, *a, input.q),
-        Read::ActuatorRate(a) => input.actuator_forces.rate(compiled, *a, input.v),
-        Read::LimitPos(length, range) => overlap(weighted(length, input.q), R::one(), bounds(compiled, range))[0],
-        Read::LimitVel([length, rate], range) => overlap(weighted(length, input.q), weighted(rate, input.v), bounds(compiled, range))[1],
-        Read::LimitForce(limit) => input.scalar_impulse[*limit] / input.h,
-        Read::Nothing => R::zero(),
-        Read::Clock => input.time,
-        Read::Potential(all) => potential(compiled, kinematics, input.q, tree(all)),
-        Read::Kinetic(all) => kinetic(compiled, kinematics, workspace, input.v, tree(all)),
-        Read::Inside(object, zone) => inside(compiled, kinematics, object, zone),
-        Read::Touch(body, zone) => touch(compiled, kinematics, workspace, *body, zone),
-        Read::Combination(terms) => {
-            combine(terms, at, dim, &mut workspace.truth);
-            return;
+        Read::Length(terms) => scalar(weighted(terms, input.q)),
+        Read::Rate(terms) => scalar(weighted(terms, input.v)),
+        Read::ActuatorForce(actuators) => scalar(total(actuators, &input.actuator_forces.force)),
+        Read::JointForce(dof) => scalar(input.actuator_forces.without_springs[*dof]),
+        Read::ActuatorLength(a) => scalar(input.actuator_forces.length(compiled, *a, input.q)),
+        Read::ActuatorRate(a) => scalar(input.actuator_forces.rate(compiled, *a, input.v)),
+        Read::LimitPos(length, range) => scalar(overlap(weighted(length, input.q), R::one(), bounds(compiled, range))[0]),
+        Read::LimitVel([length, rate], range) => {
+            scalar(overlap(weighted(length, input.q), weighted(rate, input.v), bounds(compiled, range))[1])
         }
+        Read::LimitForce(limit) => scalar(input.scalar_impulse[*limit] / input.h),
+        Read::Nothing => scalar(R::zero()),
+        Read::Clock => scalar(input.time),
+        Read::Potential(all) => scalar(potential(compiled, kinematics, input.q, tree(all))),
+        Read::Kinetic(all) => scalar(kinetic(compiled, kinematics, workspace, input.v, tree(all))),
+        Read::Inside(object, zone) => scalar(inside(compiled, kinematics, object, zone)),
+        Read::Touch(body, zone) => scalar(touch(compiled, kinematics, workspace, *body, zone)),
+        Read::Magnetometer(site) => magnetic_field(compiled, kinematics, site),
+        Read::Velocimeter(site) => site_motion(compiled, kinematics, workspace, site, false)[1],
+        Read::Gyro(site) => site_motion(compiled, kinematics, workspace, site, false)[0],
+        Read::Accelerometer(site) => site_motion(compiled, kinematics, workspace, site, true)[1],
+        Read::Force(carried) => workspace.carried[*carried][0],
+        Read::Torque(carried) => workspace.carried[*carried][1],
+        Read::Com(subtree) => com(compiled, kinematics, tree(subtree), zero()),
+        Read::ComVelocity(subtree) => com_velocity(compiled, kinematics, workspace, tree(subtree)),
+        Read::AngularMomentum(subtree) => angular_momentum(compiled, kinematics, workspace, tree(subtree)),
+        Read::Combination(terms) => return combine(terms, at, dim, &mut workspace.truth),
         Read::Contact(sides, fields, reduction, slots) => {
             return contacts(compiled, kinematics, workspace, sides, fields, (*reduction, *slots), at);
         }
@@ -76,82 +85,49 @@ fn read<R: Real>(
         Read::Proximity(what, pairs, cutoff) => {
             return proximity(compiled, kinematics, *what, pairs, R::splat(*cutoff), &mut workspace.truth[place]);
         }
-        vector => {
-            let x = three(compiled, kinematics, workspace, vector);
-            return workspace.truth[place].copy_from_slice(&x);
-        }
     };
-    workspace.truth[at] = scalar;
-}
-
-/// True reading of a sensor whose reading has three numbers.
-fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, read: &Read<R::Scalar>) -> V3<R> {
-    let tree = |index: &usize| &compiled.sensing.subtrees[*index];
-    match read {
-        Read::Magnetometer(site) => magnetic_field(compiled, kinematics, site),
-        Read::Velocimeter(site) => site_motion(compiled, kinematics, workspace, site, false)[1],
-        Read::Gyro(site) => site_motion(compiled, kinematics, workspace, site, false)[0],
-        Read::Accelerometer(site) => site_motion(compiled, kinematics, workspace, site, true)[1],
-        Read::Force(carried) => workspace.carried[*carried][0],
-        Read::Torque(carried) => workspace.carried[*carried][1],
-        Read::Com(subtree) => com(compiled, kinematics, tree(subtree), zero()),
-        Read::ComVelocity(subtree) => com_velocity(compiled, kinematics, workspace, tree(subtree)),
-        Read::AngularMomentum(subtree) => angular_momentum(compiled, kinematics, workspace, tree(subtree)),
-        _ => unreachable!("every other sensor is read above"),
-    }
+    workspace.truth[place].copy_from_slice(&reading[..dim]);
 }
 
 /// Magnetic flux density in a site's axes, T.
 fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, site: &SensorFrame<R::Scalar>) -> V3<R> {
-    R::vectorize(
-        #[inline(always)]
-        || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(compiled.sensing.magnetic)),
-    )
+    kernel!(R, || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(compiled.sensing.magnetic)))
 }
 
 /// Sum of coefficients times entries of `x`. `terms` are pairs of index and coefficient.
 fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut sum = R::zero();
-            for &(i, c) in terms {
-                sum += R::splat(c) * x[i];
-            }
-            sum
-        },
-    )
+    kernel!(R, || {
+        let mut sum = R::zero();
+        for &(i, c) in terms {
+            sum += R::splat(c) * x[i];
+        }
+        sum
+    })
 }
 
 /// Sum of those entries of `x` whose indices are in `which`.
 fn total<R: Real>(which: &[usize], x: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            which.iter().fold(
-                R::zero(),
-                #[inline(always)]
-                |sum, &i| sum + x[i],
-            )
-        },
-    )
+    kernel!(R, || {
+        which.iter().fold(
+            R::zero(),
+            #[inline(always)]
+            |sum, &i| sum + x[i],
+        )
+    })
 }
 
 /// Writes the combination of `dim` readings to address `at`: the sum of coefficients times readings of other sensors. `terms` are pairs of
 /// address and coefficient.
 fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for k in 0..dim {
-                let mut sum = R::zero();
-                for &(from, c) in terms {
-                    sum += R::splat(c) * truth[from + k];
-                }
-                truth[at + k] = sum;
+    kernel!(R, || {
+        for k in 0..dim {
+            let mut sum = R::zero();
+            for &(from, c) in terms {
+                sum += R::splat(c) * truth[from + k];
             }
-        },
-    )
+            truth[at + k] = sum;
+        }
+    })
 }
 
 fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2] {
@@ -164,13 +140,10 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2
 /// Minus the distance of `q` beyond the nearer end of its range, and the time derivative of this number at the velocity `v`. Both are zero
 /// within the range.
 fn overlap<R: Real>(q: R, v: R, [low, high]: [R; 2]) -> [R; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let z = R::zero();
-            let (below, above) = (q - low, high - q);
-            let (under, over) = (below.lt(z), above.lt(z));
-            [R::select(under, below, R::select(over, above, z)), R::select(under, v, R::select(over, -v, z))]
-        },
-    )
+    kernel!(R, || {
+        let z = R::zero();
+        let (below, above) = (q - low, high - q);
+        let (under, over) = (below.lt(z), above.lt(z));
+        [R::select(under, below, R::select(over, above, z)), R::select(under, v, R::select(over, -v, z))]
+    })
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use bitflags::bitflags;
-use stepper_real::{Mask, Real};
+use stepper_real::{Real, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
@@ -94,87 +94,54 @@ pub struct Record<R: Real> {
     pub overshoot: R,
     /// Largest position error of an equality after the step, m or rad.
     pub equality_violation: R,
-    /// Lanes whose residual is above the tolerance, or whose impulses do not determine the energy.
-    pub not_converged: R::Mask,
-    /// Lanes that kept their last finite state, because the step was not finite.
-    pub non_finite: R::Mask,
-    /// Lanes (bits) with more contacts than the capacity, so that some were left out.
-    pub contacts_full: u32,
-    /// Lanes whose motion was too fast for the time step.
-    pub unresolved: R::Mask,
-    /// Lanes in which one geom may have passed through another.
-    pub tunnelled: R::Mask,
-    /// Lanes in which impulses prove that the constraints are infeasible.
-    pub infeasible: R::Mask,
-    /// Lanes whose `depth` is above [`DEEP`].
-    pub deep: R::Mask,
-    /// Lanes whose `overshoot` is above [`OVER_LIMIT`].
-    pub over_limit: R::Mask,
-    /// Lanes whose `equality_violation` is above [`EQUALITY_VIOLATED`].
-    pub equality_violated: R::Mask,
+    /// Status flags, with the lanes (bits) that have them.
+    pub flags: [(Status, u32); 9],
 }
 
 impl<R: Real> Record<R> {
+    /// Lanes (bits) that have any of the status flags `status`.
+    pub fn lanes(&self, status: Status) -> u32 {
+        self.flags.iter().filter(|(flag, _)| status.contains(*flag)).fold(0, |all, (_, lanes)| all | lanes)
+    }
+
     /// Adds the flags of every lane to `statuses`, which has the bits of one [`Status`] per lane.
     pub fn add_flags(&self, statuses: &mut [u32]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (lanes, flag) in [
-                    (self.not_converged.bits(), Status::NOT_CONVERGED),
-                    (self.non_finite.bits(), Status::NON_FINITE),
-                    (self.contacts_full, Status::CONTACTS_FULL),
-                    (self.unresolved.bits(), Status::UNRESOLVED),
-                    (self.tunnelled.bits(), Status::TUNNELLED),
-                    (self.infeasible.bits(), Status::INFEASIBLE),
-                    (self.deep.bits(), Status::DEEP),
-                    (self.over_limit.bits(), Status::OVER_LIMIT),
-                    (self.equality_violated.bits(), Status::EQUALITY_VIOLATED),
-                ] {
-                    for lane in each_of(lanes) {
-                        statuses[lane] |= flag.bits();
-                    }
-                }
-            },
-        )
+        for (flag, lanes) in self.flags {
+            for lane in each_of(lanes) {
+                statuses[lane] |= flag.bits();
+            }
+        }
     }
 }
 
 /// Largest overlap of the contacts beyond their margins in the lanes `lanes`, m; 0 without contacts.
 pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut deepest = R::zero();
-            let slots = problem.sliding_slots.iter().map(|slot| (slot.0, slot.1));
-            for (k, here) in slots.chain(problem.rolling_slots.iter().map(|slot| (slot.0, slot.1))) {
-                deepest = R::select(here, deepest.max(-contacts.data[k].point.distance), deepest);
-            }
-            R::select(lanes, deepest, R::zero())
-        },
-    )
+    kernel!(R, || {
+        let mut deepest = R::zero();
+        for (k, here) in problem.slots() {
+            deepest = R::select(here, deepest.max(-contacts.data[k].point.distance), deepest);
+        }
+        R::select(lanes, deepest, R::zero())
+    })
 }
 
 /// Largest distance of a joint or tendon beyond its range at the configuration `q`, rad or m; 0 if all are within their ranges.
 pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let mut farthest = R::zero();
-            for (i, limit) in compiled.limits.iter().enumerate() {
-                let [lowest, highest] = compiled.params.limit(i);
-                farthest = farthest.max(lowest - q[limit.q]).max(q[limit.q] - highest);
+    kernel!(R, || {
+        let mut farthest = R::zero();
+        for (i, limit) in compiled.limits.iter().enumerate() {
+            let [lowest, highest] = compiled.params.limit(i);
+            farthest = farthest.max(lowest - q[limit.q]).max(q[limit.q] - highest);
+        }
+        for (i, limit) in compiled.ball_limits.iter().enumerate() {
+            farthest = farthest.max(norm(quat_log(quat_at(q, limit.q))) - compiled.params.ball_limit(i));
+        }
+        for tendon in &compiled.tendons {
+            if let Some([lowest, highest]) = tendon.range {
+                let length = tendon.length.value(q);
+                farthest = farthest.max(R::splat(lowest) - length).max(length - R::splat(highest));
             }
-            for (i, limit) in compiled.ball_limits.iter().enumerate() {
-                farthest = farthest.max(norm(quat_log(quat_at(q, limit.q))) - compiled.params.ball_limit(i));
-            }
-            for tendon in &compiled.tendons {
-                if let Some([lowest, highest]) = tendon.range {
-                    let length = tendon.length.value(q);
-                    farthest = farthest.max(R::splat(lowest) - length).max(length - R::splat(highest));
-                }
-            }
-            farthest
-        },
-    )
+        }
+        farthest
+    })
 }

@@ -171,7 +171,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. The caller must do this
     /// before setting the trace ratio and the compliance of the contact.
     pub fn make_movable(&mut self, lanes: R::Mask) {
-        kernel!(R, {
+        kernel!(R, || {
             let Some(contact) = self.rows.items.last_mut() else { return };
             let released = lanes.and(contact.immovable);
             contact.active = contact.active.or(released);
@@ -191,7 +191,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// The function changes lanes in which no impulse can move the contact along its normal, and the approach speed is at most
     /// `negligible`, m/s.
     pub fn clear_negligible_approach(&mut self, negligible: R) {
-        kernel!(R, {
+        kernel!(R, || {
             let Some(contact) = self.rows.items.last_mut() else { return };
             let none = contact.immovable.and((-contact.g[0]).le(negligible));
             contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);

@@ -145,7 +145,7 @@ impl<R: Real> ScalarRows<R> {
         [scales, coefficients]: [&mut [R]; 2],
         right_hand_sides: &mut [[R; N]],
     ) -> R::Mask {
-        kernel!(R, {
+        kernel!(R, || {
             let threshold = R::of(entry_threshold::<R>());
             let rounding = R::of(ROUNDING_RATIO / entry_threshold::<R>());
             let n = scales.len();

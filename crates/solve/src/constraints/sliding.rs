@@ -140,7 +140,7 @@ impl<R: Real> SlidingContacts<R> {
     pub fn is_self_locking(&self) -> R::Mask {
         kernel!(
             R,
-            match self.rows.items.last() {
+            || match self.rows.items.last() {
                 Some(contact) => contact.active.and(contact.local.is_self_locking(contact.mu, contact.g)),
                 None => R::Mask::splat(false),
             }

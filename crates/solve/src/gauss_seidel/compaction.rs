@@ -32,7 +32,7 @@ pub(super) fn sweep_compacted<R: Real>(system: System<'_, R>, iterate: &mut Iter
         most_sweeps: progress.most_sweeps,
         extrapolated: map.gather_mask::<R>(progress.extrapolated),
     };
-    kernel!(R::Half, {
+    kernel!(R::Half, || {
         while half.running.any() {
             half.sweep((&*part).into(), own);
         }

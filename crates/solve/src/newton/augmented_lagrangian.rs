@@ -110,7 +110,7 @@ impl AugmentedLagrangian {
     /// Returns an upper bound of the gradient, expressed as the velocity of a row, m/s, or infinity if the matrix cannot be factorised.
     /// Nearly all of the time is spent here, so that it runs with the instructions of the CPU level of `R`.
     pub(super) fn advance<R: Real>(&mut self, rows: &mut Island, implicit: bool) -> f64 {
-        kernel!(R, self.step(rows, implicit))
+        kernel!(R, || self.step(rows, implicit))
     }
 
     /// Makes a Newton step with a line search, without selecting the CPU level: the body of [`AugmentedLagrangian::advance`].

@@ -340,7 +340,7 @@ impl<R: Real> Response<R> {
             rest = others;
         });
         let _ = rest;
-        kernel!(R, {
+        kernel!(R, || {
             iterate.compute_w(system.problem);
             iterate.solve_eliminated(system, R::Mask::splat(true));
         });
@@ -351,7 +351,7 @@ impl<R: Real> Response<R> {
         self.collect_impulses(iterate);
         self.velocities.clear();
         let velocities = &mut self.velocities;
-        kernel!(R, {
+        kernel!(R, || {
             each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
                 set.velocities(rows, impulses, &iterate.w, velocities);
             });

@@ -81,7 +81,7 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
         let mut buffer = self.buffer.borrow_mut();
         buffer.clear();
         buffer.extend(x.iter().map(|x| R::splat(x.lane(0))));
-        kernel!(R, self.all.solve(&mut buffer));
+        kernel!(R, || self.all.solve(&mut buffer));
         copy_lane(&buffer, self.lane, x);
     }
 }

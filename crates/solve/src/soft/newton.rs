@@ -111,18 +111,18 @@ impl<R: Real> SoftSolver<R> {
     ) -> SoftOutcome<R> {
         self.forces_without_slip = false;
         self.hessian.find_pattern(problem, metric);
-        kernel!(R, self.begin(problem, metric, free, a));
+        kernel!(R, || self.begin(problem, metric, free, a));
         let (mut outcome, mut running) = (SoftOutcome { residual: R::zero(), steps: R::zero() }, lanes);
         for step in 0..=effort.steps {
-            let residual = kernel!(R, self.find_gradient(problem, metric));
+            let residual = kernel!(R, || self.find_gradient(problem, metric));
             outcome.residual = R::select(running, residual, outcome.residual);
             running = running.and_not(residual.le(effort.tolerance));
             if running.none() || step == effort.steps {
                 break;
             }
-            kernel!(R, self.hessian.assemble(problem, metric, &self.argument));
-            kernel!(R, self.hessian.factor());
-            kernel!(R, {
+            kernel!(R, || self.hessian.assemble(problem, metric, &self.argument));
+            kernel!(R, || self.hessian.factor());
+            kernel!(R, || {
                 self.descend(problem, metric, running, a);
                 outcome.steps += R::select(running, R::one(), R::zero());
             });
@@ -159,7 +159,7 @@ impl<R: Real> SoftSolver<R> {
             self.hessian.find_pattern(problem, metric);
         }
         // In this function, the buffer `inertial` holds the acceleration without constraints, and `direction` the acceleration with them.
-        kernel!(R, {
+        kernel!(R, || {
             self.inertial.copy_from_slice(free);
             if coupled {
                 multiply(metric, free, &mut self.inertial);
@@ -177,7 +177,7 @@ impl<R: Real> SoftSolver<R> {
             advance(&mut self.direction, &self.inertial, R::one());
         });
         let running = &mut self.direction;
-        kernel!(R, {
+        kernel!(R, || {
             noslip.find_responses(
                 problem,
                 constraints,
@@ -186,7 +186,7 @@ impl<R: Real> SoftSolver<R> {
             )
         });
         let sweeps = noslip.sweep(problem, constraints, visits, effort, lanes, running);
-        kernel!(R, {
+        kernel!(R, || {
             noslip.add_forces(problem, &mut self.forces);
             self.direction.copy_from_slice(&self.forces);
             if coupled {
@@ -221,11 +221,11 @@ impl<R: Real> SoftSolver<R> {
     /// without constraints.
     pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
-        kernel!(R, {
+        kernel!(R, || {
             self.begin(problem, metric, free, a);
             self.hessian.assemble(problem, metric, &self.argument);
         });
-        kernel!(R, self.hessian.factor());
+        kernel!(R, || self.hessian.factor());
     }
 
     /// Approximates the solution of a problem that is similar to that of the last [`SoftSolver::settle`]. `a` must be the stored
@@ -234,7 +234,7 @@ impl<R: Real> SoftSolver<R> {
     /// The function makes two Newton steps with the stored Hessian. The first step gives the change by the implicit function theorem. The
     /// second adds the effect of the cones' curvature between the two problems.
     pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
-        kernel!(R, {
+        kernel!(R, || {
             for _ in 0..RESPONSE_STEPS {
                 self.begin(problem, metric, free, a);
                 self.find_gradient(problem, metric);

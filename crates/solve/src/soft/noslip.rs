@@ -214,7 +214,7 @@ impl<R: Real> NoSlip<R> {
     pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
         self.find_trees(metric);
         let Self { rows, contacts, rolling, .. } = self;
-        kernel!(R, {
+        kernel!(R, || {
             rows.clear();
             for (i, (row, &u)) in problem.rows.iter().zip(&argument.rows).enumerate() {
                 rows.force.push([if i < constraints { row.force(u) } else { R::zero() }]);
@@ -304,12 +304,12 @@ impl<R: Real> NoSlip<R> {
             if any == 0 {
                 break;
             }
-            kernel!(R, {
+            kernel!(R, || {
                 sweeps += R::select(R::Mask::from_bits(any), R::one(), R::zero());
                 self.visit_rows(problem, constraints, a);
                 self.visit_contacts(problem, visits, a);
             });
-            kernel!(R, {
+            kernel!(R, || {
                 let tolerance = R::splat(effort.tolerance);
                 let Self { running, improvement, inertia, count, .. } = self;
                 for ((running, improvement), &inertia) in running[..*count].iter_mut().zip(improvement).zip(&inertia[1]) {

@@ -1,36 +1,33 @@
 //! Assembly of all rows of MuJoCo's contact law in a step, and storage of their forces.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::constraints::assembler::Assembler;
 use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::soft::effective_mass::SoftInput;
 use crate::constraints::soft::frames::align_tangents;
-use crate::constraints::soft::input::SoftInput;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of all constraints with MuJoCo's contact law. The velocities of the rows follow from `input.row.assembly.v_free`,
+    /// Adds the rows of all constraints with MuJoCo's contact law. The velocities of the rows follow from `input.row.v_free`,
     /// which is here the velocity before the step.
     pub(crate) fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
         let Some(mut system) = self.problem.soft.take() else { return };
         align_tangents(input.row.compiled, input.row.kinematics, contacts);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                system.problem.clear();
-                self.problem.impulse_indices.clear();
-                self.problem.sliding_slots.clear();
-                self.problem.rolling_slots.clear();
-                self.problem.constrained = R::Mask::splat(false);
-                self.add_soft_equalities(input, &mut system);
-                self.add_soft_frictions(input, &mut system);
-                self.add_soft_limits(input, &mut system);
-            },
-        );
+        kernel!(R, || {
+            system.problem.clear();
+            self.problem.impulse_indices.clear();
+            self.problem.sliding_slots.clear();
+            self.problem.rolling_slots.clear();
+            self.problem.constrained = R::Mask::splat(false);
+            self.add_soft_equalities(input, &mut system);
+            self.add_soft_frictions(input, &mut system);
+            self.add_soft_limits(input, &mut system);
+        });
         self.add_soft_contacts(input, contacts, &mut system);
         if let Some(effective) = input.effective {
-            let lanes = input.row.assembly.alive;
+            let lanes = input.row.alive;
             if effective.couple(&mut system, lanes) {
                 self.problem.constrained = lanes;
             }
@@ -46,44 +43,41 @@ impl<R: Real> ConstraintProblem<R> {
     /// step starts from them.
     pub fn store_soft_impulses(&self, h: R, contacts: &mut Contacts<R>, scalar_impulse: &mut [R], impulse: &mut [R]) {
         let Some(system) = &self.soft else { return };
-        R::vectorize(
-            #[inline(always)]
-            || {
-                scalar_impulse.fill(R::zero());
-                impulse.fill(R::zero());
-                // Without constrained lanes there is no solution. Rows may still exist: those of equalities that are active only in lanes
-                // without an environment, or in lanes that are not evaluated.
-                if self.constrained.none() {
-                    return;
+        kernel!(R, || {
+            scalar_impulse.fill(R::zero());
+            impulse.fill(R::zero());
+            // Without constrained lanes there is no solution. Rows may still exist: those of equalities that are active only in lanes
+            // without an environment, or in lanes that are not evaluated.
+            if self.constrained.none() {
+                return;
+            }
+            for (impulse, &force) in impulse.iter_mut().zip(system.solver.forces()) {
+                *impulse = R::select(self.constrained, force * h, R::zero());
+            }
+            // The rows after the constraints are couplings of the effective mass matrix.
+            for i in self.impulse_indices.len()..system.problem.rows.len() {
+                let (dofs, arms) = system.problem.row(i);
+                let force = R::select(self.constrained, system.solver.row_force(&system.problem, i), R::zero()) * h;
+                for (&d, &arm) in dofs.iter().zip(arms) {
+                    impulse[d as usize] -= arm * force;
                 }
-                for (impulse, &force) in impulse.iter_mut().zip(system.solver.forces()) {
-                    *impulse = R::select(self.constrained, force * h, R::zero());
-                }
-                // The rows after the constraints are couplings of the effective mass matrix.
-                for i in self.impulse_indices.len()..system.problem.rows.len() {
-                    let (dofs, arms) = system.problem.row(i);
-                    let force = R::select(self.constrained, system.solver.row_force(&system.problem, i), R::zero()) * h;
-                    for (&d, &arm) in dofs.iter().zip(arms) {
-                        impulse[d as usize] -= arm * force;
-                    }
-                }
-                for (i, &impulse_index) in self.impulse_indices.iter().enumerate() {
-                    scalar_impulse[impulse_index] = system.solver.row_force(&system.problem, i) * h;
-                }
-                for (i, &(k, lanes)) in self.sliding_slots.iter().enumerate() {
-                    let force = system.solver.contact_force(&system.problem, i);
-                    let slot = &mut contacts.data[k];
-                    slot.impulse = select(lanes, in_standard_frame(slot, scale(force, h)), slot.impulse);
-                }
-                for (i, &(k, lanes, _)) in self.rolling_slots.iter().enumerate() {
-                    let [n, a, b, spin, roll, other] = system.solver.rolling_contact_force(&system.problem, i);
-                    let slot = &mut contacts.data[k];
-                    slot.impulse = select(lanes, in_standard_frame(slot, scale([n, a, b], h)), slot.impulse);
-                    let torque = in_standard_frame(slot, scale([spin, roll, other], h));
-                    contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
-                }
-            },
-        )
+            }
+            for (i, &impulse_index) in self.impulse_indices.iter().enumerate() {
+                scalar_impulse[impulse_index] = system.solver.row_force(&system.problem, i) * h;
+            }
+            for (i, &(k, lanes)) in self.sliding_slots.iter().enumerate() {
+                let force = system.solver.contact_force(&system.problem, i);
+                let slot = &mut contacts.data[k];
+                slot.impulse = select(lanes, in_standard_frame(slot, scale(force, h)), slot.impulse);
+            }
+            for (i, &(k, lanes, _)) in self.rolling_slots.iter().enumerate() {
+                let [n, a, b, spin, roll, other] = system.solver.rolling_contact_force(&system.problem, i);
+                let slot = &mut contacts.data[k];
+                slot.impulse = select(lanes, in_standard_frame(slot, scale([n, a, b], h)), slot.impulse);
+                let torque = in_standard_frame(slot, scale([spin, roll, other], h));
+                contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
+            }
+        })
     }
 }
 

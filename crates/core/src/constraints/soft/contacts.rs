@@ -1,14 +1,13 @@
 //! Rows of contacts with MuJoCo's contact law.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::soft::Cone;
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::{EndLaw, LaneModel, MIN_FRICTION, SoftContactLaw, SoftLaw};
 use crate::constraints::assembler::Assembler;
-use crate::constraints::soft::effective_mass::in_metric;
-use crate::constraints::soft::input::SoftInput;
+use crate::constraints::soft::effective_mass::{SoftInput, in_metric};
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
@@ -81,9 +80,20 @@ impl<R: Real> ContactLaw<R> {
         law
     }
 
-    /// Reference accelerations of `N` rows with the velocities `v`, m/s^2. `distance` is the distance of the contact, m.
+    /// Reference accelerations, weights D = 1 / R and scales of `N` rows of the contacts in the lanes `active`; see
+    /// [`stepper_solve::soft::SoftContact`].
+    ///
+    /// `distance` is the distance of the contacts, m, and `v` the velocities of the rows. `column` has the Jacobian of the rows along
+    /// normal and tangents, at the degrees of freedom `dofs`.
     #[inline(always)]
-    fn reference<const N: usize>(&self, cone: Cone, distance: R, v: [R; N]) -> [R; N] {
+    fn rows<const N: usize>(
+        &self,
+        (input, cone): (SoftInput<'_, R>, Cone),
+        distance: R,
+        v: [R; N],
+        active: R::Mask,
+        (dofs, column): (&[u32], &[V3<R>]),
+    ) -> [[R; N]; 3] {
         let mut reference = [R::zero(); N];
         reference[0] = -(self.spring[1] * v[0]) - self.spring[0] * distance;
         // The edges of a pyramid have the damping of the normal row.
@@ -91,7 +101,8 @@ impl<R: Real> ContactLaw<R> {
         for i in 1..N {
             reference[i] = -(damping * v[i]);
         }
-        reference
+        let [weight, scale] = self.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
+        [reference, self.in_metric(input, cone, dofs, column, weight), scale]
     }
 
     /// Weights D = 1 / R and scales of `N` rows of a contact in the lanes `active`; see [`stepper_solve::soft::SoftContact`].
@@ -167,8 +178,7 @@ impl<R: Real> Assembler<'_, R> {
                 break;
             }
             for k in 0..contacts.slots() {
-                let distance =
-                    input.row.assembly.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
+                let distance = input.row.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
                 let near = R::Mask::from_bits(contacts.lanes_of(k)).and(distance.lt(R::zero())).bits();
                 let mut rolling = 0;
                 if compiled.has_rolling_friction {
@@ -180,96 +190,68 @@ impl<R: Real> Assembler<'_, R> {
                 while rest != 0 {
                     let lanes = lanes_of_same_trees(compiled, contacts, k, rest);
                     rest &= !lanes;
-                    R::vectorize(
-                        #[inline(always)]
-                        || {
-                            if rolls {
-                                self.add_soft_rolling_contact(input, contacts, k, lanes, system)
-                            } else {
-                                self.add_soft_contact(input, contacts, k, lanes, system)
-                            }
-                        },
-                    );
+                    kernel!(R, || self.add_soft_contact(input, contacts, (k, lanes), rolls, system));
                 }
             }
         }
     }
 
+    /// Adds the contact in slot `k`, in the lanes `lanes` (bits). It has three rows, or six rows if it `rolls` (has torsional or rolling
+    /// friction).
     #[inline(always)]
-    fn add_soft_contact(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, system: &mut SoftSystem<R>) {
-        let (compiled, active) = (input.row.compiled, R::Mask::from_bits(lanes));
-        let slot = &contacts.data[k];
-        self.builder.gather_dofs(self.problem, compiled, contacts, k, lanes);
-        let [v, _] = self.builder.contact_columns(input.row, contacts, k, lanes);
-        let law = ContactLaw::gather(input, contacts, k, lanes);
-        let cone = system.problem.cone;
-        let reference = law.reference(cone, slot.point.distance, v);
-        let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
-        for &d in &self.builder.dofs {
-            let d = d as usize;
-            self.builder.column[d] = select(active, self.builder.column[d], zero());
-        }
-        let weight = law.in_metric(input, cone, &self.builder.dofs, &self.builder.column, weight);
-        let column = &self.builder.column;
-        system.problem.contacts.push(
-            &self.builder.dofs,
-            #[inline(always)]
-            |d| column[d],
-            reference,
-            weight,
-            scales,
-        );
-        self.problem.sliding_slots.push((k, active));
-        self.problem.constrained = self.problem.constrained.or(active);
-    }
-
-    #[inline(always)]
-    fn add_soft_rolling_contact(
+    fn add_soft_contact(
         &mut self,
         input: SoftInput<'_, R>,
         contacts: &Contacts<R>,
-        k: usize,
-        lanes: u32,
+        (k, lanes): (usize, u32),
+        rolls: bool,
         system: &mut SoftSystem<R>,
     ) {
-        let (compiled, active) = (input.row.compiled, R::Mask::from_bits(lanes));
-        let slot = &contacts.data[k];
-        self.builder.gather_dofs(self.problem, compiled, contacts, k, lanes);
-        let [v, _] = self.builder.contact_columns(input.row, contacts, k, lanes);
-        let n = slot.point.normal;
-        let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let surface_rotation = angular(&surface_velocity::motion(compiled, input.row.kinematics, contacts, k, lanes));
-        let mut turning = [dot(axes[0], surface_rotation), R::zero(), R::zero()];
-        for &d in &self.builder.dofs {
+        let (compiled, active, slot) = (input.row.compiled, R::Mask::from_bits(lanes), &contacts.data[k]);
+        let builder = &mut *self.builder;
+        builder.gather_dofs(self.problem, compiled, contacts, k, lanes);
+        let [[n, a, b], _] = builder.contact_columns(input.row, contacts, k, lanes);
+        for &d in &builder.dofs {
             let d = d as usize;
-            let (sign, axis) = (self.builder.sign_of(d), angular(&input.row.kinematics.axes[d]));
-            let j = [dot(axes[0], axis) * sign + R::zero(), dot(axes[1], axis) * sign + R::zero(), dot(axes[2], axis) * sign + R::zero()];
-            turning = add_scaled(turning, j, input.row.assembly.v_free[d]);
-            system.angular[d] = j;
+            builder.column[d] = select(active, builder.column[d], zero());
         }
         let law = ContactLaw::gather(input, contacts, k, lanes);
-        let cone = system.problem.cone;
-        let reference = law.reference(cone, slot.point.distance, [v[0], v[1], v[2], turning[0], turning[1], turning[2]]);
-        let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
-        for &d in &self.builder.dofs {
-            let d = d as usize;
-            self.builder.column[d] = select(active, self.builder.column[d], zero());
-            system.angular[d] = select(active, system.angular[d], zero());
+        let (law_input, distance) = ((input, system.problem.cone), slot.point.distance);
+        if rolls {
+            builder.keep_sliding_rows();
+            let normal = slot.point.normal;
+            let axes = [normal, slot.tangent, cross(normal, slot.tangent)];
+            let surface_rotation = angular(&surface_velocity::motion(compiled, input.row.kinematics, contacts, k, lanes));
+            let turning = [dot(normal, surface_rotation), R::zero(), R::zero()];
+            let [spin, roll_a, roll_b] = builder.rotation_columns(input.row, &axes, [R::one(); 3], turning);
+            let (linear, rotation) = (&builder.linear, &builder.column);
+            let [reference, weight, scales] =
+                law.rows(law_input, distance, [n, a, b, spin, roll_a, roll_b], active, (&builder.dofs, linear));
+            system.problem.rolling_contacts.push(
+                &builder.dofs,
+                #[inline(always)]
+                |d| {
+                    let ([a, b, c], [x, y, z]) = (linear[d], select(active, rotation[d], zero()));
+                    [a, b, c, x, y, z]
+                },
+                reference,
+                weight,
+                scales,
+            );
+            self.problem.rolling_slots.push((k, active, [R::one(); 3]));
+        } else {
+            let column = &builder.column;
+            let [reference, weight, scales] = law.rows(law_input, distance, [n, a, b], active, (&builder.dofs, column));
+            system.problem.contacts.push(
+                &builder.dofs,
+                #[inline(always)]
+                |d| column[d],
+                reference,
+                weight,
+                scales,
+            );
+            self.problem.sliding_slots.push((k, active));
         }
-        let weight = law.in_metric(input, cone, &self.builder.dofs, &self.builder.column, weight);
-        let (linear, angular) = (&self.builder.column, &system.angular);
-        system.problem.rolling_contacts.push(
-            &self.builder.dofs,
-            #[inline(always)]
-            |d| {
-                let ([a, b, c], [x, y, z]) = (linear[d], angular[d]);
-                [a, b, c, x, y, z]
-            },
-            reference,
-            weight,
-            scales,
-        );
-        self.problem.rolling_slots.push((k, active, [R::one(); 3]));
         self.problem.constrained = self.problem.constrained.or(active);
     }
 }

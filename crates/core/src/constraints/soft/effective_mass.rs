@@ -5,8 +5,19 @@ use std::ops::Range;
 
 use stepper_real::Real;
 
-use crate::compile::{EndLaw, LaneModel, MIN_MOBILITY, ModelStructure, SoftLaw};
+use crate::compile::{CompiledSoftness, EndLaw, LaneModel, MIN_MOBILITY, ModelStructure, SoftLaw};
+use crate::constraints::assembler::RowInput;
+use crate::constraints::rows::unbounded;
 use crate::constraints::soft::system::SoftSystem;
+
+/// Inputs of the assembly of rows with MuJoCo's contact law.
+#[derive(Clone, Copy)]
+pub struct SoftInput<'a, R: Real> {
+    pub(crate) row: &'a RowInput<'a, R>,
+    pub(crate) softness: &'a CompiledSoftness<R::Scalar>,
+    /// Effective mass matrix of a discrete step, which evaluates constraints at its end; `None` for continuous integrators.
+    pub(crate) effective: Option<&'a EffectiveMass<R>>,
+}
 
 /// Effective mass matrix of a discrete step, M + h D + h^2 K.
 ///
@@ -96,8 +107,7 @@ impl<R: Real> EffectiveMass<R> {
         for (terms, w) in &self.couplings {
             let (dofs, arms) = (&self.dofs[terms.clone()], &self.arms[terms.clone()]);
             let of = |d: usize| dofs.iter().position(|&dof| dof as usize == d).map_or(R::zero(), |k| arms[k]);
-            let bounds = [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)];
-            system.problem.push_row(dofs, of, R::zero(), R::select(lanes, *w, R::zero()), bounds);
+            system.problem.push_row(dofs, of, R::zero(), R::select(lanes, *w, R::zero()), unbounded());
         }
         !self.couplings.is_empty()
     }

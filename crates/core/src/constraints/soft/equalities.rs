@@ -1,21 +1,15 @@
 //! Rows of equalities with MuJoCo's contact law.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
 use crate::constraints::assembler::Assembler;
 use crate::constraints::equality::{angular_acceleration, moves};
-use crate::constraints::soft::effective_mass::law_at;
-use crate::constraints::soft::input::SoftInput;
-use crate::constraints::soft::rows::{SoftRow, row_law};
+use crate::constraints::rows::unbounded;
+use crate::constraints::soft::effective_mass::{SoftInput, law_at};
+use crate::constraints::soft::rows::row_law;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
-
-/// Position errors of three rows, and their velocity-dependent accelerations J' v.
-struct Errors<R: Real> {
-    error: V3<R>,
-    kappa: V3<R>,
-}
 
 impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of all active equalities. All position errors of an equality share one impedance.
@@ -25,10 +19,7 @@ impl<R: Real> Assembler<'_, R> {
             if self.problem.active_equalities.has_rows(k) {
                 for equality in &block.equalities {
                     // Compiled separately, because few models have equalities.
-                    R::vectorize(
-                        #[inline(always)]
-                        || self.add_soft_equality(input, equality, system),
-                    );
+                    kernel!(R, || self.add_soft_equality(input, equality, system));
                 }
             }
         }
@@ -37,10 +28,10 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     fn add_soft_equality(&mut self, input: SoftInput<'_, R>, equality: &CompiledEquality<R::Scalar>, system: &mut SoftSystem<R>) {
         let [law, rotation_law] = &input.softness.equalities[equality.index];
+        self.builder.use_dofs(&equality.dofs);
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));
-                self.builder.use_own_dofs(equality);
                 let points = self.builder.connect_points(input.row, *frames, *anchors, false);
                 let mut square = dot(points.error, points.error);
                 if let Some((turn, weight)) = &turned {
@@ -48,8 +39,7 @@ impl<R: Real> Assembler<'_, R> {
                     square += dot(error, error);
                 }
                 let impedance = law.impedance(square.sqrt());
-                let errors = Errors { error: points.error, kappa: points.kappa };
-                self.push_soft_triple(input, equality, system, law, impedance, errors, 0);
+                self.push_soft_triple(input, (equality, 0), system, law, impedance, [points.error, points.kappa]);
                 if let Some((turn, weight)) = turned {
                     for &d in &equality.dofs {
                         let (d, mut j) = (d as usize, zero());
@@ -61,42 +51,41 @@ impl<R: Real> Assembler<'_, R> {
                         }
                         self.builder.column[d] = scale(turn.rate(j), weight);
                     }
-                    let errors = Errors { error: scale(turn.error, weight), kappa: scale(turn.kappa, weight) };
-                    self.push_soft_triple(input, equality, system, rotation_law, impedance, errors, 3);
+                    let errors = [scale(turn.error, weight), scale(turn.kappa, weight)];
+                    self.push_soft_triple(input, (equality, 3), system, rotation_law, impedance, errors);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
-                self.builder.use_own_dofs(equality);
                 let rows = self.builder.couple_joints(input.row, first, second.as_ref(), splat(*polynomial));
                 let mut rate = R::zero();
                 for &d in &equality.dofs {
-                    rate += self.builder.column[d as usize][0] * input.row.assembly.v_free[d as usize];
+                    rate += self.builder.column[d as usize][0] * input.row.v_free[d as usize];
                 }
-                let active = input.row.assembly.alive.and(self.problem.active_equalities.lanes(equality));
+                let active = input.row.alive.and(self.problem.active_equalities.lanes(equality));
                 // MuJoCo neglects the acceleration J' v of couplings.
                 let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
                 system.terms.extend_from_slice(&equality.dofs);
-                self.push_soft_row(input, system, SoftRow { law, bounds: unbounded(), active, impulse_index: equality.impulse_index });
+                self.push_soft_row(input, system, law, unbounded(), active, equality.impulse_index);
             }
         }
     }
 
-    /// Appends three rows to the problem. Their Jacobians are in `column` on the dofs of the equality. `first` is the number of earlier
-    /// rows of the equality, from which the indices of the impulses follow.
+    /// Appends three rows to the problem, from their position errors and their velocity-dependent accelerations J' v.
+    ///
+    /// Their Jacobians are in `column` on the dofs of the equality. `first` is the number of earlier rows of the equality, from which the
+    /// indices of the impulses follow.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "three rows, every part of them named at the call")]
     fn push_soft_triple(
         &mut self,
         input: SoftInput<'_, R>,
-        equality: &CompiledEquality<R::Scalar>,
+        (equality, first): (&CompiledEquality<R::Scalar>, usize),
         system: &mut SoftSystem<R>,
         law: &SoftLaw<R::Scalar>,
         impedance: R,
-        Errors { error, kappa }: Errors<R>,
-        first: usize,
+        [error, kappa]: [V3<R>; 2],
     ) {
-        let (assembly, mut rate) = (input.row.assembly, zero());
+        let (assembly, mut rate) = (input.row, zero());
         let active = assembly.alive.and(self.problem.active_equalities.lanes(equality));
         for &d in &equality.dofs {
             rate = add_scaled(rate, self.builder.column[d as usize], assembly.v_free[d as usize]);
@@ -105,19 +94,13 @@ impl<R: Real> Assembler<'_, R> {
         system.terms.extend_from_slice(&equality.dofs);
         for k in 0..3 {
             let law = law_at(law, input.effective, impedance, [error[k], rate[k], kappa[k]], active);
-            let impulse_index = equality.impulse_index + first + k;
-            self.push_soft_row(input, system, SoftRow { law, bounds: unbounded(), active, impulse_index });
+            self.push_soft_row(input, system, law, unbounded(), active, equality.impulse_index + first + k);
             for &d in &equality.dofs {
                 let [_, b, c] = self.builder.column[d as usize];
                 self.builder.column[d as usize] = [b, c, R::zero()];
             }
         }
     }
-}
-
-#[inline(always)]
-fn unbounded<R: Real>() -> [R; 2] {
-    [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
 }
 
 /// Relative orientation of the two frames of a weld. MuJoCo's error is the vector part of the quaternion q1^-1 q0, in the second frame's
@@ -165,5 +148,5 @@ impl<R: Real> Turn<R> {
 /// Angular velocity of a frame in world axes, rad/s.
 #[inline(always)]
 fn frame_velocity<R: Real>(input: SoftInput<'_, R>, frame: usize) -> V3<R> {
-    if frame == 0 || frame > input.row.compiled.links.len() { zero() } else { angular(&input.row.assembly.motion.velocity[frame - 1]) }
+    if frame == 0 || frame > input.row.compiled.links.len() { zero() } else { angular(&input.row.motion.velocity[frame - 1]) }
 }

@@ -9,12 +9,9 @@ mod contacts;
 mod effective_mass;
 mod equalities;
 mod frames;
-mod input;
 mod rows;
 mod slip;
 mod system;
-mod visit_order;
 
-pub use effective_mass::EffectiveMass;
-pub use input::SoftInput;
+pub use effective_mass::{EffectiveMass, SoftInput};
 pub use system::SoftSystem;

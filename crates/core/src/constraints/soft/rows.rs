@@ -4,24 +4,11 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::{Combination, LaneModel, SoftLaw};
 use crate::constraints::assembler::Assembler;
+use crate::constraints::limits::{ball_limit, nearer_end};
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::soft::effective_mass::{in_metric, law_at};
-use crate::constraints::soft::input::SoftInput;
+use crate::constraints::soft::effective_mass::{SoftInput, in_metric, law_at};
 use crate::constraints::soft::system::SoftSystem;
-use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
-
-/// Scalar row of MuJoCo's contact law, before it is added to the problem.
-pub(super) struct SoftRow<R: Real> {
-    /// Reference acceleration of the row, and its weight D = 1 / R.
-    pub(super) law: [R; 2],
-    /// Lowest and highest force.
-    pub(super) bounds: [R; 2],
-    /// Lanes in which the row exists.
-    pub(super) active: R::Mask,
-    /// Index of the row's impulse in the list of impulses of scalar rows.
-    pub(super) impulse_index: usize,
-}
 
 impl<R: Real> RowBuilder<R> {
     /// Writes the Jacobian of a sum of linear combinations of joints, each times a factor, to the first component of `column`. Sets
@@ -46,24 +33,32 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Appends a scalar row to the problem. Its Jacobian is in the first component of `column`, at the degrees of freedom `system.terms`.
+    /// Appends a scalar row to the problem, in the lanes `active`. Its Jacobian is in the first component of `column`, at the degrees of
+    /// freedom `system.terms`.
+    ///
+    /// `law` has the reference acceleration of the row and its weight D = 1 / R, and `bounds` its lowest and highest force.
     #[inline(always)]
-    pub(super) fn push_soft_row(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>, row: SoftRow<R>) {
-        let SoftRow { law: [reference, mut weight], bounds, active, impulse_index } = row;
+    pub(super) fn push_soft_row(
+        &mut self,
+        input: SoftInput<'_, R>,
+        system: &mut SoftSystem<R>,
+        [reference, mut weight]: [R; 2],
+        bounds: [R; 2],
+        active: R::Mask,
+        impulse_index: usize,
+    ) {
         for &d in &system.terms {
             let entry = R::select(active, self.builder.column[d as usize][0], R::zero());
             self.builder.column[d as usize][0] = entry;
         }
         let column = &self.builder.column;
         if let Some(effective) = input.effective {
-            weight = in_metric(
-                weight,
-                effective.mobility(
-                    &system.terms,
-                    #[inline(always)]
-                    |d| column[d][0],
-                ),
+            let mobility = effective.mobility(
+                &system.terms,
+                #[inline(always)]
+                |d| column[d][0],
             );
+            weight = in_metric(weight, mobility);
         }
         system.problem.push_row(
             &system.terms,
@@ -80,7 +75,7 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of dry friction of joints and tendons.
     #[inline(always)]
     pub(super) fn add_soft_frictions(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
-        let (compiled, assembly) = (input.row.compiled, input.row.assembly);
+        let (compiled, assembly) = (input.row.compiled, input.row);
         for (i, (friction, law)) in compiled.frictions.iter().zip(&input.softness.frictions).enumerate() {
             let most = compiled.params.friction(i);
             let mut bounds = [-most, most];
@@ -92,16 +87,14 @@ impl<R: Real> Assembler<'_, R> {
             self.builder.column[friction.dof] = [R::one(), R::zero(), R::zero()];
             system.terms.clear();
             system.terms.push(friction.dof as u32);
-            let impulse_index = compiled.limits.len() + i;
-            self.push_soft_row(input, system, SoftRow { law, bounds, active: assembly.alive, impulse_index });
+            self.push_soft_row(input, system, law, bounds, assembly.alive, compiled.limits.len() + i);
         }
         for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
                 let law = row_law(law, input, [R::zero(), tendon.length.rate(assembly.v_free)], assembly.alive);
                 self.builder.combine(system, &[(&tendon.length, R::one())]);
-                let row = SoftRow { law, bounds: [-most, most], active: assembly.alive, impulse_index: tendon.impulse_index + 1 };
-                self.push_soft_row(input, system, row);
+                self.push_soft_row(input, system, law, [-most, most], assembly.alive, tendon.impulse_index + 1);
             }
         }
     }
@@ -109,12 +102,10 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of violated limits of joints, ball joints and tendons.
     #[inline(always)]
     pub(super) fn add_soft_limits(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
-        let (compiled, assembly) = (input.row.compiled, input.row.assembly);
+        let (compiled, assembly) = (input.row.compiled, input.row);
         for (i, (limit, law)) in compiled.limits.iter().zip(&input.softness.limits).enumerate() {
-            let q = assembly.q[limit.q];
-            let [lowest, highest] = compiled.params.limit(i);
-            let (sign, error) = nearer_end(q, lowest, highest);
-            let distance = input.row.assembly.solved_overlaps.map_or(error, |solved| solved.limit(i));
+            let (sign, error) = nearer_end(assembly.q[limit.q], compiled.params.limit(i));
+            let distance = input.row.solved_overlaps.map_or(error, |solved| solved.limits[i]);
             let active = assembly.alive.and(distance.lt(R::zero()));
             if active.any() {
                 self.builder.column[limit.dof] = [sign, R::zero(), R::zero()];
@@ -126,7 +117,7 @@ impl<R: Real> Assembler<'_, R> {
         self.add_soft_ball_limits(compiled, input, system);
         for (tendon, [law, _]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             let Some([lowest, highest]) = tendon.range else { continue };
-            let (sign, error) = nearer_end(tendon.length.value(assembly.q), R::splat(lowest), R::splat(highest));
+            let (sign, error) = nearer_end(tendon.length.value(assembly.q), [R::splat(lowest), R::splat(highest)]);
             let active = assembly.alive.and(error.lt(R::zero()));
             if active.any() {
                 self.builder.combine(system, &[(&tendon.length, sign)]);
@@ -138,13 +129,9 @@ impl<R: Real> Assembler<'_, R> {
 
     #[inline(always)]
     fn add_soft_ball_limits(&mut self, compiled: &LaneModel<R>, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
-        let assembly = input.row.assembly;
+        let assembly = input.row;
         for (i, (limit, law)) in compiled.ball_limits.iter().zip(&input.softness.ball_limits).enumerate() {
-            let turn = quat_log(quat_at(assembly.q, limit.q));
-            let angle = norm(turn);
-            let turned = angle.gt(R::zero());
-            let axis = scale(turn, -(R::one() / R::select(turned, angle, R::one())));
-            let error = compiled.params.ball_limit(i) - angle;
+            let (axis, error) = ball_limit(compiled, i, assembly.q);
             let active = assembly.alive.and(error.lt(R::zero()));
             if active.any() {
                 let v = [0, 1, 2].map(|k| assembly.v_free[limit.dof + k]);
@@ -172,7 +159,7 @@ impl<R: Real> Assembler<'_, R> {
     ) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
         let law = row_law(law, input, [error, rate], active);
-        self.push_soft_row(input, system, SoftRow { law, bounds, active, impulse_index });
+        self.push_soft_row(input, system, law, bounds, active, impulse_index);
     }
 }
 
@@ -180,13 +167,4 @@ impl<R: Real> Assembler<'_, R> {
 #[inline(always)]
 pub(super) fn row_law<R: Real>(law: &SoftLaw<R::Scalar>, input: SoftInput<'_, R>, [error, rate]: [R; 2], active: R::Mask) -> [R; 2] {
     law_at(law, input.effective, law.impedance(error), [error, rate, R::zero()], active)
-}
-
-/// Direction from the nearer end of a range into the range (1 or -1), and signed distance of `x` from this end. The distance is negative
-/// outside the range.
-#[inline(always)]
-fn nearer_end<R: Real>(x: R, lowest: R, highest: R) -> (R, R) {
-    let (below, above) = (x - lowest, highest - x);
-    let low = below.le(above);
-    (R::select(low, R::one(), -R::one()), R::select(low, below, above))
 }

@@ -9,7 +9,7 @@ use stepper_solve::soft::{ContactVisit, SlipEffort};
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_problem::ConstraintProblem;
-use crate::constraints::soft::visit_order::{Key, VisitOrder};
+use crate::constraints::soft::system::{Key, VisitOrder};
 use crate::dynamics::inertia::MassMatrix;
 
 impl<R: Real> ConstraintProblem<R> {

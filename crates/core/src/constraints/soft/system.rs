@@ -1,12 +1,12 @@
 //! Constraint problem of MuJoCo's contact law in a step, and its solver.
 
-use stepper_real::Real;
-use stepper_solve::soft::{Effort, LaneSolver, Metric, SlipCapacity, SlipEffort, SoftOutcome, SoftProblem, SoftSolver};
+use std::ops::Range;
+
+use stepper_real::{Real, kernel};
+use stepper_solve::soft::{ContactVisit, Effort, LaneSolver, Metric, SlipCapacity, SlipEffort, SoftOutcome, SoftProblem, SoftSolver};
 
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::soft::visit_order::VisitOrder;
 use crate::dynamics::inertia::MassMatrix;
-use crate::math::spatial::*;
 
 /// Constraint problem of MuJoCo's contact law, its solver, and the unknown acceleration.
 #[derive(Clone, Debug)]
@@ -23,8 +23,6 @@ pub struct SoftSystem<R: Real> {
     pub mass: Vec<R>,
     /// Order in which noslip iterations visit the contacts.
     pub(super) order: VisitOrder<R>,
-    /// Workspace: rotational parts of the rows of a contact.
-    pub(super) angular: Vec<V3<R>>,
     /// Workspace: degrees of freedom of the row under construction, ascending.
     pub(super) terms: Vec<u32>,
 }
@@ -57,7 +55,6 @@ impl<R: Real> SoftSystem<R> {
             order: VisitOrder::new(visited),
             acceleration: zeros(),
             mass: vec![R::zero(); compiled.chain.len()],
-            angular: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
             terms: Vec::with_capacity(compiled.nv),
         }))
     }
@@ -111,14 +108,11 @@ impl<R: Real> SoftSystem<R> {
 
     /// Sets the acceleration to `free` in all lanes outside `constrained`, which have no constraints.
     pub fn accelerate_freely(&mut self, free: &[R], constrained: R::Mask) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (a, &free) in self.acceleration.iter_mut().zip(free) {
-                    *a = R::select(constrained, *a, free);
-                }
-            },
-        )
+        kernel!(R, || {
+            for (a, &free) in self.acceleration.iter_mut().zip(free) {
+                *a = R::select(constrained, *a, free);
+            }
+        })
     }
 
     /// Computes the product of the mass matrix and the acceleration into `out`.
@@ -139,17 +133,14 @@ impl<R: Real> SoftSystem<R> {
 
     /// Sets the initial acceleration from `impulse`, the generalized impulse of all constraints in the last step of `h` seconds.
     pub fn start_from_impulse(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R], impulse: &[R], h: R) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let rate = R::one() / h;
-                self.acceleration.copy_from_slice(impulse);
-                factors.solve(compiled, &mut self.acceleration);
-                for (a, &free) in self.acceleration.iter_mut().zip(free) {
-                    *a = free + *a * rate;
-                }
-            },
-        )
+        kernel!(R, || {
+            let rate = R::one() / h;
+            self.acceleration.copy_from_slice(impulse);
+            factors.solve(compiled, &mut self.acceleration);
+            for (a, &free) in self.acceleration.iter_mut().zip(free) {
+                *a = free + *a * rate;
+            }
+        })
     }
 }
 
@@ -175,5 +166,34 @@ impl<R: Real> Metric<R> for TreeMass<'_, R> {
     #[inline(always)]
     fn solve(&self, x: &mut [R]) {
         self.factors.solve(self.compiled, x);
+    }
+}
+
+/// Sort key of a pair of geoms: lower body, other body, and the two geoms.
+pub(super) type Key = [u32; 4];
+
+/// Order of contacts for noslip iterations, and the workspace that computes it.
+#[derive(Clone, Debug)]
+pub(super) struct VisitOrder<R: Real> {
+    /// Contacts in the order of the visits, with the lanes of each visit.
+    pub(super) visits: Vec<ContactVisit<R::Mask>>,
+    /// For every slot of the contact set, ranges of its contacts in the problem. The first range is among the contacts with three rows, the
+    /// second among those with six.
+    pub(super) places: Vec<[Range<usize>; 2]>,
+    /// Sort key and slot of the contacts in one lane.
+    pub(super) keyed: Vec<(Key, u32)>,
+    /// Sorted slots of every lane, lane by lane.
+    pub(super) order: Vec<u32>,
+}
+
+impl<R: Real> VisitOrder<R> {
+    /// Workspace for at most `contacts` contacts per lane.
+    pub(super) fn new(contacts: usize) -> Self {
+        Self {
+            visits: Vec::with_capacity(contacts * R::LANES),
+            places: Vec::with_capacity(contacts),
+            keyed: Vec::with_capacity(contacts),
+            order: Vec::with_capacity(contacts * R::LANES),
+        }
     }
 }

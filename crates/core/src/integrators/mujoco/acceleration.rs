@@ -1,14 +1,13 @@
 //! Constrained acceleration at one state with MuJoCo's contact law: stages 1 to 5.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 use stepper_solve::Outcome;
 use stepper_solve::soft::Effort;
 
 use crate::actuation::forces::Implicit;
 use crate::compile::LaneModel;
-use crate::constraints::assembler::{Assembler, AssemblyInput};
+use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
-use crate::constraints::row_input::RowInput;
 use crate::constraints::soft::{EffectiveMass, SoftInput};
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::kinematics::advance;
@@ -53,7 +52,7 @@ impl<R: Real> Acceleration<'_, R> {
     /// Computes stages 1 to 4, from forces to constraint rows, at the state `stage`. `recomputed` is the part of the state that changed
     /// since the last call.
     pub(super) fn prepare(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
-        let StepInput { compiled, options, state, inputs, .. } = input;
+        let StepInput { compiled, state, inputs, .. } = input;
         let moved = recomputed == Recomputed::Configuration;
         self.evaluation.act.copy_from_slice(&stage.act);
         if moved {
@@ -64,10 +63,7 @@ impl<R: Real> Acceleration<'_, R> {
                 kinematics.update(compiled, q);
             });
         }
-        match options.integrator {
-            Integrator::Discrete => self.free_acceleration_at_end(input, stage, probe),
-            _ => self.free_acceleration(input, stage, recomputed, probe),
-        }
+        self.free_acceleration(input, stage, recomputed, probe);
         if moved {
             self.find_contacts(input, stage, probe);
         }
@@ -77,39 +73,36 @@ impl<R: Real> Acceleration<'_, R> {
         }
     }
 
-    /// Computes stages 1 and 2: explicit forces, and the acceleration without constraints. `recomputed` selects the parts that have
+    /// Computes stages 1 and 2: forces, and acceleration and velocity without constraints. `recomputed` selects the parts that have
     /// changed.
+    ///
+    /// In a discrete step, springs, dampers, servos and drag are evaluated at the end of the step. Otherwise all forces are explicit.
     fn free_acceleration(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         probe.count(Counter::Evaluations, || 1.0);
-        let (compiled, kinematics, smooth) = (input.compiled, &self.evaluation.kinematics, &mut self.free.smooth);
-        if recomputed == Recomputed::Configuration {
-            probe.span(Span::MassMatrix, || smooth.assemble_mass(compiled, kinematics, Implicit::<R>::none().weights));
+        let (compiled, discrete) = (input.compiled, input.options.integrator == Integrator::Discrete);
+        if discrete || recomputed == Recomputed::Configuration {
+            let explicit = Implicit::<R>::none().weights;
+            probe.span(Span::MassMatrix, || self.free.smooth.assemble_mass(compiled, &self.evaluation.kinematics, explicit));
         }
-        if let Some(system) = &mut self.problem.soft {
-            match recomputed {
-                Recomputed::Configuration => system.mass.copy_from_slice(&smooth.mass.entries),
-                // Stage 6 added its implicit terms to the entries of the mass matrix. This restores the entries.
-                Recomputed::Velocity | Recomputed::Forces => smooth.mass.entries.copy_from_slice(&system.mass),
-            }
-        }
-        probe.span(Span::MassFactors, || smooth.complete_mass(compiled, kinematics, Implicit::none()));
         probe.span(Span::Actuate, || self.compute_forces(input, stage));
-        probe.span(Span::Acceleration, || self.move_freely(input, stage));
-    }
-
-    /// Computes stages 1 and 2 of a discrete step: forces, and the acceleration without constraints. Springs, dampers, servos and drag are
-    /// evaluated at the end of the step.
-    fn free_acceleration_at_end(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, probe: impl Probe) {
-        probe.count(Counter::Evaluations, || 1.0);
-        let explicit = Implicit::<R>::none().weights;
-        let (compiled, kinematics) = (input.compiled, &self.evaluation.kinematics);
-        probe.span(Span::MassMatrix, || self.free.smooth.assemble_mass(compiled, kinematics, explicit));
-        probe.span(Span::Actuate, || self.compute_forces(input, stage));
+        let Self { evaluation: Evaluation { kinematics, .. }, free, problem, effective, .. } = self;
         probe.span(Span::MassFactors, || {
-            let Self { evaluation, free, problem, effective, .. } = &mut *self;
-            assemble_effective_mass(input, stage, &evaluation.kinematics, free, problem, effective);
+            if discrete {
+                return assemble_effective_mass(input, stage, kinematics, free, problem, effective);
+            }
+            if let Some(system) = &mut problem.soft {
+                match recomputed {
+                    Recomputed::Configuration => system.mass.copy_from_slice(&free.smooth.mass.entries),
+                    // Stage 6 added its implicit terms to the entries of the mass matrix. This restores the entries.
+                    Recomputed::Velocity | Recomputed::Forces => free.smooth.mass.entries.copy_from_slice(&system.mass),
+                }
+            }
+            free.smooth.complete_mass(compiled, kinematics, Implicit::none());
         });
-        probe.span(Span::Acceleration, || self.move_freely(input, stage));
+        probe.span(Span::Acceleration, || {
+            free.accelerate(compiled, kinematics, &stage.v, &stage.v);
+            advance(&stage.v, &free.smooth.acc, R::of(input.options.timestep), &mut free.v);
+        });
     }
 
     /// Computes stage 1: all forces at the state `stage`, without implicit terms.
@@ -124,14 +117,6 @@ impl<R: Real> Acceleration<'_, R> {
         }
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
         add_tendon_springs(compiled, &stage.q, &stage.v, &mut free.applied);
-    }
-
-    /// Computes stage 2 from the factored mass matrix: the acceleration without constraints, and the velocity after the step without
-    /// constraints.
-    fn move_freely(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
-        let free = &mut *self.free;
-        free.accelerate(input.compiled, &self.evaluation.kinematics, &stage.v, &stage.v);
-        advance(&stage.v, &free.smooth.acc, R::of(input.options.timestep), &mut free.v);
     }
 
     /// Computes stage 3: contacts at the configuration of `stage`. If the step is being differentiated, contacts that will close soon are
@@ -149,7 +134,11 @@ impl<R: Real> Acceleration<'_, R> {
         let StepInput { compiled, options, alive, .. } = input;
         let Self { evaluation, free, problem, velocity, builder, effective } = self;
         let Some(softness) = &compiled.softness else { return };
-        let assembly = AssemblyInput {
+        let row = &RowInput {
+            compiled,
+            options,
+            kinematics: &evaluation.kinematics,
+            mass: &free.smooth.mass,
             q: &stage.q,
             v: &stage.v,
             motion: &free.smooth.newton_euler,
@@ -163,7 +152,6 @@ impl<R: Real> Acceleration<'_, R> {
             solved_overlaps: evaluation.solved_overlaps.as_deref(),
             alive,
         };
-        let row = RowInput { compiled, options, kinematics: &evaluation.kinematics, mass: &free.smooth.mass, assembly: &assembly };
         let input = SoftInput { row, softness, effective: effective.as_ref() };
         Assembler { problem, velocity, builder }.assemble_soft(input, &mut evaluation.contacts);
     }
@@ -197,18 +185,15 @@ impl<R: Real> Acceleration<'_, R> {
 /// Adds the forces of springs and dampers of fixed tendons at the configuration `q` and the velocity `v` to the generalized forces
 /// `forces`.
 fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for tendon in &compiled.tendons {
-                let Some((spring, rest)) = &tendon.spring else { continue };
-                let length = tendon.length.value(q);
-                let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
-                let force = -(R::splat(spring.stiffness) * stretch) - R::splat(spring.damping) * tendon.length.rate(v);
-                for &(_, dof, coefficient) in &tendon.length.terms {
-                    forces[dof] += R::splat(coefficient) * force;
-                }
+    kernel!(R, || {
+        for tendon in &compiled.tendons {
+            let Some((spring, rest)) = &tendon.spring else { continue };
+            let length = tendon.length.value(q);
+            let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
+            let force = -(R::splat(spring.stiffness) * stretch) - R::splat(spring.damping) * tendon.length.rate(v);
+            for &(_, dof, coefficient) in &tendon.length.terms {
+                forces[dof] += R::splat(coefficient) * force;
             }
-        },
-    )
+        }
+    })
 }

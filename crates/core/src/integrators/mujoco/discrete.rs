@@ -8,7 +8,7 @@
 //! "Integrators"). Only terms that dissipate energy or restore the configuration are included. For a single body on a free joint without
 //! contacts, the matrix also contains the derivative of its gyroscopic force.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::constraints::ConstraintProblem;
 use crate::constraints::soft::EffectiveMass;
@@ -34,54 +34,48 @@ pub(super) fn assemble_effective_mass<R: Real>(
     let StepInput { compiled, options, inputs, .. } = input;
     let (Some(effective), h, v) = (effective, R::of(options.timestep), &stage.v) else { unreachable!("made for this integrator") };
     let (smooth, forces, applied) = (&mut free.smooth, &mut free.actuator_forces, &mut free.applied);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            effective.begin(compiled, &smooth.mass.entries, h);
-            smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: h * h, step: R::zero() }, &mut []);
-            let entries = &mut smooth.mass.entries;
-            for (d, (applied, &v)) in applied.iter_mut().zip(v).enumerate() {
-                *applied -= h * compiled.params.dof(d).stiffness * v;
+    kernel!(R, || {
+        effective.begin(compiled, &smooth.mass.entries, h);
+        smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: h * h, step: R::zero() }, &mut []);
+        let entries = &mut smooth.mass.entries;
+        for (d, (applied, &v)) in applied.iter_mut().zip(v).enumerate() {
+            *applied -= h * compiled.params.dof(d).stiffness * v;
+        }
+        for tendon in &compiled.tendons {
+            let Some((spring, rest)) = &tendon.spring else { continue };
+            let length = tendon.length.value(&stage.q);
+            let taut = length.lt(R::splat(rest[0])).or(length.gt(R::splat(rest[1])));
+            let stiffness = R::select(taut, R::splat(spring.stiffness), R::zero());
+            let push = h * stiffness * tendon.length.rate(v);
+            let parts = || tendon.length.terms.iter().map(|&(_, dof, arm)| (dof, R::splat(arm)));
+            for (dof, arm) in parts() {
+                applied[dof] -= push * arm;
             }
-            for tendon in &compiled.tendons {
-                let Some((spring, rest)) = &tendon.spring else { continue };
-                let length = tendon.length.value(&stage.q);
-                let taut = length.lt(R::splat(rest[0])).or(length.gt(R::splat(rest[1])));
-                let stiffness = R::select(taut, R::splat(spring.stiffness), R::zero());
-                let push = h * stiffness * tendon.length.rate(v);
-                let parts = || tendon.length.terms.iter().map(|&(_, dof, arm)| (dof, R::splat(arm)));
-                for (dof, arm) in parts() {
-                    applied[dof] -= push * arm;
-                }
-                effective.add(compiled, parts(), h * (R::splat(spring.damping) + h * stiffness), entries);
+            effective.add(compiled, parts(), h * (R::splat(spring.damping) + h * stiffness), entries);
+        }
+        let at = stage.forces(inputs);
+        for (k, servo) in compiled.servos.iter().enumerate() {
+            let actuator = &compiled.actuators[servo.actuator];
+            let [stiffness, damping] = servo_slopes(compiled, &at, servo.actuator, forces);
+            let push = h * stiffness * forces.project(actuator, v);
+            let on_site =
+                actuator.site_wrench.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
+            let parts = || actuator.moment.iter().map(|&(_, dof, arm)| (dof, R::splat(arm))).chain(on_site.clone());
+            for (dof, arm) in parts() {
+                applied[dof] -= push * arm;
             }
-            let at = stage.forces(inputs);
-            for (k, servo) in compiled.servos.iter().enumerate() {
-                let actuator = &compiled.actuators[servo.actuator];
-                let [stiffness, damping] = servo_slopes(compiled, &at, servo.actuator, forces);
-                let push = h * stiffness * forces.project(actuator, v);
-                let on_site =
-                    actuator.site_wrench.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
-                let parts = || actuator.moment.iter().map(|&(_, dof, arm)| (dof, R::splat(arm))).chain(on_site.clone());
-                for (dof, arm) in parts() {
-                    applied[dof] -= push * arm;
-                }
-                forces.added_inertia[k] = h * (damping + h * stiffness);
-                effective.add(compiled, parts(), forces.added_inertia[k], entries);
-            }
-        },
-    );
+            forces.added_inertia[k] = h * (damping + h * stiffness);
+            effective.add(compiled, parts(), forces.added_inertia[k], entries);
+        }
+    });
     smooth.damp(compiled, kinematics, [&[], &[]], v, h);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            effective.finish(compiled, &smooth.mass.entries);
-            if let Some(system) = &mut problem.soft {
-                system.mass.copy_from_slice(&smooth.mass.entries);
-            }
-            smooth.mass.factor(compiled);
-        },
-    );
+    kernel!(R, || {
+        effective.finish(compiled, &smooth.mass.entries);
+        if let Some(system) = &mut problem.soft {
+            system.mass.copy_from_slice(&smooth.mass.entries);
+        }
+        smooth.mass.factor(compiled);
+    });
 }
 
 /// Computes the velocity after the step by the discrete rule (stage 6), v+ = v + h a, into `v_next`.
@@ -101,24 +95,21 @@ pub(super) fn integrate_velocity<R: Real>(
             let touched = system.problem.touches(dofs.start as u32..dofs.end as u32);
             let (acceleration, mat) = (&free.smooth.acc, &kinematics.mat[spinner.link + 1]);
             let work = &mut free.scratch.impulse;
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    // Forces that the acceleration without constraints contains.
-                    for i in 0..6 {
-                        let mut sum = R::zero();
-                        for j in 0..6 {
-                            let (row, column) = (spinner.dof + i.max(j), i.abs_diff(j));
-                            sum += system.mass[compiled.dofs[row].chain + column] * acceleration[spinner.dof + j];
-                        }
-                        work[spinner.dof + i] = sum;
+            kernel!(R, || {
+                // Forces that the acceleration without constraints contains.
+                for i in 0..6 {
+                    let mut sum = R::zero();
+                    for j in 0..6 {
+                        let (row, column) = (spinner.dof + i.max(j), i.abs_diff(j));
+                        sum += system.mass[compiled.dofs[row].chain + column] * acceleration[spinner.dof + j];
                     }
-                    solve_alone(compiled, [&effective.mass, &system.mass], mat, &state.v, h, spinner.dof, work);
-                    for d in dofs {
-                        system.acceleration[d] = R::select(touched, system.acceleration[d], work[d]);
-                    }
-                },
-            );
+                    work[spinner.dof + i] = sum;
+                }
+                solve_alone(compiled, [&effective.mass, &system.mass], mat, &state.v, h, spinner.dof, work);
+                for d in dofs {
+                    system.acceleration[d] = R::select(touched, system.acceleration[d], work[d]);
+                }
+            });
         }
     }
     advance(&state.v, &system.acceleration, h, v_next);

@@ -1,6 +1,6 @@
 //! Stage 6 of MuJoCo's integrators Euler, implicitfast and implicit, with their implicit terms.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::actuation::forces::ForceState;
 use crate::compile::{CompiledTendon, LaneModel};
@@ -8,7 +8,7 @@ use crate::constraints::ConstraintProblem;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::free_motion::{FreeMotion, Scratch};
-use crate::integrators::mujoco::unsymmetric::Unsymmetric;
+use crate::integrators::mujoco::unsymmetric::{Unsymmetric, solve_dense};
 use crate::integrators::step_input::StepInput;
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -41,52 +41,43 @@ pub(super) fn integrate_velocity<R: Real>(
         advance(v, &system.acceleration, h, v_next);
         return;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            system.multiply_mass(compiled, work);
-            smooth.mass.entries.copy_from_slice(&system.mass);
-            smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), step: R::zero() }, &mut []);
-        },
-    );
+    kernel!(R, || {
+        system.multiply_mass(compiled, work);
+        smooth.mass.entries.copy_from_slice(&system.mass);
+        smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), step: R::zero() }, &mut []);
+    });
     if all {
         let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
         servo_damping(compiled, &at, h, actuator_forces);
         smooth.damp(compiled, kinematics, [&actuator_forces.added_inertia, &actuator_forces.arms], v, h);
-        R::vectorize(
-            #[inline(always)]
-            || add_tendon_damping(compiled, h, &mut smooth.mass.entries),
-        );
+        kernel!(R, || add_tendon_damping(compiled, h, &mut smooth.mass.entries));
     }
     if let Some(matrix) = unsymmetric {
         matrix.solve(compiled, kinematics, &smooth.mass.entries, v, h, work);
         advance(v, work, h, v_next);
         return;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            if all {
-                alone.copy_from_slice(work);
-                for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                    let mat = &kinematics.mat[spinner.link + 1];
-                    solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, alone);
-                }
-                for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
-                    let others = dof.chain + 1..dof.chain + dof.depth;
-                    smooth.mass.entries[others.clone()].copy_from_slice(&system.mass[others]);
-                }
+    kernel!(R, || {
+        if all {
+            alone.copy_from_slice(work);
+            for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+                let mat = &kinematics.mat[spinner.link + 1];
+                solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, alone);
             }
-            smooth.mass.factor(compiled);
-            smooth.mass.solve(compiled, work);
-            if all {
-                for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                    let dofs = spinner.dof..spinner.dof + 6;
-                    work[dofs.clone()].copy_from_slice(&alone[dofs]);
-                }
+            for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
+                let others = dof.chain + 1..dof.chain + dof.depth;
+                smooth.mass.entries[others.clone()].copy_from_slice(&system.mass[others]);
             }
-        },
-    );
+        }
+        smooth.mass.factor(compiled);
+        smooth.mass.solve(compiled, work);
+        if all {
+            for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+                let dofs = spinner.dof..spinner.dof + 6;
+                work[dofs.clone()].copy_from_slice(&alone[dofs]);
+            }
+        }
+    });
     advance(v, work, h, v_next);
 }
 
@@ -144,26 +135,5 @@ pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], 
             a[3 + i][3 + c] += h * angular[i];
         }
     }
-    // Gaussian elimination. The symmetric part is positive definite, so that no pivot is needed.
-    let mut b = [x[first], x[first + 1], x[first + 2], x[first + 3], x[first + 4], x[first + 5]];
-    for k in 0..6 {
-        let inverse = R::one() / a[k][k];
-        for i in k + 1..6 {
-            let factor = a[i][k] * inverse;
-            for j in k + 1..6 {
-                let above = a[k][j];
-                a[i][j] -= factor * above;
-            }
-            let above = b[k];
-            b[i] -= factor * above;
-        }
-    }
-    for k in (0..6).rev() {
-        let mut sum = b[k];
-        for j in k + 1..6 {
-            sum -= a[k][j] * b[j];
-        }
-        b[k] = sum / a[k][k];
-    }
-    x[first..first + 6].copy_from_slice(&b);
+    solve_dense(a.as_flattened_mut(), &mut x[first..first + 6]);
 }

@@ -14,7 +14,6 @@ mod acceleration;
 mod discrete;
 mod implicit;
 mod runge_kutta;
-pub mod stages;
 pub mod unsymmetric;
 pub(crate) mod workspace;
 

@@ -3,15 +3,14 @@
 //! The unknowns are a displacement theta from the configuration before the step, the velocity and the activations. A displacement of a
 //! rotation follows theta' = dexpinv(omega) with angular velocities in the body's frame (Munthe-Kaas 1998; MuJoCo uses it since 4.0).
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 use stepper_solve::Outcome;
 
 use crate::compile::LaneModel;
 use crate::constraints::PositionSolution;
 use crate::dynamics::kinematics::displace;
 use crate::integrators::mujoco::acceleration::Acceleration;
-use crate::integrators::mujoco::stages::RungeKuttaStages;
-use crate::integrators::mujoco::workspace::StageState;
+use crate::integrators::mujoco::workspace::{RungeKuttaStages, StageState};
 use crate::integrators::state::State;
 use crate::integrators::step_input::StepInput;
 use crate::math::spatial::*;
@@ -42,33 +41,27 @@ pub(super) fn runge_kutta<R: Real>(
         let now = acceleration.compute(input, stage, i == 0, probe);
         activation_rate(compiled, &stage.act, &inputs.ctrl, &mut stages.rate[1]);
         find_rates(compiled, h * R::of(part), &stage.v, &mut stages.rate[0]);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                outcome.residual = outcome.residual.max(now.residual);
-                outcome.sweeps += now.sweeps;
-                outcome.newton_steps += now.newton_steps;
-                let rates = [&stages.rate[0], acceleration.constrained(), &stages.rate[1]];
-                for (sum, rate) in stages.sum.iter_mut().zip(rates) {
-                    for (sum, &rate) in sum.iter_mut().zip(rate) {
-                        *sum += R::of(weight) * rate;
-                    }
+        kernel!(R, || {
+            outcome.residual = outcome.residual.max(now.residual);
+            outcome.sweeps += now.sweeps;
+            outcome.newton_steps += now.newton_steps;
+            let rates = [&stages.rate[0], acceleration.constrained(), &stages.rate[1]];
+            for (sum, rate) in stages.sum.iter_mut().zip(rates) {
+                for (sum, &rate) in sum.iter_mut().zip(rate) {
+                    *sum += R::of(weight) * rate;
                 }
-            },
-        );
+            }
+        });
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for ((next, &v), &a) in acceleration.velocity.v.iter_mut().zip(&state.v).zip(&stages.sum[1]) {
-                *next = v + h * a;
-            }
-            for ((next, &act), &rate) in position.act.iter_mut().zip(&state.act).zip(&stages.sum[2]) {
-                *next = act + h * rate;
-            }
-            clamp_activation(compiled, &mut position.act);
-        },
-    );
+    kernel!(R, || {
+        for ((next, &v), &a) in acceleration.velocity.v.iter_mut().zip(&state.v).zip(&stages.sum[1]) {
+            *next = v + h * a;
+        }
+        for ((next, &act), &rate) in position.act.iter_mut().zip(&state.act).zip(&stages.sum[2]) {
+            *next = act + h * rate;
+        }
+        clamp_activation(compiled, &mut position.act);
+    });
     displace(compiled, &state.q, &stages.sum[0], h, &mut position.q);
     outcome
 }
@@ -76,26 +69,23 @@ pub(super) fn runge_kutta<R: Real>(
 /// Computes the displacement rates at a Runge-Kutta stage with the velocity `v`. On entry, `rates` has the rates of the previous stage,
 /// which led to this stage in `time` seconds.
 fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for joint in &compiled.joints {
-                let at = match joint.kind {
-                    JointKind::Free => joint.v + 3,
-                    JointKind::Ball => joint.v,
-                    JointKind::Slide | JointKind::Hinge => {
-                        rates[joint.v] = v[joint.v];
-                        continue;
-                    }
-                };
-                rates[joint.v..at].copy_from_slice(&v[joint.v..at]);
-                // The displacement at the beginning is zero, independent of the rates.
-                let moved = time.gt(R::zero());
-                let rotation = select(moved, scale([rates[at], rates[at + 1], rates[at + 2]], time), zero());
-                rates[at..at + 3].copy_from_slice(&rotation_rate(rotation, [v[at], v[at + 1], v[at + 2]]));
-            }
-        },
-    )
+    kernel!(R, || {
+        for joint in &compiled.joints {
+            let at = match joint.kind {
+                JointKind::Free => joint.v + 3,
+                JointKind::Ball => joint.v,
+                JointKind::Slide | JointKind::Hinge => {
+                    rates[joint.v] = v[joint.v];
+                    continue;
+                }
+            };
+            rates[joint.v..at].copy_from_slice(&v[joint.v..at]);
+            // The displacement at the beginning is zero, independent of the rates.
+            let moved = time.gt(R::zero());
+            let rotation = select(moved, scale([rates[at], rates[at + 1], rates[at + 2]], time), zero());
+            rates[at..at + 3].copy_from_slice(&rotation_rate(rotation, [v[at], v[at + 1], v[at + 2]]));
+        }
+    })
 }
 
 /// Moves the Runge-Kutta stage to `time` seconds after the beginning of the step, with the rates of the previous stage.
@@ -108,15 +98,12 @@ fn move_stage<R: Real>(
     stage: &mut StageState<R>,
 ) {
     displace(compiled, &state.q, &stages.rate[0], time, &mut stage.q);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for ((next, &v), &a) in stage.v.iter_mut().zip(&state.v).zip(acceleration.constrained()) {
-                *next = v + time * a;
-            }
-            for ((next, &act), &rate) in stage.act.iter_mut().zip(&state.act).zip(&stages.rate[1]) {
-                *next = act + time * rate;
-            }
-        },
-    );
+    kernel!(R, || {
+        for ((next, &v), &a) in stage.v.iter_mut().zip(&state.v).zip(acceleration.constrained()) {
+            *next = v + time * a;
+        }
+        for ((next, &act), &rate) in stage.act.iter_mut().zip(&state.act).zip(&stages.rate[1]) {
+            *next = act + time * rate;
+        }
+    });
 }

@@ -1,6 +1,6 @@
 //! Unsymmetric matrix of the integrator `implicit`, which contains the derivative of the Coriolis forces.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::inertia::{NewtonEuler, link_forces, project_forces};
@@ -33,118 +33,79 @@ impl<R: Real> Unsymmetric<R> {
     /// b(v + e) - b(v) - b(e) + b(0), where b is the bias force.
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &[R], v: &[R], h: R, x: &mut [R]) {
         let n = compiled.nv;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.entries.fill(R::zero());
-                for i in 0..n {
-                    let row = &compiled.dofs[i];
-                    for (&entry, &c) in a[row.chain..row.chain + row.depth].iter().zip(compiled.chain_of(i)) {
-                        self.entries[i * n + c as usize] = entry;
-                        self.entries[c as usize * n + i] = entry;
-                    }
+        kernel!(R, || {
+            self.entries.fill(R::zero());
+            for i in 0..n {
+                let row = &compiled.dofs[i];
+                for (&entry, &c) in a[row.chain..row.chain + row.depth].iter().zip(compiled.chain_of(i)) {
+                    self.entries[i * n + c as usize] = entry;
+                    self.entries[c as usize * n + i] = entry;
+                }
+            }
+            self.velocity.copy_from_slice(v);
+            self.find_bias(compiled, kinematics);
+            self.difference.copy_from_slice(&self.bias);
+            self.velocity.fill(R::zero());
+            self.find_bias(compiled, kinematics);
+            for (difference, &bias) in self.difference.iter_mut().zip(&self.bias) {
+                *difference = bias - *difference;
+            }
+            for column in 0..n {
+                self.velocity.fill(R::zero());
+                self.velocity[column] = R::one();
+                self.find_bias(compiled, kinematics);
+                for (i, &bias) in self.bias.iter().enumerate() {
+                    self.entries[i * n + column] += -h * bias;
                 }
                 self.velocity.copy_from_slice(v);
-            },
-        );
-        self.find_bias(compiled, kinematics);
-        self.difference.copy_from_slice(&self.bias);
-        self.velocity.fill(R::zero());
-        self.find_bias(compiled, kinematics);
-        self.subtract();
-        for column in 0..n {
-            self.velocity.fill(R::zero());
-            self.velocity[column] = R::one();
-            self.find_bias(compiled, kinematics);
-            self.add_column(column, -h);
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    self.velocity.copy_from_slice(v);
-                    self.velocity[column] += R::one();
-                },
-            );
-            self.find_bias(compiled, kinematics);
-            self.add_column(column, h);
-            self.add_difference(column, h);
-        }
-        R::vectorize(
-            #[inline(always)]
-            || self.eliminate(n, x),
-        );
+                self.velocity[column] += R::one();
+                self.find_bias(compiled, kinematics);
+                for (i, (&bias, &difference)) in self.bias.iter().zip(&self.difference).enumerate() {
+                    let entry = &mut self.entries[i * n + column];
+                    *entry += h * bias;
+                    *entry += h * difference;
+                }
+            }
+            solve_dense(&mut self.entries, x);
+        });
     }
 
     /// Computes the bias force (Coriolis, centrifugal and gravity) at the velocity `self.velocity`, into `self.bias`.
     fn find_bias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         let Self { newton_euler, velocity, bias, .. } = self;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                link_forces(compiled, kinematics, velocity, newton_euler);
-                project_forces(compiled, kinematics, &mut newton_euler.force, bias);
-            },
-        );
+        kernel!(R, || {
+            link_forces(compiled, kinematics, velocity, newton_euler);
+            project_forces(compiled, kinematics, &mut newton_euler.force, bias);
+        });
     }
+}
 
-    /// Replaces the vector `difference` by `bias` - `difference`.
-    fn subtract(&mut self) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (difference, &bias) in self.difference.iter_mut().zip(&self.bias) {
-                    *difference = bias - *difference;
-                }
-            },
-        );
-    }
-
-    fn add_column(&mut self, column: usize, factor: R) {
-        let n = self.bias.len();
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (i, &bias) in self.bias.iter().enumerate() {
-                    self.entries[i * n + column] += factor * bias;
-                }
-            },
-        );
-    }
-
-    fn add_difference(&mut self, column: usize, factor: R) {
-        let n = self.bias.len();
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (i, &difference) in self.difference.iter().enumerate() {
-                    self.entries[i * n + column] += factor * difference;
-                }
-            },
-        );
-    }
-
-    /// Solves the system by Gaussian elimination without pivots. The mass matrix is positive definite, and the other terms are of order h.
-    #[inline(always)]
-    fn eliminate(&mut self, n: usize, x: &mut [R]) {
-        for k in 0..n {
-            let (above, below) = self.entries.split_at_mut((k + 1) * n);
-            let pivot = &above[k * n..];
-            let inverse = R::one() / pivot[k];
-            for (i, row) in below.chunks_exact_mut(n).enumerate() {
-                let factor = row[k] * inverse;
-                for (entry, &pivot) in row[k + 1..].iter_mut().zip(&pivot[k + 1..]) {
-                    *entry -= factor * pivot;
-                }
-                let above = x[k];
-                x[k + 1 + i] -= factor * above;
+/// Solves a dense system by Gaussian elimination without pivots. `matrix` is row-major and is overwritten; `x` is the right side, and
+/// receives the solution.
+///
+/// The symmetric part of the matrices here is nearly a mass matrix, which is positive definite. The other terms are of order h.
+#[inline(always)]
+pub(super) fn solve_dense<R: Real>(matrix: &mut [R], x: &mut [R]) {
+    let n = x.len();
+    for k in 0..n {
+        let (above, below) = matrix.split_at_mut((k + 1) * n);
+        let pivot = &above[k * n..];
+        let inverse = R::one() / pivot[k];
+        for (i, row) in below.chunks_exact_mut(n).enumerate() {
+            let factor = row[k] * inverse;
+            for (entry, &pivot) in row[k + 1..].iter_mut().zip(&pivot[k + 1..]) {
+                *entry -= factor * pivot;
             }
+            let above = x[k];
+            x[k + 1 + i] -= factor * above;
         }
-        for k in (0..n).rev() {
-            let row = &self.entries[k * n..][..n];
-            let mut sum = x[k];
-            for (&entry, &x) in row[k + 1..].iter().zip(&x[k + 1..]) {
-                sum -= entry * x;
-            }
-            x[k] = sum / row[k];
+    }
+    for k in (0..n).rev() {
+        let row = &matrix[k * n..][..n];
+        let mut sum = x[k];
+        for (&entry, &x) in row[k + 1..].iter().zip(&x[k + 1..]) {
+            sum -= entry * x;
         }
+        x[k] = sum / row[k];
     }
 }

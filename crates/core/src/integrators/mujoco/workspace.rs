@@ -6,7 +6,6 @@ use crate::actuation::forces::ForceState;
 use crate::compile::LaneModel;
 use crate::constraints::soft::EffectiveMass;
 use crate::integrators::inputs::Inputs;
-use crate::integrators::mujoco::stages::RungeKuttaStages;
 use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::state::State;
 use crate::options::{ContactLaw, Integrator, StepSettings};
@@ -33,6 +32,22 @@ impl<R: Real> StageState<R> {
     /// Configuration, velocity, activations and controls with which all explicit forces are computed.
     pub(crate) fn forces<'a>(&'a self, inputs: &'a Inputs<R>) -> ForceState<'a, R> {
         ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.actuator_dynamics)
+    }
+}
+
+/// Workspace of the Runge-Kutta method: sums and rates.
+#[derive(Clone, Debug)]
+pub(crate) struct RungeKuttaStages<R: Real> {
+    /// Weighted sums over the Runge-Kutta stages: of displacement rates, of accelerations, and of activation rates.
+    pub(super) sum: [Vec<R>; 3],
+    /// Displacement rates and activation rates at the last Runge-Kutta stage that was evaluated.
+    pub(super) rate: [Vec<R>; 2],
+}
+
+impl<R: Real> RungeKuttaStages<R> {
+    pub(crate) fn new(nv: usize, na: usize) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        Self { sum: [nv, nv, na].map(zeros), rate: [nv, na].map(zeros) }
     }
 }
 

@@ -1,0 +1,61 @@
+//! Solve for the velocity after a step with hard contact: what it reads and writes, and the assembly of its constraint problem (stage 4).
+
+use stepper_real::{Mask, Real};
+
+use crate::constraints::assembler::{Assembler, RowInput};
+use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::integrators::collision_search::CollisionSearch;
+use crate::integrators::evaluation::Evaluation;
+use crate::integrators::free_motion::FreeMotion;
+use crate::integrators::step_input::{StepContext, StepInput};
+use crate::probe::{Probe, Span};
+use crate::stages::s04_assemble::assemble;
+
+/// Solve for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder, one for each
+/// part of the solve.
+pub(crate) struct VelocitySolve<'a, R: Real> {
+    /// Input of the step and its evaluation point.
+    pub(crate) context: StepContext<'a, R>,
+    /// Free motion, whose velocity-dependent forces are recomputed.
+    pub(crate) free: &'a mut FreeMotion<R>,
+    /// Constraint problem of the step.
+    pub(crate) problem: &'a mut ConstraintProblem<R>,
+    /// Impulses, and velocity after the step.
+    pub(crate) velocity: &'a mut VelocitySolution<R>,
+    /// Workspace with the row under construction.
+    pub(crate) builder: &'a mut RowBuilder<R>,
+    /// Search for deferred contacts that collide.
+    pub(crate) collisions: &'a mut CollisionSearch<R>,
+}
+
+impl<R: Real> VelocitySolve<'_, R> {
+    /// Assembles the constraint problem at the evaluation point of the step (the time at which contacts are found). Also sets the impulses
+    /// from which the solver starts.
+    #[inline(always)]
+    pub(crate) fn assemble_problem(&mut self, probe: impl Probe) {
+        let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = self.context;
+        let Evaluation { scheme, at_start, q, kinematics, contacts, impact_lanes, solved_overlaps, .. } = evaluation;
+        let Self { free, problem, velocity, builder, .. } = self;
+        let at_start = at_start.and_not(*impact_lanes);
+        let input = RowInput {
+            compiled,
+            options,
+            kinematics,
+            mass: &free.smooth.mass,
+            q,
+            v: &state.v,
+            motion: &free.smooth.newton_euler,
+            v_free: &free.v,
+            losses: &free.actuator_forces.losses,
+            h: scheme.h,
+            time_before: scheme.time_before,
+            in_the_middle: scheme.in_the_middle,
+            closing_fraction: scheme.closing_fraction(at_start, *impact_lanes),
+            at_start,
+            solved_overlaps: solved_overlaps.as_deref(),
+            alive,
+        };
+        probe.span(Span::Assemble, || assemble(&input, contacts, Assembler { problem, velocity, builder }));
+    }
+}

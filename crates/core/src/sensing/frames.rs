@@ -84,19 +84,15 @@ pub(super) fn ground<R: Real>(compiled: &LaneModel<R>) -> V6<R> {
 }
 
 /// Position of a sensor frame's origin in the world frame, m.
+#[inline(always)]
 pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> V3<R> {
-    R::vectorize(
-        #[inline(always)]
-        || kinematics.point(place.frame, compiled.params.place(place.index)),
-    )
+    kinematics.point(place.frame, compiled.params.place(place.index))
 }
 
 /// Rotation matrix from a sensor frame to the world frame.
+#[inline(always)]
 pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> M3<R> {
-    R::vectorize(
-        #[inline(always)]
-        || mat_mul(&kinematics.mat[place.frame], &splat(place.mat)),
-    )
+    mat_mul(&kinematics.mat[place.frame], &splat(place.mat))
 }
 
 /// Spatial velocity or acceleration of a frame, and the point to which it refers. `motions` has the values of the links, and `still` is the
@@ -116,38 +112,30 @@ pub fn motion_of<R: Real>(
 }
 
 /// Velocity of a sensor frame in world axes: angular, rad/s, and linear at its origin, m/s.
+#[inline(always)]
 fn velocity<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     workspace: &SensorWorkspace<R>,
     place: &SensorFrame<R::Scalar>,
 ) -> [V3<R>; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (motion, origin) = motion_of(compiled, kinematics, &workspace.velocity, zero(), place.frame);
-            [angular(&motion), velocity_at(&motion, sub(position(compiled, kinematics, place), origin))]
-        },
-    )
+    let (motion, origin) = motion_of(compiled, kinematics, &workspace.velocity, zero(), place.frame);
+    [angular(&motion), velocity_at(&motion, sub(position(compiled, kinematics, place), origin))]
 }
 
 /// Acceleration of a sensor frame minus gravity, in world axes: angular, rad/s^2, and linear at its origin, m/s^2. The linear part is the
 /// spatial acceleration plus omega x v.
+#[inline(always)]
 fn acceleration<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     workspace: &SensorWorkspace<R>,
     place: &SensorFrame<R::Scalar>,
 ) -> [V3<R>; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (change, origin) = motion_of(compiled, kinematics, &workspace.acceleration, ground(compiled), place.frame);
-            let [omega, v] = velocity(compiled, kinematics, workspace, place);
-            let there = velocity_at(&change, sub(position(compiled, kinematics, place), origin));
-            [angular(&change), add(there, cross(omega, v))]
-        },
-    )
+    let (change, origin) = motion_of(compiled, kinematics, &workspace.acceleration, ground(compiled), place.frame);
+    let [omega, v] = velocity(compiled, kinematics, workspace, place);
+    let there = velocity_at(&change, sub(position(compiled, kinematics, place), origin));
+    [angular(&change), add(there, cross(omega, v))]
 }
 
 /// Angular and linear velocity of a site in the site's axes. If `accelerations` is true, the results are the angular acceleration, and the

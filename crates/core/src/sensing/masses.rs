@@ -30,21 +30,17 @@ pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree
 
 /// Inertia and spatial velocity of a subtree part, the bodies of a subtree that are fixed to one frame. Both refer to the reference point
 /// of the kinematic tree, which is the third result.
+#[inline(always)]
 fn moving<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     workspace: &SensorWorkspace<R>,
     part: &Part,
 ) -> (Inertia<R>, V6<R>, V3<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (motion, origin) = motion_of(compiled, kinematics, &workspace.velocity, zero(), part.frame);
-            let Inertial { mass, com, inertia } = compiled.params.inertial(part.index);
-            let arm = sub(kinematics.point(part.frame, com), origin);
-            (inertia_at(mass, inertia, &kinematics.mat[part.frame], arm), motion, origin)
-        },
-    )
+    let (motion, origin) = motion_of(compiled, kinematics, &workspace.velocity, zero(), part.frame);
+    let Inertial { mass, com, inertia } = compiled.params.inertial(part.index);
+    let arm = sub(kinematics.point(part.frame, com), origin);
+    (inertia_at(mass, inertia, &kinematics.mat[part.frame], arm), motion, origin)
 }
 
 /// Velocity of the centre of mass of a subtree, world axes, m/s.

@@ -56,53 +56,45 @@ pub fn proximity<R: Real>(
     )
 }
 
+#[inline(always)]
 fn between<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &Solid<R::Scalar>, b: &Solid<R::Scalar>) -> Nearest<R> {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            if a.form == Form::Plane {
-                return from_plane(compiled, kinematics, a, b);
-            }
-            if b.form == Form::Plane {
-                let turned = from_plane(compiled, kinematics, b, a);
-                let [p, q] = turned.points;
-                return Nearest { points: [q, p], normal: scale(turned.normal, -R::one()), ..turned };
-            }
-            let segment = |s: &Solid<R::Scalar>| {
-                let [radius, half_length, _] = compiled.params.size(s.index);
-                let axis = column(&orientation(kinematics, &s.place), 2);
-                Segment { centre: position(compiled, kinematics, &s.place), axis, half_length, radius }
-            };
-            let ([first, second], two) = segments(&segment(a), &segment(b));
-            // For parallel capsules both ends have the same distance up to rounding. The smaller one is used.
-            let swap = two.and(second.distance.lt(first.distance));
-            let distance = R::select(swap, second.distance, first.distance);
-            let (pos, normal) = (select(swap, second.pos, first.pos), select(swap, second.normal, first.normal));
-            let half = distance * R::of(0.5);
-            Nearest { distance, points: [add_scaled(pos, normal, -half), add_scaled(pos, normal, half)], normal }
-        },
-    )
+    if a.form == Form::Plane {
+        return from_plane(compiled, kinematics, a, b);
+    }
+    if b.form == Form::Plane {
+        let turned = from_plane(compiled, kinematics, b, a);
+        let [p, q] = turned.points;
+        return Nearest { points: [q, p], normal: scale(turned.normal, -R::one()), ..turned };
+    }
+    let segment = |s: &Solid<R::Scalar>| {
+        let [radius, half_length, _] = compiled.params.size(s.index);
+        let axis = column(&orientation(kinematics, &s.place), 2);
+        Segment { centre: position(compiled, kinematics, &s.place), axis, half_length, radius }
+    };
+    let ([first, second], two) = segments(&segment(a), &segment(b));
+    // For parallel capsules both ends have the same distance up to rounding. The smaller one is used.
+    let swap = two.and(second.distance.lt(first.distance));
+    let distance = R::select(swap, second.distance, first.distance);
+    let (pos, normal) = (select(swap, second.pos, first.pos), select(swap, second.normal, first.normal));
+    let half = distance * R::of(0.5);
+    Nearest { distance, points: [add_scaled(pos, normal, -half), add_scaled(pos, normal, half)], normal }
 }
 
 /// Closest points of a plane and a shape: the shape's deepest point, and its projection on the plane.
+#[inline(always)]
 fn from_plane<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     plane: &Solid<R::Scalar>,
     solid: &Solid<R::Scalar>,
 ) -> Nearest<R> {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let normal = column(&orientation(kinematics, &plane.place), 2);
-            let mat = orientation(kinematics, &solid.place);
-            let down = rotate_back(&mat, scale(normal, -R::one()));
-            let deepest = support(solid.form, compiled.params.size(solid.index), down);
-            let point = add(position(compiled, kinematics, &solid.place), rotate(&mat, deepest));
-            let distance = dot(normal, sub(point, position(compiled, kinematics, &plane.place)));
-            Nearest { distance, points: [add_scaled(point, normal, -distance), point], normal }
-        },
-    )
+    let normal = column(&orientation(kinematics, &plane.place), 2);
+    let mat = orientation(kinematics, &solid.place);
+    let down = rotate_back(&mat, scale(normal, -R::one()));
+    let deepest = support(solid.form, compiled.params.size(solid.index), down);
+    let point = add(position(compiled, kinematics, &solid.place), rotate(&mat, deepest));
+    let distance = dot(normal, sub(point, position(compiled, kinematics, &plane.place)));
+    Nearest { distance, points: [add_scaled(point, normal, -distance), point], normal }
 }
 
 /// Support point of a shape in the unit direction `d`: the farthest point of the shape. Both are in the shape's frame.

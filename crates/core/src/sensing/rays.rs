@@ -139,27 +139,23 @@ fn cuboid<R: Real>(half: V3<R>, o: V3<R>, d: V3<R>) -> R {
 }
 
 /// Lanes in which the point `p`, in the shape's frame, is inside the shape.
+#[inline(always)]
 pub(super) fn holds<R: Real>(form: Form, size: V3<R>, p: V3<R>) -> R::Mask {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let across = p[0] * p[0] + p[1] * p[1];
-            match form {
-                Form::Plane => p[2].le(R::zero()),
-                Form::Sphere => dot(p, p).lt(size[0].square()),
-                Form::Capsule => {
-                    let beyond = (p[2].abs() - size[1]).max(R::zero());
-                    (across + beyond.square()).lt(size[0].square())
-                }
-                Form::Cylinder => across.lt(size[0].square()).and(p[2].abs().lt(size[1])),
-                Form::Ellipsoid => {
-                    let u: V3<R> = std::array::from_fn(|k| p[k] / size[k]);
-                    dot(u, u).lt(R::one())
-                }
-                Form::Box => p[0].abs().lt(size[0]).and(p[1].abs().lt(size[1])).and(p[2].abs().lt(size[2])),
-            }
-        },
-    )
+    let across = p[0] * p[0] + p[1] * p[1];
+    match form {
+        Form::Plane => p[2].le(R::zero()),
+        Form::Sphere => dot(p, p).lt(size[0].square()),
+        Form::Capsule => {
+            let beyond = (p[2].abs() - size[1]).max(R::zero());
+            (across + beyond.square()).lt(size[0].square())
+        }
+        Form::Cylinder => across.lt(size[0].square()).and(p[2].abs().lt(size[1])),
+        Form::Ellipsoid => {
+            let u: V3<R> = std::array::from_fn(|k| p[k] / size[k]);
+            dot(u, u).lt(R::one())
+        }
+        Form::Box => p[0].abs().lt(size[0]).and(p[1].abs().lt(size[1])).and(p[2].abs().lt(size[2])),
+    }
 }
 
 /// 1 in the lanes in which the origin of a sensor frame is inside a volume, otherwise 0.

@@ -24,16 +24,15 @@ use std::sync::{Arc, OnceLock};
 use stepper_real::Level;
 
 use crate::actuation::ActuatorModels;
-use crate::batch::engine::Engine;
+use crate::batch::engine::{Engine, with_batch};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::AppliedInputs;
 use crate::batch::randomization::Randomization;
-use crate::batch::worker::LaneScalar;
 use crate::compile::{CompiledModel, LaneModel, RaySurfaces};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Model;
-use crate::options::{ContactLaw, Integrator, Options, StepSettings};
+use crate::options::{ContactLaw, Integrator, Options};
 
 /// Simulation of many environments of one model.
 ///
@@ -42,7 +41,7 @@ use crate::options::{ContactLaw, Integrator, Options, StepSettings};
 pub struct Simulation {
     model: Arc<Model>,
     options: Options,
-    engine: Box<dyn Engine>,
+    engine: Engine,
     num_envs: usize,
     precision: Precision,
     /// Digest of the model, computed when it is first needed.
@@ -130,17 +129,6 @@ impl Simulation {
         level: Level,
         check: bool,
     ) -> Result<Self, Error> {
-        /// Creates a batch of environments in the scalar type `S`.
-        fn engine<S: LaneScalar>(
-            model: &Model,
-            settings: StepSettings,
-            num_envs: usize,
-            threads: usize,
-            level: Level,
-            check: bool,
-        ) -> Result<Box<dyn Engine>, Error> {
-            Ok(Box::new(Batch::<S>::new(model, settings, num_envs, threads, level, check)?))
-        }
         if options.contact == ContactLaw::Mujoco
             && let Some(tendon) = model.tendons.iter().find(|t| t.armature > 0.0)
         {
@@ -152,8 +140,8 @@ impl Simulation {
         let asked = model.requested.as_ref().and_then(|asked| Integrator::of_source(&asked.integrator));
         let settings = options.resolve(model.timestep, gravity, asked, precision)?;
         let engine = match precision {
-            Precision::F64 => engine::<f64>(&model, settings, n, threads, level, check)?,
-            Precision::F32 => engine::<f32>(&model, settings, n, threads, level, check)?,
+            Precision::F64 => Engine::F64(Batch::new(&model, settings, n, threads, level, check)?),
+            Precision::F32 => Engine::F32(Batch::new(&model, settings, n, threads, level, check)?),
         };
         let ctrl = vec![0.0; n * model.nu()];
         let mut simulation = Self {
@@ -188,14 +176,14 @@ impl Simulation {
 
     /// Time step in force, s: the options' time step if it is set, otherwise the model's.
     pub fn timestep(&self) -> f64 {
-        self.engine.settings().timestep
+        self.settings().timestep
     }
 
     /// Residual at which the solver stops, m/s: the options' tolerance if it is set, otherwise [`Precision::tolerance`].
     ///
     /// With MuJoCo's contact law it is at most 0.6 % of the velocity that gravity adds in a step.
     pub fn tolerance(&self) -> f64 {
-        self.engine.settings().tolerance
+        self.settings().tolerance
     }
 
     /// Scalar type of the lanes.
@@ -210,14 +198,14 @@ impl Simulation {
 
     /// Number of threads that make steps, at most the number of groups of environments.
     pub fn threads(&self) -> usize {
-        self.engine.threads()
+        with_batch!(&self.engine, batch => batch.workers.threads())
     }
 
     /// Memory of the states of all environments and of cached readings, bytes.
     pub fn bytes(&self) -> usize {
         let TrueReadings { readings, applied, .. } = &self.truth;
         let kept = readings.len() + applied.iter().map(Vec::len).sum::<usize>();
-        self.engine.bytes() + kept * size_of::<f64>()
+        with_batch!(&self.engine, batch => batch.bytes()) + kept * size_of::<f64>()
     }
 
     /// Memory of the inputs for the next step, bytes: controls in force and applied inputs.
@@ -228,13 +216,13 @@ impl Simulation {
     /// Calls `look` while one additional worker exists, to measure the memory of its workspace. Each thread allocates such a workspace at
     /// its first step.
     pub fn with_worker(&self, mut look: impl FnMut()) {
-        self.engine.with_worker(&mut look);
+        with_batch!(&self.engine, batch => batch.with_worker(&mut look));
     }
 
     /// Mutable batch of the simulation. The call invalidates cached readings.
-    fn engine_mut(&mut self) -> &mut dyn Engine {
+    fn engine_mut(&mut self) -> &mut Engine {
         self.note_change();
-        &mut *self.engine
+        &mut self.engine
     }
 
     /// Invalidates cached readings and derived quantities.

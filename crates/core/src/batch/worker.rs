@@ -8,7 +8,7 @@ use stepper_real::at_avx512;
 use stepper_real::{Level, Mask, Real, Scalar, at_level};
 
 use crate::analysis::derived::{Derivation, DerivedQuantity};
-use crate::batch::call::{Call, Query};
+use crate::batch::call::Call;
 use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
 use crate::batch::ray_query::RayQuery;
 use crate::batch::rollout::{Numbers, Quantity, RecordingChunk};
@@ -27,8 +27,9 @@ use crate::step::step;
 pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group at position `at`.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
-    /// Reads the sensors of one group, whose first environment is `first`, and writes them to the output of `query`.
-    fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
+    /// Reads the sensors of one group, whose first environment is `first`, and writes one row of readings per environment to `out`. The
+    /// readings are those of ideal sensors if `truth` is true, otherwise those after the error models.
+    fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, truth: bool, out: &mut [f64]);
     /// Computes derived quantities of one group, whose first environment is `first`. Each has an array in `out`, with one row per
     /// environment.
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
@@ -58,16 +59,6 @@ pub struct WorkerSpec<'a, S: Scalar> {
 /// Function that creates a worker. The arguments are the inputs for its creation, the number of lanes of a group, and the CPU level.
 pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
 
-/// Functions that create workers, one for each precision.
-#[cfg(feature = "internals")]
-#[derive(Clone, Copy, Debug)]
-pub struct WorkerMakers {
-    /// Function that creates a worker for 64-bit numbers.
-    pub f64: MakeWorker<f64>,
-    /// Function that creates a worker for 32-bit numbers.
-    pub f32: MakeWorker<f32>,
-}
-
 /// Scalar type (`f64` or `f32`) together with the SIMD lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Number of lanes of a group in saved states. It is the number of lanes of the narrowest CPU level, so that all CPU levels write the
@@ -81,9 +72,6 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
     /// Creates a worker that calls `probe` during its steps.
     fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
-    /// Selects from `makers` the function that creates a worker of this precision.
-    #[cfg(feature = "internals")]
-    fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
     /// Functions for evaluations of a step in the lanes `R`, which `lend_step` lends to derivatives; `None` for 32-bit numbers, because
     /// derivatives are computed only in 64 bits.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
@@ -159,11 +147,6 @@ impl LaneScalar for f64 {
         unimplemented!("unit tests do not step")
     }
 
-    #[cfg(feature = "internals")]
-    fn maker(makers: &WorkerMakers) -> MakeWorker<f64> {
-        makers.f64
-    }
-
     fn group_functions<R: Real<Scalar = f64>>() -> Option<GroupFunctions<R>> {
         Some(GroupFunctions::new())
     }
@@ -199,11 +182,6 @@ impl LaneScalar for f32 {
     #[cfg(test)]
     fn probed_worker(_: &WorkerSpec<'_, f32>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<f32>> {
         unimplemented!("unit tests do not step")
-    }
-
-    #[cfg(feature = "internals")]
-    fn maker(makers: &WorkerMakers) -> MakeWorker<f32> {
-        makers.f32
     }
 
     fn group_functions<R: Real<Scalar = f32>>() -> Option<GroupFunctions<R>> {
@@ -242,10 +220,9 @@ struct LaneWorker<R: Real, P: Probe> {
 
 impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: GroupPosition<'_, '_, R::Scalar>) {
-        assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
         let GroupPosition { first, chunk_first, mut recording } = at;
         let probe = self.probe;
-        probe.span(Span::Load, || self.load_overrides(call, first));
+        probe.span(Span::Load, || self.load_overrides(call, group, first));
         let reader = Reader { call, compiled: &self.step.compiled, first, probe };
         probe.span(Span::Sense, || reader.begin_observations(group, &mut self.step.workspace));
         probe.span(Span::Load, || self.load(call, group, first));
@@ -274,11 +251,10 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         probe.span(Span::Store, || self.store(call, group));
     }
 
-    fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
-        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.load_overrides(call, first);
+    fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, truth: bool, out: &mut [f64]) {
+        self.load_overrides(call, group, first);
         let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
-        reader.read(group, &mut self.step.workspace, query);
+        reader.read(group, &mut self.step.workspace, truth, out);
     }
 
     fn derive(
@@ -289,8 +265,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         quantities: &[DerivedQuantity],
         out: &mut [&mut [R::Scalar]],
     ) {
-        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.load_overrides(call, first);
+        self.load_overrides(call, group, first);
         let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
         // Quantities of the last step (accelerations, forces) may repeat that step, which changes the poses in the workspace. They
         // therefore come second.
@@ -315,8 +290,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         query: &RayQuery<'_, R::Scalar>,
         (distances, geoms): (&mut [R::Scalar], &mut [i32]),
     ) {
-        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.load_overrides(call, first);
+        self.load_overrides(call, group, first);
         let Self { step: GroupStep { workspace: s, compiled, .. }, derivation, probe, .. } = self;
         Reader { call, compiled, first, probe: *probe }.load_to_derive(group, s, false, false);
         derivation.begin(compiled, s);
@@ -334,9 +308,8 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     }
 
     fn lend_step(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, visit: &mut dyn FnMut(&mut dyn Any)) {
-        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.step.workspace.current = false;
-        self.load_overrides(call, first);
+        self.load_overrides(call, group, first);
         self.load(call, group, first);
         load_control(call, 0, first, &mut self.step.workspace);
         self.step.settings = *call.settings;
@@ -353,7 +326,8 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
 
 impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Loads the per-environment parameters of the group whose first environment is `first`.
-    fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
+    fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize) {
+        assert_eq!(group.lanes, R::LANES, "a worker takes groups of its own width");
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
             self.step.compiled.params.load_lanes(&call.overrides.indices, numbers);
             if self.step.compiled.params.has_geoms(&call.overrides.indices) {

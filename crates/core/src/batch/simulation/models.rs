@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use crate::actuation::{ActuatorModels, ActuatorSpec};
+use crate::batch::engine::with_batch;
 use crate::batch::simulation::{Error, Simulation};
 use crate::sensing::errors::Transfer;
 
@@ -18,7 +19,7 @@ impl Simulation {
             return Err(Error::Count { name: "transfers", found, must, element: "sensor" });
         }
         self.note_change();
-        self.engine.set_sensor_models(&self.model, transfers)
+        with_batch!(&mut self.engine, batch => batch.set_sensor_models(&self.model, transfers))
     }
 
     /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. All environments are reset.
@@ -36,7 +37,7 @@ impl Simulation {
             return Err(Error::DrivesAfterParameters);
         }
         let actuator_models = ActuatorModels::new(&self.model, specs, self.num_envs, self.timestep())?;
-        self.engine.set_actuator_models(&actuator_models.model, &actuator_models.specs)?;
+        with_batch!(&mut self.engine, batch => batch.set_actuator_models(&actuator_models.model, &actuator_models.specs))?;
         (self.compiled, self.actuator_models) = (OnceLock::new(), Some(actuator_models));
         (0..self.num_envs).for_each(|env| self.reset(env));
         Ok(())

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use crate::actuation::{ActuatorModels, ActuatorSpec, ResampledActuators};
+use crate::batch::engine::with_batch;
 use crate::batch::randomization::{Assignment, Differences, Randomization};
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::LaneModel;
@@ -54,7 +55,7 @@ impl Simulation {
             self.assign_parameters(assigned, envs)?;
         }
         if let (Some(actuator_models), Some(resampled)) = (&mut self.actuator_models, resampled) {
-            self.engine.resample_actuators(&resampled.specs, &resampled.envs);
+            with_batch!(&mut self.engine, batch => batch.resample_actuators(&resampled.specs, &resampled.envs));
             actuator_models.take(resampled);
             self.note_change();
         }
@@ -75,12 +76,12 @@ impl Simulation {
         let assigned = assigned.iter().map(|&(parameter, values)| self.assignment(parameter, values)).collect::<Result<Vec<_>, _>>()?;
         if self.randomization.leaves_no_fields(&assigned, envs.len() == self.num_envs) {
             self.randomization = Randomization::default();
-            self.engine_mut().clear_overrides();
+            with_batch!(self.engine_mut(), batch => batch.clear_overrides());
             return Ok(());
         }
         let differences = self.parameter_differences(&assigned, envs)?;
         self.randomization.store_fields(&self.model, self.num_envs, &assigned, envs);
-        self.engine_mut().override_parameters(envs, &differences);
+        with_batch!(self.engine_mut(), batch => batch.override_parameters(envs, &differences));
         Ok(())
     }
 
@@ -148,7 +149,9 @@ impl Simulation {
 
     /// Memory of per-environment parameters, including those of actuator models, bytes.
     pub fn parameter_bytes(&self) -> usize {
-        self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
+        self.randomization.bytes()
+            + with_batch!(&self.engine, batch => batch.parameter_bytes())
+            + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }
 
     /// Compiled model of environment `env` with its parameters, in f64.

@@ -2,6 +2,7 @@
 
 use crate::analysis::derived::DerivedQuantity;
 use crate::analysis::quantities::Snapshot;
+use crate::batch::engine::with_batch;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::rollout::Numbers;
 use crate::batch::simulation::{Error, Simulation};
@@ -23,7 +24,7 @@ impl Simulation {
         let inputs = self.applied.complete_one(env, self.num_envs, inputs);
         let nu = self.model.nu();
         let in_force = || (self.ctrl[env * nu..(env + 1) * nu].to_vec(), vec![]);
-        let (mut ctrl, actuator_dynamics) = self.engine.actuator_outputs(env).unwrap_or_else(in_force);
+        let (mut ctrl, actuator_dynamics) = with_batch!(&self.engine, batch => batch.actuator_outputs(env)).unwrap_or_else(in_force);
         if !inputs.ctrl.is_empty() {
             ctrl = inputs.ctrl.to_vec();
         }
@@ -66,7 +67,7 @@ impl Simulation {
             self.check_derived(*quantity, out)?;
         }
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
-        self.engine.derive(&inputs, quantities)
+        with_batch!(&mut self.engine, batch => batch.derive(&inputs, quantities))
     }
 
     fn check_derived(&self, quantity: DerivedQuantity, out: &Numbers<'_>) -> Result<(), Error> {

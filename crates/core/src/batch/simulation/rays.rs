@@ -1,5 +1,6 @@
 //! Ray casting in all environments of a simulation.
 
+use crate::batch::engine::with_batch;
 use crate::batch::inputs::StepInputs;
 use crate::batch::ray_query::RayCast;
 use crate::batch::rollout::Numbers;
@@ -45,7 +46,7 @@ impl Simulation {
             surfaces.push(surface.map(TargetForm::Surface));
         }
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
-        self.engine.cast_rays(&inputs, &RayCast { directions: &directions, ..*rays }, surfaces, distances, geoms)
+        with_batch!(&mut self.engine, batch => batch.cast_rays(&inputs, &RayCast { directions: &directions, ..*rays }, surfaces, distances, geoms))
     }
 
     fn check_points(&self, rays: &RayCast<'_>) -> Result<(), Error> {

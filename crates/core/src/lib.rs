@@ -149,46 +149,11 @@ pub mod rollout {
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
-    pub mod actuation {
-        pub use crate::actuation::*;
+    pub use stepper_geometry as geometry;
+
+    /// Makes the contents of private modules public.
+    macro_rules! publish {
+        ($($module:ident)*) => { $(pub mod $module { pub use crate::$module::*; })* };
     }
-    pub mod batch {
-        pub use crate::batch::*;
-    }
-    pub mod collision {
-        pub use crate::collision::*;
-    }
-    pub mod compile {
-        pub use crate::compile::*;
-    }
-    pub mod constraints {
-        pub use crate::constraints::*;
-    }
-    pub mod dynamics {
-        pub use crate::dynamics::*;
-    }
-    pub mod geometry {
-        pub use stepper_geometry::*;
-    }
-    pub mod integrators {
-        pub use crate::integrators::*;
-    }
-    pub mod math {
-        pub use crate::math::*;
-    }
-    pub mod options {
-        pub use crate::options::*;
-    }
-    pub mod probe {
-        pub use crate::probe::*;
-    }
-    pub mod sensing {
-        pub use crate::sensing::*;
-    }
-    pub mod stages {
-        pub use crate::stages::*;
-    }
-    pub mod step {
-        pub use crate::step::*;
-    }
+    publish!(actuation batch collision compile constraints dynamics integrators math options probe sensing stages step);
 }

@@ -235,31 +235,20 @@ impl Options {
         if !must.is_empty() {
             return Err(Error::Option { name: "integrator", found: integrator.name().to_owned(), must });
         }
-        let Self {
-            contact,
-            solver,
-            iterations,
-            stabilization,
-            baumgarte,
-            slop,
-            max_correction_speed,
-            restitution_threshold,
-            max_contacts,
-            ..
-        } = *self;
+        let timestep = self.timestep.unwrap_or(timestep);
         Ok(StepSettings {
-            timestep: self.timestep.unwrap_or(timestep),
-            contact,
+            timestep,
+            contact: self.contact,
             integrator,
-            solver,
-            iterations,
-            tolerance: self.tolerance.unwrap_or_else(|| default_tolerance(contact, precision, self.timestep.unwrap_or(timestep), gravity)),
-            stabilization,
-            baumgarte,
-            slop,
-            max_correction_speed,
-            restitution_threshold,
-            max_contacts,
+            solver: self.solver,
+            iterations: self.iterations,
+            tolerance: self.tolerance.unwrap_or_else(|| default_tolerance(self.contact, precision, timestep, gravity)),
+            stabilization: self.stabilization,
+            baumgarte: self.baumgarte,
+            slop: self.slop,
+            max_correction_speed: self.max_correction_speed,
+            restitution_threshold: self.restitution_threshold,
+            max_contacts: self.max_contacts,
             poison: cfg!(debug_assertions),
         })
     }
@@ -269,30 +258,22 @@ impl Options {
     /// # Errors
     /// [`Error::Option`] for the first that is out of its range.
     pub fn check(&self) -> Result<(), Error> {
-        let wrong = |name: &'static str, found: &dyn Display, must: &'static str| Error::Option { name, found: found.to_string(), must };
-        let positive = |name: &'static str, x: Option<f64>| match x {
-            Some(x) if !(x > 0.0 && x.is_finite()) => Err(wrong(name, &x, "a finite number above 0")),
-            _ => Ok(()),
-        };
-        let not_negative = |name: &'static str, x: f64| match x >= 0.0 {
-            true => Ok(()),
-            false => Err(wrong(name, &x, "0 or more")),
-        };
-        positive("timestep", self.timestep)?;
-        positive("tolerance", self.tolerance)?;
-        not_negative("slop", self.slop)?;
-        not_negative("max_correction_speed", self.max_correction_speed)?;
-        not_negative("restitution_threshold", self.restitution_threshold)?;
-        if !(0.0..=1.0).contains(&self.baumgarte) {
-            return Err(wrong("baumgarte", &self.baumgarte, "from 0 to 1"));
+        let positive = |x: Option<f64>| x.is_none_or(|x| x > 0.0 && x.is_finite());
+        // Name, whether the value is in its range, value, range.
+        let checks: [(_, _, &dyn Display, _); 8] = [
+            ("timestep", positive(self.timestep), &self.timestep.unwrap_or_default(), "a finite number above 0"),
+            ("tolerance", positive(self.tolerance), &self.tolerance.unwrap_or_default(), "a finite number above 0"),
+            ("slop", self.slop >= 0.0, &self.slop, "0 or more"),
+            ("max_correction_speed", self.max_correction_speed >= 0.0, &self.max_correction_speed, "0 or more"),
+            ("restitution_threshold", self.restitution_threshold >= 0.0, &self.restitution_threshold, "0 or more"),
+            ("baumgarte", (0.0..=1.0).contains(&self.baumgarte), &self.baumgarte, "from 0 to 1"),
+            ("iterations", self.iterations > 0, &0, "1 or more"),
+            ("max_contacts", self.max_contacts != Some(0), &0, "1 or more; drop contacts with contype=0 instead"),
+        ];
+        match checks.into_iter().find(|(_, is_in_range, ..)| !is_in_range) {
+            Some((name, _, found, must)) => Err(Error::Option { name, found: found.to_string(), must }),
+            None => Ok(()),
         }
-        if self.iterations == 0 {
-            return Err(wrong("iterations", &0, "1 or more"));
-        }
-        if self.max_contacts == Some(0) {
-            return Err(wrong("max_contacts", &0, "1 or more; drop contacts with contype=0 instead"));
-        }
-        Ok(())
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use crate::actuation::{ActuatorModels, ActuatorSpec};
 use crate::batch::engine::with_batch;
 use crate::batch::simulation::{Error, Simulation};
+use crate::error::check_count;
 use crate::sensing::errors::Transfer;
 
 impl Simulation {
@@ -14,10 +15,7 @@ impl Simulation {
     /// [`Error::Count`] when `transfers` does not have one entry for every sensor, [`Error::Sensor`] for a number out of its
     /// range, with the sensor's name. [`Error::Memory`] when there is not enough memory for the sensors of all environments.
     pub fn set_sensor_models(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
-        let (found, must) = (transfers.len(), self.model.sensors.len());
-        if found != must {
-            return Err(Error::Count { name: "transfers", found, must, element: "sensor" });
-        }
+        check_count("transfers", transfers.len(), self.model.sensors.len(), "sensor")?;
         self.note_change();
         with_batch!(&mut self.engine, batch => batch.set_sensor_models(&self.model, transfers))
     }
@@ -29,10 +27,7 @@ impl Simulation {
     /// per-environment parameters. [`Error::Actuator`] for a number out of its range or an unsupported setting, with the
     /// actuator's name. [`Error::Memory`] when there is not enough memory for the actuators of all environments.
     pub fn set_actuator_models(&mut self, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
-        let (found, must) = (specs.len(), self.model.nu());
-        if found != must {
-            return Err(Error::Count { name: "drives", found, must, element: "actuator" });
-        }
+        check_count("drives", specs.len(), self.model.nu(), "actuator")?;
         if !self.randomization.is_empty() {
             return Err(Error::DrivesAfterParameters);
         }

@@ -7,7 +7,7 @@ use crate::batch::engine::with_batch;
 use crate::batch::randomization::{Assignment, Differences, Randomization};
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::LaneModel;
-use crate::math::precision::Precision;
+use crate::error::{check_count, check_length};
 use crate::model::{Model, ModelError, Parameter};
 
 /// Change to the parameters of actuator models in a call of [`Simulation::randomize_all`].
@@ -93,9 +93,7 @@ impl Simulation {
             ActuatorNumbers::Original => None,
             ActuatorNumbers::Given(specs) => Some(specs),
         };
-        if let Some(found) = specs.map(<[_]>::len).filter(|found| *found != self.model.nu()) {
-            return Err(Error::Count { name: "drives", found, must: self.model.nu(), element: "actuator" });
-        }
+        specs.map_or(Ok(()), |specs| check_count("drives", specs.len(), self.model.nu(), "actuator"))?;
         let h = self.timestep();
         match (&self.actuator_models, specs) {
             (Some(actuator_models), _) => Ok(Some(actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h)?)),
@@ -132,14 +130,11 @@ impl Simulation {
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
         let name = parameter.name();
         let must = self.num_envs * self.model.field(name).expect("a field of the model").1.len();
-        let beyond = |x: &&f64| self.precision == Precision::F32 && x.is_finite() && !(**x as f32).is_finite();
-        if let Some(&value) = values.and_then(|values| values.iter().find(beyond)) {
+        if let Some(&value) = values.and_then(|values| values.iter().find(|&&x| x.is_finite() && self.is_too_large(x))) {
             return Err(Error::ParameterTooLarge { parameter, value });
         }
-        match values.map_or(must, <[f64]>::len) {
-            found if found == must => Ok((name, values)),
-            found => Err(Error::Length { name, found, must, detail: String::new() }),
-        }
+        check_length(name, values.map_or(must, <[f64]>::len), must)?;
+        Ok((name, values))
     }
 
     /// Names and values of the per-environment parameters. Each array has one row per environment, with all values of the parameter.

@@ -6,7 +6,6 @@ use crate::batch::engine::with_batch;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::rollout::Numbers;
 use crate::batch::simulation::{Error, Simulation};
-use crate::error::check_length;
 use crate::integrators::inputs::Inputs;
 use crate::math::precision::Precision;
 
@@ -79,11 +78,7 @@ impl Simulation {
         if let Some((element, found, count)) = element.filter(|(_, found, count)| found >= count) {
             return Err(Error::Element { element, found, count });
         }
-        check_length(quantity.name(), out.len(), self.num_envs * quantity.shape(&self.model).iter().product::<usize>())?;
-        if out.precision() != self.precision {
-            return Err(Error::ArrayPrecision { name: quantity.name(), found: out.precision(), must: self.precision });
-        }
-        Ok(())
+        self.check_array(quantity.name(), out, self.num_envs * quantity.shape(&self.model).iter().product::<usize>())
     }
 
     /// Poses of the mocap bodies of one environment: position, m, and quaternion. `pos` and `quat` are the inputs of this environment; if

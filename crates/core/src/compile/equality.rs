@@ -156,6 +156,16 @@ pub struct CompiledTendon<S> {
     pub impulse_index: usize,
 }
 
+impl<S: Scalar> CompiledTendon<S> {
+    /// Spring of the tendon, and its elongation beyond the lengths between which the spring is slack, m or rad. `None` without a spring.
+    #[inline(always)]
+    pub fn stretch<R: Real<Scalar = S>>(&self, q: &[R]) -> Option<(&Spring<S>, R)> {
+        let (spring, [low, high]) = self.spring.as_ref()?;
+        let length = self.length.value(q);
+        Some((spring, length - length.max(R::splat(*low)).min(R::splat(*high))))
+    }
+}
+
 /// Largest number of constraint rows of equalities in one block. The solver makes the rows of a block orthogonal to each other, at a cost
 /// that grows with the square of their number.
 const MOST_ROWS: usize = 48;

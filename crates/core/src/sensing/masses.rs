@@ -158,9 +158,7 @@ pub fn potential<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, q
                 }
             }
             for tendon in &compiled.tendons {
-                let Some((spring, [low, high])) = &tendon.spring else { continue };
-                let length = tendon.length.value(q);
-                let stretch = length - length.max(R::splat(*low)).min(R::splat(*high));
+                let Some((spring, stretch)) = tendon.stretch(q) else { continue };
                 sum += R::splat(spring.stiffness) * half * stretch.square();
             }
             sum

@@ -157,7 +157,8 @@ impl Simulation {
         let (ctrl, inputs) = (inputs.ctrl, self.applied.complete(inputs));
         if ctrl.is_empty() {
             let held = self.ctrl.repeat(controls);
-            return with_batch!(&mut self.engine, batch => batch.make_steps(&StepInputs { ctrl: &held, ..inputs }, schedule, Some(recording), watch));
+            let inputs = StepInputs { ctrl: &held, ..inputs };
+            return with_batch!(&mut self.engine, batch => batch.make_steps(&inputs, schedule, Some(recording), watch));
         }
         let steps = with_batch!(&mut self.engine, batch => batch.make_steps(&inputs, schedule, Some(recording), watch))?;
         if let Some(last) = steps.checked_sub(1) {

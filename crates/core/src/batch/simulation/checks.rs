@@ -43,8 +43,8 @@ impl Simulation {
         Ok(values)
     }
 
-    /// Checks that all numbers are finite in the precision of the simulation. `place` gives the name of a number and its environment, for the
-    /// message.
+    /// Checks that all numbers are finite in the precision of the simulation. `place` returns the name of a number and its environment, for
+    /// the message.
     pub(super) fn check_numbers(&self, values: &[f64], place: impl Fn(usize) -> (String, usize)) -> Result<(), Error> {
         let find = |wrong: &dyn Fn(f64) -> bool| {
             let i = values.iter().position(|&x| wrong(x))?;

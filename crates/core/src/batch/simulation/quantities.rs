@@ -33,7 +33,7 @@ impl Simulation {
             v: self.values(Field::Qvel, env),
             act: self.values(Field::Act, env),
             inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec(), mocap_trajectories: vec![] },
-            mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
+            mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat),
         })
     }
 
@@ -83,8 +83,8 @@ impl Simulation {
 
     /// Poses of the mocap bodies of one environment: position, m, and quaternion. `pos` and `quat` are the inputs of this environment; if
     /// `pos` is empty, the result is the poses in the model.
-    pub(super) fn mocap_poses<'a>(&'a self, pos: &'a [f64], quat: &'a [f64]) -> impl Iterator<Item = ([f64; 3], [f64; 4])> + 'a {
+    pub(super) fn mocap_poses(&self, pos: &[f64], quat: &[f64]) -> Vec<([f64; 3], [f64; 4])> {
         let (pos, quat) = (pos.as_chunks::<3>().0, quat.as_chunks::<4>().0);
-        self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })
+        self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) }).collect()
     }
 }

@@ -42,7 +42,8 @@ impl Simulation {
             surfaces.push(surface.map(TargetForm::Surface));
         }
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
-        with_batch!(&mut self.engine, batch => batch.cast_rays(&inputs, &RayCast { directions: &directions, ..*rays }, surfaces, distances, geoms))
+        let rays = RayCast { directions: &directions, ..*rays };
+        with_batch!(&mut self.engine, batch => batch.cast_rays(&inputs, &rays, surfaces, distances, geoms))
     }
 }
 

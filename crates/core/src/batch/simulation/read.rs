@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::analysis::quantities::BodyPoses;
+use crate::analysis::quantities::body_poses;
 use crate::batch::engine::with_batch;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{Error, Simulation};
@@ -260,12 +260,12 @@ impl Simulation {
         self.check_inputs(inputs, 1)?;
         let inputs = &self.applied.complete(inputs);
         let compiled = self.lane_model();
-        let (mut poses, mocap) = (BodyPoses::new(compiled), compiled.mocap.len());
+        let mocap = compiled.mocap.len();
         let (pos, quat) = match inputs.mocap_pos.is_empty() {
             true => (&[][..], &[][..]),
             false => (&inputs.mocap_pos[3 * env * mocap..][..3 * mocap], &inputs.mocap_quat[4 * env * mocap..][..4 * mocap]),
         };
-        let q = self.values(Field::Qpos, env);
-        Ok(poses.at(&q, self.mocap_poses(pos, quat)).map(|(pos, quat)| BodyPose { pos, quat }).collect())
+        let poses = body_poses(compiled, &self.values(Field::Qpos, env), &self.mocap_poses(pos, quat));
+        Ok(poses.into_iter().map(|(pos, quat)| BodyPose { pos, quat }).collect())
     }
 }

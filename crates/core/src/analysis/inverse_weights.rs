@@ -14,7 +14,7 @@ use crate::stages::s02_smooth::Smooth;
 /// centre of mass. For a degree of freedom it is the diagonal entry of M^-1, averaged over the translations or the rotations of its joint.
 /// For a tendon it is J M^-1 J^T, with the Jacobian J of its length.
 pub fn inverse_weights(model: &Model) -> InverseWeights {
-    let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
+    let compiled = CompiledModel::<f64>::new(model);
     let kinematics = kinematics_at(&compiled, &model.qpos0, compiled.mocap.iter().map(|m| (m.pos, m.quat)));
     let mut smooth = Smooth::new(&compiled);
     smooth.factor_mass(&compiled, &kinematics, Implicit::none());

@@ -8,7 +8,7 @@ use stepper_real::{Mask, Real};
 use crate::analysis::quantities::kinematics_at;
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::CompiledModel;
 use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld_groups};
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
@@ -34,7 +34,7 @@ pub struct OutOfRange {
 
 /// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first. Pairs with the ground are included.
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
-    let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
+    let compiled = CompiledModel::<f64>::new(model);
     let kinematics = kinematics_at(&compiled, &model.qpos0, compiled.mocap.iter().map(|m| (m.pos, m.quat)));
     let mut collision = CollisionWorkspace::new(&compiled);
     collision.begin_step();

@@ -239,11 +239,9 @@ impl Simulation {
 
     /// Compiled model in f64.
     fn lane_model(&self) -> &LaneModel<f64> {
-        self.compiled.get_or_init(|| {
-            LaneModel::new(&match &self.actuator_models {
-                Some(actuator_models) => CompiledModel::with_actuator_specs(&actuator_models.model, &actuator_models.specs),
-                None => CompiledModel::new(&self.model),
-            })
+        self.compiled.get_or_init(|| match &self.actuator_models {
+            Some(actuator_models) => CompiledModel::with_actuator_specs(&actuator_models.model, &actuator_models.specs),
+            None => CompiledModel::new(&self.model),
         })
     }
 }

@@ -198,7 +198,7 @@ impl LaneScalar for f32 {
 
 /// Creates a worker for the lane type `R`, whose steps call `probe`.
 pub fn lane_worker<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
-    let compiled = LaneModel::<R>::new(spec.compiled);
+    let compiled = spec.compiled.in_lanes::<R>();
     Box::new(LaneWorker {
         probe,
         step: GroupStep::new(compiled, spec.settings, spec.max_contacts, R::Scalar::group_functions()),

@@ -273,7 +273,7 @@ impl<S: Scalar> CompiledSensing<S> {
     /// Compiles the sensors of a model. `lossy` is set if actuator forces contain friction losses, which depend on the impulses of a step.
     pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
         let impulse_indices = tendons.iter().map(|t| (t.index, t.impulse_index)).collect();
-        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), impulse_indices, found: RefCell::default() };
+        let compiler = Compiler { model, merged, impulse_indices, found: RefCell::default() };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| CompiledSensor {
             at: at[i],
@@ -346,7 +346,6 @@ impl Needs {
 struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
-    addresses: Vec<(usize, usize)>,
     /// Two indices for each compiled tendon: of the tendon in the model, and of its first impulse among the impulses of scalar constraint
     /// rows.
     impulse_indices: Vec<(usize, usize)>,
@@ -370,9 +369,9 @@ impl Compiler<'_> {
         use SensorKind as K;
         let site = |s: usize| self.place::<S>(Object::Site(s));
         match *kind {
-            K::JointPos(j) | K::BallQuat(j) => Read::Position(self.addresses[j].0),
-            K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.addresses[j].1),
-            K::JointActuatorForce(j) => Read::JointForce(self.addresses[j].1),
+            K::JointPos(j) | K::BallQuat(j) => Read::Position(self.merged.addresses[j].0),
+            K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.merged.addresses[j].1),
+            K::JointActuatorForce(j) => Read::JointForce(self.merged.addresses[j].1),
             K::JointLimitPos(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), false),
             K::JointLimitVel(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), true),
             K::JointLimitForce(j) => self.limit_of(j).map_or(Read::Nothing, Read::LimitForce),
@@ -422,7 +421,7 @@ impl Compiler<'_> {
     /// Terms of a linear combination of joint positions: address in q, address in v, and coefficient times `gear`. `arms` lists pairs of
     /// joint and coefficient.
     fn arms<'a, S: Scalar>(&'a self, arms: &'a [(usize, f64)], gear: f64) -> impl Iterator<Item = (usize, usize, S)> + 'a {
-        arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
+        arms.iter().map(move |&(j, c)| (self.merged.addresses[j].0, self.merged.addresses[j].1, S::from_f64(c * gear)))
     }
 
     /// Terms of a linear combination of joint positions, as (address in q, coefficient), and of its time derivative, as (address in v,
@@ -446,7 +445,7 @@ impl Compiler<'_> {
 
     /// Index of the limit of joint `j` in the compiled model; `None` if the joint has no limit.
     fn limit_of(&self, j: usize) -> Option<usize> {
-        crate::compile::limits::limits(self.model, &self.addresses).iter().position(|l| l.dof == self.addresses[j].1)
+        crate::compile::limits::limits(self.model, self.merged).iter().position(|l| l.dof == self.merged.addresses[j].1)
     }
 
     fn range_of<S: Scalar>(&self, t: usize) -> Option<Bounds<S>> {

@@ -277,8 +277,10 @@ fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
     }
 }
 
-/// Pairs of an actuator's degrees of freedom that are on one kinematic branch: index of the mass matrix entry, and the result of `product`
-/// for the two items. `items` are pairs of degree of freedom and item, which the function sorts. Also returns whether these are all pairs.
+/// Lists the pairs of an actuator's degrees of freedom that are on one kinematic branch. An entry has the index of the mass matrix entry,
+/// and the result of `product` for the two items. Also returns whether these are all pairs.
+///
+/// `items` are pairs of degree of freedom and item. The function sorts them by depth.
 fn pairs_on_branch<T: Copy, P>(items: &mut [(usize, T)], merged: &Merged, product: impl Fn(T, T) -> P) -> (Vec<(usize, P)>, bool) {
     // Deepest degree of freedom first. Its chain contains all other ones of the moment, unless the moment goes across branches.
     items.sort_by_key(|&(dof, _)| std::cmp::Reverse(merged.chain_of(dof).len()));

@@ -74,8 +74,8 @@ pub struct StaticPairs {
 }
 
 impl StaticPairs {
-    /// Finds the static pairs among listed and dynamic pairs of geoms. The function `place` returns the position of a static geom, m. The function `group` maps the
-    /// index of a moving frame to a number that identifies its kinematic tree or mocap body.
+    /// Finds the static pairs among the listed and dynamic pairs of geoms. The function `place` returns the position of a static geom, m.
+    /// The function `group` maps the index of a moving frame to a number that identifies its kinematic tree or mocap body.
     pub(super) fn new<S: Scalar>(
         geoms: &[CompiledGeom<S>],
         (pairs, dynamic_pairs): (&[CompiledPair<S>], Option<&DynamicPairs<S>>),

@@ -28,8 +28,8 @@ pub(super) struct Nominal<R: Real> {
     before: [Vec<R>; 4],
     /// Configuration, velocity and activations after the solved step.
     pub(super) after: [Vec<R>; 3],
-    /// Overlaps of contacts and limits in the solved step, which evaluations at displaced states use instead of the overlaps at the displaced
-    /// configuration. `None` while the workspace has them.
+    /// Overlaps of contacts and limits in the solved step. Evaluations at displaced states use these overlaps instead of the overlaps at
+    /// the displaced configuration. `None` while the workspace has them.
     overlaps: Option<Box<SolvedOverlaps<R>>>,
     /// Buffer for the unit vector of the displaced coordinate of the configuration, nv. Zero between calls.
     direction: Vec<R>,

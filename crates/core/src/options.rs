@@ -19,35 +19,38 @@ pub enum ContactLaw {
     Mujoco,
 }
 
-/// Time integrator of velocities and positions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum Integrator {
-    /// Semi-implicit Euler rule: forces and constraint rows at q, then q+ = q (+) h v+. First order.
-    ///
-    /// Springs and dampers of tendons are implicit. Joint damping is implicit as in MuJoCo, unless the model makes it explicit.
-    Euler,
-    /// Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight.
-    ///
-    /// Springs, dampers and servos follow the implicit midpoint rule (A-stable). If the step does not resolve them, more of the damping is
-    /// evaluated at the end of the step.
-    Midpoint,
-    /// Implicit Euler rule: springs, dampers and servos at the end of the step (L-stable). Other velocity-dependent forces are evaluated at
-    /// the velocity that is predicted for the end.
-    ///
-    /// First order; it dissipates the energy of motions that it cannot resolve. With MuJoCo's contact law it is MuJoCo's `implicit`.
-    Implicit,
-    /// Runge-Kutta-Munthe-Kaas method of order 4 for environments without an active constraint in this step; the others make a midpoint
-    /// step.
-    ///
-    /// With MuJoCo's contact law it is the classical method of order 4, including constraints.
-    Rk4,
-    /// MuJoCo's `implicitfast`, only with MuJoCo's contact law: Euler's rule with the symmetric part of the forces' derivatives with
-    /// respect to velocity.
-    ImplicitFast,
-    /// MuJoCo's `discrete`, only with MuJoCo's contact law. Springs, dampers, servos and constraint rows are evaluated at the end of the
-    /// step, and the constraints are solved with the resulting mass matrix.
-    Discrete,
+named! {
+    /// Time integrator of velocities and positions.
+    #[derive(Serialize, Deserialize)]
+    #[non_exhaustive]
+    Integrator {
+        /// Semi-implicit Euler rule: forces and constraint rows at q, then q+ = q (+) h v+. First order.
+        ///
+        /// Springs and dampers of tendons are implicit. Joint damping is implicit as in MuJoCo, unless the model makes it explicit.
+        Euler = "euler",
+        /// Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free
+        /// flight.
+        ///
+        /// Springs, dampers and servos follow the implicit midpoint rule (A-stable). If the step does not resolve them, more of the damping
+        /// is evaluated at the end of the step.
+        Midpoint = "midpoint",
+        /// Implicit Euler rule: springs, dampers and servos at the end of the step (L-stable). Other velocity-dependent forces are
+        /// evaluated at the velocity that is predicted for the end.
+        ///
+        /// First order; it dissipates the energy of motions that it cannot resolve. With MuJoCo's contact law it is MuJoCo's `implicit`.
+        Implicit = "implicit",
+        /// Runge-Kutta-Munthe-Kaas method of order 4 for environments without an active constraint in this step; the others make a midpoint
+        /// step.
+        ///
+        /// With MuJoCo's contact law it is the classical method of order 4, including constraints.
+        Rk4 = "rk4",
+        /// MuJoCo's `implicitfast`, only with MuJoCo's contact law: Euler's rule with the symmetric part of the forces' derivatives with
+        /// respect to velocity.
+        ImplicitFast = "implicitfast",
+        /// MuJoCo's `discrete`, only with MuJoCo's contact law. Springs, dampers, servos and constraint rows are evaluated at the end of
+        /// the step, and the constraints are solved with the resulting mass matrix.
+        Discrete = "discrete",
+    }
 }
 
 impl Integrator {
@@ -60,18 +63,6 @@ impl Integrator {
             "implicit" => Some(Self::Implicit),
             "discrete" => Some(Self::Discrete),
             _ => None,
-        }
-    }
-
-    /// Name of the integrator in messages and in Python.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Euler => "euler",
-            Self::Midpoint => "midpoint",
-            Self::Implicit => "implicit",
-            Self::Rk4 => "rk4",
-            Self::ImplicitFast => "implicitfast",
-            Self::Discrete => "discrete",
         }
     }
 }

@@ -229,9 +229,8 @@ pub enum Read<S> {
     /// Distance, normal or nearest points of two sets of geoms. The values are the kind of reading, the pairs of geoms, and the cutoff
     /// distance, m.
     Proximity(ProximityReading, Vec<Pair<S>>, S),
-    /// Contacts between two sides. The values are the sides, the quantities in the reading, the selection among the contacts, and the
-    /// largest number of contacts in the reading.
-    Contact([Side<S>; 2], Vec<ContactField>, ContactReduction, usize),
+    /// Contacts between two sides. The values are the sides, the quantities in the reading, and the selection among the contacts.
+    Contact([Side<S>; 2], Vec<ContactField>, ContactReduction),
     /// Centre of mass of the subtree with this index.
     Com(usize),
     /// Velocity of the centre of mass of the subtree with this index.
@@ -404,8 +403,8 @@ impl<S: Scalar> Compiler<'_, S> {
             }
             K::InsideSite { object, site: s } => Read::Inside(self.place(object), self.zone(s)),
             K::Proximity { what, ref from, ref to, cutoff } => Read::Proximity(what, self.near(from, to), S::from_f64(cutoff)),
-            K::Contact { first, second, ref fields, reduction, slots } => {
-                Read::Contact([self.side(first), self.side(second)], fields.clone(), reduction, slots)
+            K::Contact { first, second, ref fields, reduction, .. } => {
+                Read::Contact([self.side(first), self.side(second)], fields.clone(), reduction)
             }
             K::SubtreeCom(b) => Read::Com(self.subtree(b)),
             K::SubtreeLinVel(b) => Read::ComVelocity(self.subtree(b)),

@@ -13,6 +13,7 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::RayField;
+use crate::sensing::SensorView;
 use crate::sensing::frames::{orientation, position};
 
 /// Distance from the origin `o` to a simple shape along the unit direction `d`, both in the shape's frame, m. Infinite without a hit.
@@ -158,18 +159,6 @@ pub(super) fn holds<R: Real>(form: Form, size: V3<R>, p: V3<R>) -> R::Mask {
     }
 }
 
-/// 1 in the lanes in which the origin of a sensor frame is inside a volume, otherwise 0.
-pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let offset = sub(position(compiled, kinematics, place), position(compiled, kinematics, &zone.place));
-            let local = rotate_back(&orientation(kinematics, &zone.place), offset);
-            R::select(holds(zone.form, compiled.params.size(zone.index), local), R::one(), R::zero())
-        },
-    )
-}
-
 /// Geom that rays can hit, with its pose in each lane.
 pub(crate) struct Placed<'a, R: Real> {
     centre: V3<R>,
@@ -252,41 +241,54 @@ pub(crate) fn nearest<R: Real>(
     )
 }
 
-/// Writes the readings of a rangefinder to `out`: the values of `fields` for every ray.
-pub fn range<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    place: &SensorFrame<R::Scalar>,
-    rays: &[[R::Scalar; 3]],
-    fields: &[RayField],
-    targets: &[Target<R::Scalar>],
-    out: &mut [R],
-) {
-    let every = (u64::MAX >> (64 - R::LANES)) as u32;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (origin, axes) = (position(compiled, kinematics, place), orientation(kinematics, place));
-            let mut at = 0;
-            for &direction in rays {
-                let direction = rotate(&axes, splat(direction));
-                let mut t = nothing::<R>();
-                for target in targets {
-                    t = t.min(Placed::new(compiled, kinematics, target).distance(compiled, every, origin, direction, t));
+impl<R: Real> SensorView<'_, R> {
+    /// 1 in the lanes in which the origin of a sensor frame is inside a volume, otherwise 0.
+    pub fn inside(&self, place: &SensorFrame<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let offset = sub(self.position(place), self.position(&zone.place));
+                let local = rotate_back(&self.orientation(&zone.place), offset);
+                R::select(holds(zone.form, self.compiled.params.size(zone.index), local), R::one(), R::zero())
+            },
+        )
+    }
+
+    /// Writes the readings of a rangefinder to `out`: the values of `fields` for every ray.
+    pub fn range(
+        &self,
+        place: &SensorFrame<R::Scalar>,
+        rays: &[[R::Scalar; 3]],
+        fields: &[RayField],
+        targets: &[Target<R::Scalar>],
+        out: &mut [R],
+    ) {
+        let every = (u64::MAX >> (64 - R::LANES)) as u32;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let (origin, axes) = (self.position(place), self.orientation(place));
+                let mut at = 0;
+                for &direction in rays {
+                    let direction = rotate(&axes, splat(direction));
+                    let mut t = nothing::<R>();
+                    for target in targets {
+                        t = t.min(Placed::new(self.compiled, self.kinematics, target).distance(self.compiled, every, origin, direction, t));
+                    }
+                    let hit = t.lt(nothing());
+                    let reach = R::select(hit, t, R::zero());
+                    for &field in fields {
+                        let x = match field {
+                            RayField::Distance => [R::select(hit, t, -R::one()), R::zero(), R::zero()],
+                            RayField::Direction => select(hit, direction, zero()),
+                            RayField::Origin => origin,
+                            RayField::Point => select(hit, add_scaled(origin, direction, reach), zero()),
+                        };
+                        out[at..at + field.dim()].copy_from_slice(&x[..field.dim()]);
+                        at += field.dim();
+                    }
                 }
-                let hit = t.lt(nothing());
-                let reach = R::select(hit, t, R::zero());
-                for &field in fields {
-                    let x = match field {
-                        RayField::Distance => [R::select(hit, t, -R::one()), R::zero(), R::zero()],
-                        RayField::Direction => select(hit, direction, zero()),
-                        RayField::Origin => origin,
-                        RayField::Point => select(hit, add_scaled(origin, direction, reach), zero()),
-                    };
-                    out[at..at + field.dim()].copy_from_slice(&x[..field.dim()]);
-                    at += field.dim();
-                }
-            }
-        },
-    )
+            },
+        )
+    }
 }

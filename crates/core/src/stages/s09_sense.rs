@@ -22,27 +22,22 @@ pub fn sense<R: Real>(
     if compiled.sensing.needs.poses {
         kinematics.update(compiled, input.q);
     }
-    workspace.prepare(compiled, kinematics, input);
+    let (view, truth, order) = workspace.prepare(compiled, kinematics, input);
     // This loop is no kernel. Each reading calls kernels, so that no single kernel contains the code of all sensors.
     for sensor in &compiled.sensing.sensors {
-        read(compiled, kinematics, workspace, input, sensor);
+        read(view, sensor, truth, order);
     }
 }
 
-/// Writes the true reading of one sensor to `workspace.truth`.
-fn read<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    workspace: &mut SensorWorkspace<R>,
-    input: &SensorInput<'_, R>,
-    sensor: &CompiledSensor<R::Scalar>,
-) {
+/// Writes the true reading of one sensor to `truth`. `order` is a buffer for contacts.
+fn read<R: Real>(view: SensorView<'_, R>, sensor: &CompiledSensor<R::Scalar>, truth: &mut [R], order: &mut Vec<(f64, usize)>) {
+    let SensorView { compiled, input, .. } = view;
     let (at, dim) = (sensor.at, sensor.dim);
     let place = at..at + dim;
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     let scalar = match &sensor.read {
-        Read::Position(q) => return workspace.truth[place].copy_from_slice(&input.q[*q..q + dim]),
-        Read::Velocity(v) => return workspace.truth[place].copy_from_slice(&input.v[*v..v + dim]),
+        Read::Position(q) => return truth[place].copy_from_slice(&input.q[*q..q + dim]),
+        Read::Velocity(v) => return truth[place].copy_from_slice(&input.v[*v..v + dim]),
         Read::Length(terms) => weighted(terms, input.q),
         Read::Rate(terms) => weighted(terms, input.v),
         Read::ActuatorForce(actuators) => total(actuators, &input.actuator_forces.force),
@@ -54,49 +49,47 @@ fn read<R: Real>(
         Read::LimitForce(limit) => input.scalar_impulse[*limit] / input.h,
         Read::Nothing => R::zero(),
         Read::Clock => input.time,
-        Read::Potential(all) => potential(compiled, kinematics, input.q, tree(all)),
-        Read::Kinetic(all) => kinetic(compiled, kinematics, workspace, input.v, tree(all)),
-        Read::Inside(object, zone) => inside(compiled, kinematics, object, zone),
-        Read::Touch(body, zone) => touch(compiled, kinematics, workspace, *body, zone),
+        Read::Potential(all) => view.potential(tree(all)),
+        Read::Kinetic(all) => view.kinetic(tree(all)),
+        Read::Inside(object, zone) => view.inside(object, zone),
+        Read::Touch(body, zone) => view.touch(*body, zone),
         Read::Combination(terms) => {
-            combine(terms, at, dim, &mut workspace.truth);
+            combine(terms, at, dim, truth);
             return;
         }
-        Read::Contact(sides, fields, reduction, slots) => {
-            return contacts(compiled, kinematics, workspace, sides, fields, (*reduction, *slots), at);
-        }
+        Read::Contact(sides, fields, reduction) => return view.contacts(sides, fields, *reduction, order, &mut truth[place]),
         Read::Frame(what, object, reference) => {
             let mut out = [R::zero(); 4];
-            frame(compiled, kinematics, workspace, *what, object, reference.as_ref(), &mut out[..dim]);
-            return workspace.truth[place].copy_from_slice(&out[..dim]);
+            view.frame(*what, object, reference.as_ref(), &mut out[..dim]);
+            return truth[place].copy_from_slice(&out[..dim]);
         }
         Read::Range(site, rays, fields, solids) => {
-            return range(compiled, kinematics, site, rays, fields, solids, &mut workspace.truth[place]);
+            return view.range(site, rays, fields, solids, &mut truth[place]);
         }
         Read::Proximity(what, pairs, cutoff) => {
-            return proximity(compiled, kinematics, *what, pairs, R::splat(*cutoff), &mut workspace.truth[place]);
+            return view.proximity(*what, pairs, R::splat(*cutoff), &mut truth[place]);
         }
         vector => {
-            let x = three(compiled, kinematics, workspace, vector);
-            return workspace.truth[place].copy_from_slice(&x);
+            let x = three(view, vector);
+            return truth[place].copy_from_slice(&x);
         }
     };
-    workspace.truth[at] = scalar;
+    truth[at] = scalar;
 }
 
 /// True reading of a sensor whose reading has three numbers.
-fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, read: &Read<R::Scalar>) -> V3<R> {
-    let tree = |index: &usize| &compiled.sensing.subtrees[*index];
+fn three<R: Real>(view: SensorView<'_, R>, read: &Read<R::Scalar>) -> V3<R> {
+    let tree = |index: &usize| &view.compiled.sensing.subtrees[*index];
     match read {
-        Read::Magnetometer(site) => magnetic_field(compiled, kinematics, site),
-        Read::Velocimeter(site) => site_motion(compiled, kinematics, workspace, site, false)[1],
-        Read::Gyro(site) => site_motion(compiled, kinematics, workspace, site, false)[0],
-        Read::Accelerometer(site) => site_motion(compiled, kinematics, workspace, site, true)[1],
-        Read::Force(carried) => workspace.carried[*carried][0],
-        Read::Torque(carried) => workspace.carried[*carried][1],
-        Read::Com(subtree) => com(compiled, kinematics, tree(subtree), zero()),
-        Read::ComVelocity(subtree) => com_velocity(compiled, kinematics, workspace, tree(subtree)),
-        Read::AngularMomentum(subtree) => angular_momentum(compiled, kinematics, workspace, tree(subtree)),
+        Read::Magnetometer(site) => magnetic_field(view.compiled, view.kinematics, site),
+        Read::Velocimeter(site) => view.site_motion(site, false)[1],
+        Read::Gyro(site) => view.site_motion(site, false)[0],
+        Read::Accelerometer(site) => view.site_motion(site, true)[1],
+        Read::Force(carried) => view.carried[*carried][0],
+        Read::Torque(carried) => view.carried[*carried][1],
+        Read::Com(subtree) => view.com(tree(subtree), zero()),
+        Read::ComVelocity(subtree) => view.com_velocity(tree(subtree)),
+        Read::AngularMomentum(subtree) => view.angular_momentum(tree(subtree)),
         _ => unreachable!("every other sensor is read above"),
     }
 }

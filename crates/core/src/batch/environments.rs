@@ -9,7 +9,7 @@ use crate::batch::capacity::{bytes_per_env, check_memory, contact_capacity};
 use crate::batch::inputs::Field;
 use crate::batch::parameter_overrides::ParameterOverrides;
 use crate::batch::state::{Group, StoredContact};
-use crate::batch::worker::{LaneScalar, WorkerSpec};
+use crate::batch::worker::{LaneScalar, WorkerSpec, lanes};
 use crate::batch::worker_pool::WorkerPool;
 use crate::batch::worst_row::WorstRow;
 use crate::compile::CompiledModel;
@@ -60,18 +60,14 @@ impl<S: LaneScalar> Batch<S> {
     /// Creates a batch of `num_envs` environments at the model's reset state. `threads` is the number of threads; 0 selects all that this
     /// process may use.
     ///
-    /// If `check` is true, the function first checks the available memory. Without the check, a failed allocation ends the process.
-    ///
     /// # Errors
-    /// [`Error::Memory`] when the check finds too little memory.
-    pub fn new(model: &Model, settings: StepSettings, num_envs: usize, threads: usize, level: Level, check: bool) -> Result<Self, Error> {
+    /// [`Error::Memory`] when there is too little memory.
+    pub fn new(model: &Model, settings: StepSettings, num_envs: usize, threads: usize, level: Level) -> Result<Self, Error> {
         let compiled = compile(model, &[], &settings);
         let max_contacts = contact_capacity(model, &compiled, &settings, level);
-        if check {
-            check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
-        }
+        check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
-        let lanes = if num_envs == 1 { S::single(level) } else { S::lanes(&compiled, num_envs, threads, level) };
+        let lanes = if num_envs == 1 { S::single(level) } else { lanes(&compiled, num_envs, threads, level) };
         let groups = make_groups(model, &compiled, num_envs, lanes, max_contacts);
         // More threads than groups would be idle.
         let workers = WorkerPool::new(threads.min(groups.len()), lanes, level);

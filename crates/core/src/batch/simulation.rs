@@ -56,18 +56,16 @@ pub struct Simulation {
     truth: TrueReadings,
     /// Cache of the meshes and height fields that rays can hit, filled as ray calls need them.
     surfaces: RaySurfaces,
-    /// Counter of changes to the inputs of derived quantities.
+    /// Counter of changes to the inputs of derived quantities and true readings.
     revision: u64,
 }
 
-/// Cache of the true readings of all sensors, valid until one of their inputs changes.
+/// Cache of the true readings of all sensors.
 #[derive(Clone, Default)]
 struct TrueReadings {
-    is_cached: bool,
+    /// Revision number of the simulation at which the readings were computed; `None` without readings.
+    revision: Option<u64>,
     readings: Vec<f64>,
-    /// Applied inputs with which the readings were computed, in the order of
-    /// [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
-    applied: [Vec<f64>; 5],
 }
 
 impl fmt::Debug for Simulation {
@@ -111,7 +109,7 @@ impl Simulation {
             model.check_range(f64::from(f32::MAX))?;
         }
         let level = Level::best()?;
-        let mut simulation = Self::make(model, options, num_envs, precision, threads, level, true)?;
+        let mut simulation = Self::make(model, options, num_envs, precision, threads, level)?;
         if simulation.model.actuators.iter().any(|a| a.delay > 0.0) {
             let specs = vec![None; simulation.model.nu()];
             simulation.set_actuator_models(&specs)?;
@@ -119,7 +117,7 @@ impl Simulation {
         Ok(simulation)
     }
 
-    /// Creates a simulation at the model's reset state on the CPU level `level`. If `check` is true, it first checks the available memory.
+    /// Creates a simulation at the model's reset state on the CPU level `level`, after a check of the available memory.
     fn make(
         model: Arc<Model>,
         options: Options,
@@ -127,7 +125,6 @@ impl Simulation {
         precision: Precision,
         threads: usize,
         level: Level,
-        check: bool,
     ) -> Result<Self, Error> {
         if options.contact == ContactLaw::Mujoco
             && let Some(tendon) = model.tendons.iter().find(|t| t.armature > 0.0)
@@ -140,8 +137,8 @@ impl Simulation {
         let asked = model.requested.as_ref().and_then(|asked| Integrator::of_source(&asked.integrator));
         let settings = options.resolve(model.timestep, gravity, asked, precision)?;
         let engine = match precision {
-            Precision::F64 => Engine::F64(Batch::new(&model, settings, n, threads, level, check)?),
-            Precision::F32 => Engine::F32(Batch::new(&model, settings, n, threads, level, check)?),
+            Precision::F64 => Engine::F64(Batch::new(&model, settings, n, threads, level)?),
+            Precision::F32 => Engine::F32(Batch::new(&model, settings, n, threads, level)?),
         };
         let ctrl = vec![0.0; n * model.nu()];
         let mut simulation = Self {
@@ -203,9 +200,7 @@ impl Simulation {
 
     /// Memory of the states of all environments and of cached readings, bytes.
     pub fn bytes(&self) -> usize {
-        let TrueReadings { readings, applied, .. } = &self.truth;
-        let kept = readings.len() + applied.iter().map(Vec::len).sum::<usize>();
-        with_batch!(&self.engine, batch => batch.bytes()) + kept * size_of::<f64>()
+        with_batch!(&self.engine, batch => batch.bytes()) + size_of_val(&self.truth.readings[..])
     }
 
     /// Memory of the inputs for the next step, bytes: controls in force and applied inputs.
@@ -227,7 +222,6 @@ impl Simulation {
 
     /// Invalidates cached readings and derived quantities.
     fn note_change(&mut self) {
-        self.truth.is_cached = false;
         self.revision += 1;
     }
 

@@ -64,14 +64,23 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Number of lanes of a group in saved states. It is the number of lanes of the narrowest CPU level, so that all CPU levels write the
     /// same states.
     const SAVED: usize;
+    /// Number of lanes of the SIMD type of a CPU level.
+    fn vector(level: Level) -> usize;
     /// Number of lanes of a group in a batch of one environment.
     fn single(level: Level) -> usize;
-    /// Number of lanes of a group, in a batch of `num_envs` environments on `threads` threads.
-    fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
-    /// Creates a worker for groups of `lanes` lanes at the CPU level `level`, which this machine must have.
-    fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
-    /// Creates a worker that calls `probe` during its steps.
+    /// Creates a worker for groups of `lanes` lanes at the CPU level `level`, which this machine must have. The worker calls `probe` during
+    /// its steps.
+    #[cfg(not(test))]
     fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
+    // Unit tests make no steps. This build leaves the code out, because compiling it a second time takes minutes.
+    #[cfg(test)]
+    fn probed_worker(_: &WorkerSpec<'_, Self>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<Self>> {
+        unimplemented!("unit tests do not step")
+    }
+    /// Creates a worker without a probe.
+    fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>> {
+        Self::probed_worker(spec, lanes, level, NoProbe)
+    }
     /// Functions for evaluations of a step in the lanes `R`, which `lend_step` lends to derivatives; `None` for 32-bit numbers, because
     /// derivatives are computed only in 64 bits.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
@@ -99,13 +108,14 @@ pub struct GroupPosition<'a, 'b, S> {
 /// Evidence: two registers make dm_control's humanoid (243 entries) 4 to 6 % faster, and humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number of lanes `n`, or 2 n if that is
+/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number n of lanes, or 2 n if that is
 /// faster.
 ///
 /// With AVX-512, a group of 2 n lanes uses two registers per value, and a step takes 1.8 times as long. On AVX-512 CPUs with vector units
 /// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
 /// would take 2.2 to 2.5 times as long.
-fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+pub(super) fn lanes<S: LaneScalar>(compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+    let n = S::vector(level);
     // Largest number of groups of a thread. A step of 2 n lanes takes 1.8 = 9/5 times as long as one of n lanes, and pays if it decreases
     // this number by at least this factor.
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
@@ -120,16 +130,12 @@ fn width<R: Real>() -> usize {
 impl LaneScalar for f64 {
     const SAVED: usize = 4;
 
+    fn vector(level: Level) -> usize {
+        at_level!(level, F64Lanes, width())
+    }
+
     fn single(_: Level) -> usize {
         1
-    }
-
-    fn lanes(compiled: &CompiledModel<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(at_level!(level, F64Lanes, width()), compiled, num_envs, threads, level)
-    }
-
-    fn worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
-        Self::probed_worker(spec, lanes, level, NoProbe)
     }
 
     #[cfg(not(test))]
@@ -139,12 +145,6 @@ impl LaneScalar for f64 {
             16 => at_avx512!(F64x16, lane_worker(spec, probe)),
             _ => at_level!(level, F64Lanes, lane_worker(spec, probe)),
         }
-    }
-
-    // Unit tests make no steps. This build leaves the code out, because compiling it a second time takes minutes.
-    #[cfg(test)]
-    fn probed_worker(_: &WorkerSpec<'_, f64>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<f64>> {
-        unimplemented!("unit tests do not step")
     }
 
     fn group_functions<R: Real<Scalar = f64>>() -> Option<GroupFunctions<R>> {
@@ -162,26 +162,17 @@ impl LaneScalar for f64 {
 impl LaneScalar for f32 {
     const SAVED: usize = 8;
 
-    fn single(level: Level) -> usize {
+    fn vector(level: Level) -> usize {
         at_level!(level, F32Lanes, width())
     }
 
-    fn lanes(compiled: &CompiledModel<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(Self::single(level), compiled, num_envs, threads, level)
-    }
-
-    fn worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
-        Self::probed_worker(spec, lanes, level, NoProbe)
+    fn single(level: Level) -> usize {
+        Self::vector(level)
     }
 
     #[cfg(not(test))]
     fn probed_worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
         if lanes == 32 { at_avx512!(F32x32, lane_worker(spec, probe)) } else { at_level!(level, F32Lanes, lane_worker(spec, probe)) }
-    }
-
-    #[cfg(test)]
-    fn probed_worker(_: &WorkerSpec<'_, f32>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<f32>> {
-        unimplemented!("unit tests do not step")
     }
 
     fn group_functions<R: Real<Scalar = f32>>() -> Option<GroupFunctions<R>> {

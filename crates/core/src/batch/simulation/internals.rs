@@ -27,7 +27,7 @@ impl Simulation {
         level: Level,
     ) -> Self {
         assert_ne!(num_envs, Some(0), "num_envs must be 1 or more, or None for a single environment");
-        Self::make(model, options, num_envs, precision, threads, level, false).expect("nothing is checked")
+        Self::make(model, options, num_envs, precision, threads, level).expect("valid options, and memory for the environments")
     }
 
     /// Sets the functions that create workers, for example workers with a probe in their steps.

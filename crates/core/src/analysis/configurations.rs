@@ -81,7 +81,7 @@ fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// Joints with an orientation (ball and free joints): index, and addresses of the orientation in q and v.
-fn quaternions(model: &Model) -> impl Iterator<Item = (usize, [usize; 2])> {
+pub(crate) fn quaternions(model: &Model) -> impl Iterator<Item = (usize, [usize; 2])> {
     model.joints.iter().zip(model.joint_addresses()).enumerate().filter_map(|(i, (joint, (q, v)))| match joint.kind {
         JointKind::Free => Some((i, [q + 3, v + 3])),
         JointKind::Ball => Some((i, [q, v])),

@@ -4,7 +4,7 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::batch::call::Call;
-use crate::batch::exchange::{load_control, load_inputs, load_motion, load_state};
+use crate::batch::exchange::{load_control, load_inputs, load_state};
 use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
@@ -97,7 +97,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     /// from this state, and does not change it.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;
-        load_state(group, s);
+        load_state(group, s, true);
         load_inputs(self.call, group, self.first, s);
         s.current = false;
         load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
@@ -110,11 +110,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     /// If `last_step` is true, results of the last step are loaded too. If the state was set since then, the results come from a trial
     /// step, which does not change the state. If `contacts` is true, the contacts of the last step are loaded too.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
-        if last_step {
-            load_state(group, s);
-        } else {
-            load_motion(group, s);
-        }
+        load_state(group, s, last_step);
         if contacts && !last_step {
             (0..R::LANES).for_each(|lane| load_contacts_of_lane(group, lane, &mut s.state.contacts));
         }

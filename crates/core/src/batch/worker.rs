@@ -332,7 +332,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         let s = &mut self.step.workspace;
         // A worker with a single group still has the state of the last call in its workspace.
         if !s.current {
-            load_state(group, s);
+            load_state(group, s, true);
         }
         s.current = false;
         load_inputs(call, group, first, s);

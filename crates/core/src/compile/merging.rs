@@ -8,7 +8,7 @@ use crate::model::{JointKind, Model, simple_bodies};
 
 /// Merged bodies and the tree of degrees of freedom. Bodies that cannot move relative to each other share one frame. For every body,
 /// `frame` is the index of this frame, and `pos` and `quat` are the body's pose in it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,
     pub(crate) pos: Vec<Vector3<f64>>,
@@ -72,20 +72,7 @@ impl Merged {
                 quat[b] = quat[p] * quaternion(body.quat);
             }
         }
-        let mut merged = Self {
-            frame,
-            pos,
-            quat,
-            leaders,
-            mocap,
-            link_tree: Vec::new(),
-            ntree: 0,
-            addresses: model.joint_addresses(),
-            dof_link: Vec::new(),
-            dof_chain: Vec::new(),
-            chain: Vec::new(),
-            last_dof_of_frame: Vec::new(),
-        };
+        let mut merged = Self { frame, pos, quat, leaders, mocap, addresses: model.joint_addresses(), ..Self::default() };
         merged.grow_trees(model);
         merged
     }

@@ -47,8 +47,6 @@ impl<S: Scalar> Memory<S> {
         let needs = compiled.sensing.needs;
         let zeros = |there: bool, n: usize| vec![S::default(); if there { n * lanes } else { 0 }];
         Self {
-            fresh: 0,
-            waiting: 0,
             seed: vec![0; lanes],
             stream: (0..lanes).map(|l| (first + l) as u32).collect(),
             episode: vec![0; lanes],
@@ -56,10 +54,7 @@ impl<S: Scalar> Memory<S> {
             acceleration: zeros(true, compiled.nv),
             ctrl: zeros(needs.step || needs.actuators, compiled.actuators.len()),
             xfrc: zeros(needs.wrenches, 6 * compiled.bodies.len()),
-            numbers: vec![],
-            cursors: vec![],
-            observation: vec![],
-            faults: vec![],
+            ..Self::default()
         }
     }
 

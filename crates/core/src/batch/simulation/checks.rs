@@ -1,11 +1,11 @@
 //! Checks of user input to a simulation. They run before anything is changed.
 
+use crate::analysis::configurations::quaternions;
 use crate::batch::inputs::{AppliedInput, Field, StepInputs};
 use crate::batch::rollout::{Numbers, Recording};
 use crate::batch::simulation::{Error, Simulation};
 use crate::error::check_length;
 use crate::math::precision::Precision;
-use crate::model::JointKind;
 
 impl Simulation {
     /// Panics if there is no environment `env`. Without this check, an index could select an unused lane.
@@ -83,16 +83,11 @@ impl Simulation {
     }
 
     fn normalize_quaternions(&self, env: usize, q: &mut [f64]) -> Result<(), Error> {
-        for (j, (joint, (at, _))) in self.model.joints.iter().zip(self.model.joint_addresses()).enumerate() {
-            let at = match joint.kind {
-                JointKind::Free => at + 3,
-                JointKind::Ball => at,
-                _ => continue,
-            };
+        for (joint, [at, _]) in quaternions(&self.model) {
             let norm = q[at..at + 4].iter().map(|x| x * x).sum::<f64>().sqrt();
             if norm < 1e-10 || !norm.is_finite() {
                 let found = q[at..at + 4].try_into().expect("four numbers");
-                return Err(Error::Quaternion { env, joint: self.model.joint_label(j), address: at, found, norm });
+                return Err(Error::Quaternion { env, joint: self.model.joint_label(joint), address: at, found, norm });
             }
             // A quaternion whose length is 1 within rounding is not changed.
             if (norm - 1.0).abs() > 1e-15 {

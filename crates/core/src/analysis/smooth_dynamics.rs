@@ -45,7 +45,11 @@ impl<R: Real> SmoothDynamics<R> {
         [q, v, act]: [&[R]; 3],
         inputs: &Inputs<R>,
     ) -> &[R] {
-        let FreeMotion { smooth, actuator_forces, applied } = self.motion.get_or_insert_with(|| FreeMotion::new(compiled));
+        let FreeMotion { smooth, actuator_forces, applied } = self.motion.get_or_insert_with(|| FreeMotion {
+            smooth: Smooth::new(compiled),
+            actuator_forces: ActuatorForces::new(compiled),
+            applied: vec![R::zero(); compiled.nv],
+        });
         smooth.factor_mass(compiled, kinematics, Implicit::none());
         smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], applied);
         actuator_forces.transmit(compiled, kinematics, v, R::zero());
@@ -115,12 +119,6 @@ struct FreeMotion<R: Real> {
     smooth: Smooth<R>,
     actuator_forces: ActuatorForces<R>,
     applied: Vec<R>,
-}
-
-impl<R: Real> FreeMotion<R> {
-    fn new(compiled: &LaneModel<R>) -> Self {
-        Self { smooth: Smooth::new(compiled), actuator_forces: ActuatorForces::new(compiled), applied: vec![R::zero(); compiled.nv] }
-    }
 }
 
 /// Adds the effect of tendon inertia to the acceleration. The factored mass matrix of a step excludes this inertia, because a step

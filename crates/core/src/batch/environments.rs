@@ -202,21 +202,21 @@ impl<S: LaneScalar> Batch<S> {
         group.contacts(lane).map(|c| (geoms(c), c)).collect()
     }
 
-    /// Writes, for every sensor of the model, the number of clipped readings and of lost samples in the last call.
-    pub(super) fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]) {
+    /// Number of clipped readings and number of lost samples in the last call, for every sensor of the model.
+    pub(super) fn sensor_faults(&self, env: usize) -> Vec<[u32; 2]> {
+        let mut out = vec![[0; 2]; self.compiled.sensing.sensors.len()];
         let (group, lane) = self.lane(env);
         let counts = group.sensing.faults.chunks_exact(2 * self.lanes);
         for (sensor, counts) in self.sensor_errors.iter().flat_map(Errors::sensors).zip(counts) {
             out[sensor] = [counts[lane], counts[self.lanes + lane]];
         }
+        out
     }
 
-    /// Writes, for every actuator, the number of steps of the last call that clamped its force.
-    pub(super) fn actuator_saturation(&self, env: usize, out: &mut [u32]) {
+    /// Number of steps of the last call that clamped the force of each actuator.
+    pub(super) fn actuator_saturation(&self, env: usize) -> Vec<u32> {
         let (group, lane) = self.lane(env);
-        for (out, counts) in out.iter_mut().zip(group.saturated.chunks_exact(self.lanes)) {
-            *out = counts[lane];
-        }
+        (0..self.compiled.actuators.len()).map(|a| group.saturated.get(a * self.lanes + lane).copied().unwrap_or(0)).collect()
     }
 
     /// Controls after the actuator pipelines, and parameters of the actuator dynamics. `None` if no actuator has an actuator model.

@@ -265,14 +265,7 @@ impl<S: LaneScalar> Batch<S> {
         let mut worker = worker.unwrap_or_else(|| self.workers.make_worker(&self.worker_spec()));
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
-        for (g, group) in groups.iter_mut().enumerate() {
-            run_selected(
-                &mut *worker,
-                &call,
-                group,
-                GroupPosition { first: g * self.lanes, chunk_first: 0, recording: recordings.first_mut() },
-            );
-        }
+        run_chunk(&mut *worker, &call, &mut groups, 0, recordings.first_mut());
         self.groups = groups;
         self.workers.idle_workers().push(worker);
     }
@@ -284,18 +277,25 @@ impl<S: LaneScalar> Batch<S> {
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
         let recordings = recordings.iter_mut().map(Some).chain(std::iter::repeat_with(|| None));
-        self.workers.share_chunks(
-            &self.worker_spec(),
-            groups.chunks_mut(size).zip(recordings).enumerate(),
-            |worker, (chunk, (groups, mut recording))| {
-                let chunk_first = chunk * size * self.lanes;
-                for (g, group) in groups.iter_mut().enumerate() {
-                    let at = GroupPosition { first: chunk_first + g * self.lanes, chunk_first, recording: recording.as_deref_mut() };
-                    run_selected(worker, &call, group, at);
-                }
-            },
-        );
+        let chunks = groups.chunks_mut(size).zip(recordings).zip((0..).step_by(size * self.lanes));
+        self.workers.share_chunks(&self.worker_spec(), chunks, |worker, ((groups, recording), first)| {
+            run_chunk(worker, &call, groups, first, recording);
+        });
         self.groups = groups;
+    }
+}
+
+/// Makes the steps of a call in a chunk of groups, whose first environment is `first`.
+fn run_chunk<S: LaneScalar>(
+    worker: &mut dyn Worker<S>,
+    call: &Call<'_, S>,
+    groups: &mut [Group<S>],
+    first: usize,
+    mut recording: Option<&mut RecordingChunk<'_, S>>,
+) {
+    for (g, group) in groups.iter_mut().enumerate() {
+        let at = GroupPosition { first: first + g * group.lanes, chunk_first: first, recording: recording.as_deref_mut() };
+        run_selected(worker, call, group, at);
     }
 }
 

@@ -159,9 +159,7 @@ impl Simulation {
     #[track_caller]
     pub fn sensor_faults(&self, env: usize) -> Vec<[u32; 2]> {
         self.assert_env(env);
-        let mut out = vec![[0; 2]; self.model.sensors.len()];
-        with_batch!(&self.engine, batch => batch.sensor_faults(env, &mut out));
-        out
+        with_batch!(&self.engine, batch => batch.sensor_faults(env))
     }
 
     /// Number of steps of the last call in which the effort of each actuator reached its bounds, (nu,).
@@ -171,9 +169,7 @@ impl Simulation {
     #[track_caller]
     pub fn actuator_saturation(&self, env: usize) -> Vec<u32> {
         self.assert_env(env);
-        let mut out = vec![0; self.model.nu()];
-        with_batch!(&self.engine, batch => batch.actuator_saturation(env, &mut out));
-        out
+        with_batch!(&self.engine, batch => batch.actuator_saturation(env))
     }
 
     /// Certificate of the last step: residual and number of solver iterations.

@@ -5,8 +5,7 @@ use stepper_real::Scalar;
 
 use crate::compile::ModelStructure;
 use crate::math::lane_arrays::{clear_column, lane_arrays};
-use crate::math::lanes::{DestinationLanes, MAX_LANES, columns, lane_bits, set_columns, set_lane_bits};
-use crate::sensing::errors::Keys;
+use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
 
 /// Memory of the sensors of a group of environments: random number state, results of the last step, and values of the transfer functions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -130,20 +129,5 @@ impl<S: Scalar> Memory<S> {
     /// Whether another memory has buffers of the same sizes.
     pub fn fits(&self, other: &Self) -> bool {
         self.lengths() == other.lengths() && self.cursors.len() == other.cursors.len()
-    }
-
-    /// Inputs of the random number generator for the next step.
-    #[inline(always)]
-    pub fn keys(&self) -> Keys {
-        let lane = |x: &[u32]| {
-            let mut word = [0; MAX_LANES];
-            word[..x.len()].copy_from_slice(x);
-            word
-        };
-        let mut seed = [[0; MAX_LANES]; 2];
-        for (l, &s) in self.seed.iter().enumerate() {
-            (seed[0][l], seed[1][l]) = (s as u32, (s >> 32) as u32);
-        }
-        Keys { seed, stream: lane(&self.stream), episode: lane(&self.episode), step: lane(&self.step) }
     }
 }

@@ -119,11 +119,9 @@ impl AppliedInputs {
         let array = &mut self.arrays[input as usize];
         array.clear();
         array.extend_from_slice(values);
-        let poses = [AppliedInput::MocapPos, AppliedInput::MocapQuat];
-        let given = poses.map(|pose| !self.arrays[pose as usize].is_empty());
-        for (pose, given) in poses.into_iter().zip(given).filter(|_| given[0] != given[1]) {
-            if !given {
-                self.arrays[pose as usize] = pose.at_reset(model).repeat(num_envs);
+        for [given, missing] in [[AppliedInput::MocapPos, AppliedInput::MocapQuat], [AppliedInput::MocapQuat, AppliedInput::MocapPos]] {
+            if !self.get(given).is_empty() && self.get(missing).is_empty() {
+                self.arrays[missing as usize] = missing.at_reset(model).repeat(num_envs);
             }
         }
     }

@@ -238,7 +238,8 @@ impl<S: Scalar> CompiledActuators<S> {
             Transmission::Joint(j) if spec.loses() => row(j).map(|row| (row, S::from_f64(a.gear))),
             _ => None,
         };
-        let (servo, motor, limited) = (spec.is_continuous_servo(), motor_control(spec), spec.is_limited());
+        let (servo, limited) = (spec.is_continuous_servo(), spec.is_limited());
+        let motor = spec.curve().map(|is_voltage| if is_voltage { MotorControl::Voltage } else { MotorControl::Force });
         let acts = servo || motor.is_some() || limited || losses.is_some();
         self.num_actuator_dynamics += usize::from(acts);
         acts.then(|| CompiledActuatorDynamics { index: self.num_actuator_dynamics - 1, servo, motor, limited, losses })
@@ -259,11 +260,6 @@ impl<S: Scalar> CompiledActuators<S> {
         let bounded = |a: &CompiledActuator<S>| a.force_range.is_some() || a.dynamics.is_some();
         self.servos.iter().any(|s| bounded(&self.actuators[s.actuator])) || self.force_ranges.iter().any(|r| r.has_servos)
     }
-}
-
-/// Meaning of the control of an actuator's motor; `None` without a torque-speed curve.
-fn motor_control(spec: &ActuatorSpec) -> Option<MotorControl> {
-    spec.curve().map(|is_voltage| if is_voltage { MotorControl::Voltage } else { MotorControl::Force })
 }
 
 /// Compiles the pose of a site.

@@ -61,7 +61,7 @@ impl<S: Scalar> CompiledModel<S> {
             pair_groups: collision::pair_groups(&geoms, &pairs),
             moving_geoms: (0..geoms.len()).filter(|&g| geoms[g].frame != 0).collect(),
             geoms,
-            has_rolling_friction: dynamic_pairs.as_ref().is_some_and(DynamicPairs::has_rolling_friction)
+            has_rolling_friction: dynamic_pairs.as_ref().is_some_and(|pairs| pairs.has_rolling_friction)
                 || pairs.iter().any(|p| p.condim > 3),
             has_contact_springs: pairs.iter().any(|p| p.spring.is_some())
                 || dynamic_pairs.is_some() && model.geoms.iter().any(|g| !g.spring.is_rigid()),

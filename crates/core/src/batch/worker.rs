@@ -72,7 +72,7 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// its steps.
     #[cfg(not(test))]
     fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
-    // Unit tests make no steps. This build leaves the code out, because compiling it a second time takes minutes.
+    /// Panics: unit tests make no steps. Their build leaves the code out, because compiling it a second time takes minutes.
     #[cfg(test)]
     fn probed_worker(_: &WorkerSpec<'_, Self>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<Self>> {
         unimplemented!("unit tests do not step")

@@ -11,26 +11,20 @@ use crate::sensing::contact_list::{Contact, SensedContacts};
 use crate::sensing::inputs::{SensorInput, SensorView};
 use crate::sensing::rays::{holds, ray};
 
-/// Geoms of a contact, as indices in the model, and their bodies.
-fn parties<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
-    let pair = compiled.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
-    let geoms = pair.map(|g| compiled.geoms[g].index);
-    [geoms, geoms.map(|g| compiled.sensing.geom_body[g])]
-}
-
 impl Contact {
     fn of<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
-        let [geoms, bodies] = parties(compiled, contacts, slot, lane);
+        let pair = compiled.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
+        let geoms = pair.map(|g| compiled.geoms[g].index);
         let data = &contacts.data[slot];
         let h = h.lane(lane).to_f64();
         Self {
             geoms,
-            bodies,
+            bodies: geoms.map(|g| compiled.sensing.geom_body[g]),
             distance: data.point.distance.lane(lane).to_f64(),
             pos: of_lane(&data.point.pos, lane),
             axes: contact_frame(of_lane(&data.point.normal, lane)),
-            force: over(of_lane(&data.impulse, lane), h),
-            torque: contacts.torque.get(slot).map_or([0.0; 3], |x| over(of_lane(x, lane), h)),
+            force: of_lane(&data.impulse, lane).map(|x| x / h),
+            torque: contacts.torque.get(slot).map_or([0.0; 3], |x| of_lane(x, lane).map(|x| x / h)),
         }
     }
 
@@ -62,12 +56,6 @@ impl Volume<f64> {
     fn local(&self, p: [f64; 3]) -> [f64; 3] {
         rotate_back(&self.axes, sub(p, self.origin))
     }
-}
-
-/// Quotient of a vector and `h`, each component rounded once.
-#[inline(always)]
-fn over([x, y, z]: [f64; 3], h: f64) -> [f64; 3] {
-    [x / h, y / h, z / h]
 }
 
 impl SensedContacts {

@@ -83,18 +83,6 @@ pub(super) fn ground<R: Real>(compiled: &LaneModel<R>) -> V6<R> {
     spatial(zero(), scale(compiled.params.gravity(), -R::one()))
 }
 
-/// Position of a sensor frame's origin in the world frame, m.
-#[inline(always)]
-pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> V3<R> {
-    kinematics.point(place.frame, compiled.params.place(place.index))
-}
-
-/// Rotation matrix from a sensor frame to the world frame.
-#[inline(always)]
-pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> M3<R> {
-    mat_mul(&kinematics.mat[place.frame], &splat(place.mat))
-}
-
 /// Spatial velocity or acceleration of a frame, and the point to which it refers. `motions` has the values of the links, and `still` is the
 /// value for the world and mocap bodies.
 #[inline(always)]
@@ -112,16 +100,16 @@ pub fn motion_of<R: Real>(
 }
 
 impl<R: Real> SensorView<'_, R> {
-    /// Position of a sensor frame in the world, m.
+    /// Position of a sensor frame's origin in the world frame, m.
     #[inline(always)]
     pub(super) fn position(&self, place: &SensorFrame<R::Scalar>) -> V3<R> {
-        position(self.compiled, self.kinematics, place)
+        self.kinematics.point(place.frame, self.compiled.params.place(place.index))
     }
 
-    /// Orientation of a sensor frame in the world.
+    /// Rotation matrix from a sensor frame to the world frame.
     #[inline(always)]
     pub(super) fn orientation(&self, place: &SensorFrame<R::Scalar>) -> M3<R> {
-        orientation(self.kinematics, place)
+        mat_mul(&self.kinematics.mat[place.frame], &splat(place.mat))
     }
 
     /// Velocity of a sensor frame in world axes: angular, rad/s, and linear at its origin, m/s.

@@ -14,7 +14,6 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::RayField;
 use crate::sensing::SensorView;
-use crate::sensing::frames::{orientation, position};
 
 /// Distance from the origin `o` to a simple shape along the unit direction `d`, both in the shape's frame, m. Infinite without a hit.
 pub(super) fn ray<R: Real>(form: Form, size: V3<R>, o: V3<R>, d: V3<R>) -> R {
@@ -170,7 +169,9 @@ impl<'a, R: Real> Placed<'a, R> {
     /// Places the geom `target` at its pose in `kinematics`.
     #[inline(always)]
     pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
-        Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }
+        let place = &target.place;
+        let centre = kinematics.point(place.frame, compiled.params.place(place.index));
+        Self { centre, mat: mat_mul(&kinematics.mat[place.frame], &splat(place.mat)), form: &target.form }
     }
 
     /// Distance from `origin` along the unit vector `direction` to the geom, in the lanes `lanes` (bits), m. Both are in the world frame.

@@ -84,10 +84,16 @@ impl<S: LaneScalar> Batch<S> {
             return Ok(());
         }
         self.workers.start_threads()?;
+        let size = self.chunk_size();
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
-        let rows = out.chunks_mut(self.lanes * width);
-        self.share_groups(groups.iter_mut().zip(rows), |worker, first, (group, out)| worker.sense(&call, group, first, truth, out));
+        // Slices instead of lists of groups: reading sensors allocates nothing.
+        let rows = out.chunks_mut(size * self.lanes * width);
+        self.workers.share_chunks(&self.worker_spec(), groups.chunks_mut(size).zip(rows).enumerate(), |worker, (chunk, (groups, out))| {
+            for (g, (group, out)) in groups.iter_mut().zip(out.chunks_mut(self.lanes * width)).enumerate() {
+                worker.sense(&call, group, (chunk * size + g) * self.lanes, truth, out);
+            }
+        });
         self.groups = groups;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! Benchmark run of a batch of environments, which repeats the same steps.
 
-use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerMakers, WorkerSpec, lane_worker};
+use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerSpec, lane_worker};
 use stepper_core::{AppliedInput, Error, Field, Level, Options, Precision, SavedState, Simulation};
 use stepper_real::{F32Lanes, Real, Two};
 
@@ -95,7 +95,7 @@ impl Episode {
 
     /// Returns the benchmark run, changed so that a [`Recorder`] measures the parts of all later steps.
     pub fn probe(mut self) -> Self {
-        self.simulation.set_workers(&WorkerMakers { f64: recorded::<f64>, f32: recorded::<f32> });
+        self.simulation.set_workers(recorded::<f64>, recorded::<f32>);
         self
     }
 
@@ -107,7 +107,7 @@ impl Episode {
     /// With several environments, because an operation on all lanes counts once.
     pub fn probe_operations(mut self) -> Self {
         assert_eq!(self.simulation.num_envs(), 1, "operations are counted in one environment");
-        self.simulation.set_workers(&WorkerMakers { f64: counted::<f64>, f32: counted_f32 });
+        self.simulation.set_workers(counted::<f64>, counted_f32);
         self
     }
 

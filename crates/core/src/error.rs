@@ -233,6 +233,11 @@ pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Res
     if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
 }
 
+/// Checks that the list `name` has one entry for every `element` of the model.
+pub(crate) fn check_count(name: &'static str, found: usize, must: usize, element: &'static str) -> Result<(), Error> {
+    if found == must { Ok(()) } else { Err(Error::Count { name, found, must, element }) }
+}
+
 /// Reason why a saved state does not fit a simulation of the same model and precision.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]

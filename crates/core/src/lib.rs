@@ -103,6 +103,31 @@
 // Lints run with the feature `internals`. Without it, most items that are public for benches and tests cannot be reached from outside.
 #![cfg_attr(not(feature = "internals"), allow(unreachable_pub))]
 
+/// Declares an enumeration whose variants have names.
+macro_rules! named {
+    ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name {
+            $($(#[$doc])* $variant,)+
+        }
+
+        // Without the feature `internals`, nothing calls the functions of some enumerations.
+        #[cfg_attr(not(feature = "internals"), allow(dead_code))]
+        impl $name {
+            /// All variants, in the order of their declaration.
+            pub const ALL: [Self; [$($text,)+].len()] = [$(Self::$variant,)+];
+
+            /// Name of the variant in messages and reports, and in Python.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)+
+                }
+            }
+        }
+    };
+}
+
 mod actuation;
 pub mod analysis;
 mod batch;
@@ -149,46 +174,11 @@ pub mod rollout {
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
-    pub mod actuation {
-        pub use crate::actuation::*;
+    pub use stepper_geometry as geometry;
+
+    /// Makes the contents of private modules public.
+    macro_rules! publish {
+        ($($module:ident)*) => { $(pub mod $module { pub use crate::$module::*; })* };
     }
-    pub mod batch {
-        pub use crate::batch::*;
-    }
-    pub mod collision {
-        pub use crate::collision::*;
-    }
-    pub mod compile {
-        pub use crate::compile::*;
-    }
-    pub mod constraints {
-        pub use crate::constraints::*;
-    }
-    pub mod dynamics {
-        pub use crate::dynamics::*;
-    }
-    pub mod geometry {
-        pub use stepper_geometry::*;
-    }
-    pub mod integrators {
-        pub use crate::integrators::*;
-    }
-    pub mod math {
-        pub use crate::math::*;
-    }
-    pub mod options {
-        pub use crate::options::*;
-    }
-    pub mod probe {
-        pub use crate::probe::*;
-    }
-    pub mod sensing {
-        pub use crate::sensing::*;
-    }
-    pub mod stages {
-        pub use crate::stages::*;
-    }
-    pub mod step {
-        pub use crate::step::*;
-    }
+    publish!(actuation batch collision compile constraints dynamics integrators math options probe sensing stages step);
 }

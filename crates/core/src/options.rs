@@ -19,35 +19,38 @@ pub enum ContactLaw {
     Mujoco,
 }
 
-/// Time integrator of velocities and positions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum Integrator {
-    /// Semi-implicit Euler rule: forces and constraint rows at q, then q+ = q (+) h v+. First order.
-    ///
-    /// Springs and dampers of tendons are implicit. Joint damping is implicit as in MuJoCo, unless the model makes it explicit.
-    Euler,
-    /// Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight.
-    ///
-    /// Springs, dampers and servos follow the implicit midpoint rule (A-stable). If the step does not resolve them, more of the damping is
-    /// evaluated at the end of the step.
-    Midpoint,
-    /// Implicit Euler rule: springs, dampers and servos at the end of the step (L-stable). Other velocity-dependent forces are evaluated at
-    /// the velocity that is predicted for the end.
-    ///
-    /// First order; it dissipates the energy of motions that it cannot resolve. With MuJoCo's contact law it is MuJoCo's `implicit`.
-    Implicit,
-    /// Runge-Kutta-Munthe-Kaas method of order 4 for environments without an active constraint in this step; the others make a midpoint
-    /// step.
-    ///
-    /// With MuJoCo's contact law it is the classical method of order 4, including constraints.
-    Rk4,
-    /// MuJoCo's `implicitfast`, only with MuJoCo's contact law: Euler's rule with the symmetric part of the forces' derivatives with
-    /// respect to velocity.
-    ImplicitFast,
-    /// MuJoCo's `discrete`, only with MuJoCo's contact law. Springs, dampers, servos and constraint rows are evaluated at the end of the
-    /// step, and the constraints are solved with the resulting mass matrix.
-    Discrete,
+named! {
+    /// Time integrator of velocities and positions.
+    #[derive(Serialize, Deserialize)]
+    #[non_exhaustive]
+    Integrator {
+        /// Semi-implicit Euler rule: forces and constraint rows at q, then q+ = q (+) h v+. First order.
+        ///
+        /// Springs and dampers of tendons are implicit. Joint damping is implicit as in MuJoCo, unless the model makes it explicit.
+        Euler = "euler",
+        /// Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free
+        /// flight.
+        ///
+        /// Springs, dampers and servos follow the implicit midpoint rule (A-stable). If the step does not resolve them, more of the damping
+        /// is evaluated at the end of the step.
+        Midpoint = "midpoint",
+        /// Implicit Euler rule: springs, dampers and servos at the end of the step (L-stable). Other velocity-dependent forces are
+        /// evaluated at the velocity that is predicted for the end.
+        ///
+        /// First order; it dissipates the energy of motions that it cannot resolve. With MuJoCo's contact law it is MuJoCo's `implicit`.
+        Implicit = "implicit",
+        /// Runge-Kutta-Munthe-Kaas method of order 4 for environments without an active constraint in this step; the others make a midpoint
+        /// step.
+        ///
+        /// With MuJoCo's contact law it is the classical method of order 4, including constraints.
+        Rk4 = "rk4",
+        /// MuJoCo's `implicitfast`, only with MuJoCo's contact law: Euler's rule with the symmetric part of the forces' derivatives with
+        /// respect to velocity.
+        ImplicitFast = "implicitfast",
+        /// MuJoCo's `discrete`, only with MuJoCo's contact law. Springs, dampers, servos and constraint rows are evaluated at the end of
+        /// the step, and the constraints are solved with the resulting mass matrix.
+        Discrete = "discrete",
+    }
 }
 
 impl Integrator {
@@ -60,18 +63,6 @@ impl Integrator {
             "implicit" => Some(Self::Implicit),
             "discrete" => Some(Self::Discrete),
             _ => None,
-        }
-    }
-
-    /// Name of the integrator in messages and in Python.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Euler => "euler",
-            Self::Midpoint => "midpoint",
-            Self::Implicit => "implicit",
-            Self::Rk4 => "rk4",
-            Self::ImplicitFast => "implicitfast",
-            Self::Discrete => "discrete",
         }
     }
 }
@@ -235,31 +226,20 @@ impl Options {
         if !must.is_empty() {
             return Err(Error::Option { name: "integrator", found: integrator.name().to_owned(), must });
         }
-        let Self {
-            contact,
-            solver,
-            iterations,
-            stabilization,
-            baumgarte,
-            slop,
-            max_correction_speed,
-            restitution_threshold,
-            max_contacts,
-            ..
-        } = *self;
+        let timestep = self.timestep.unwrap_or(timestep);
         Ok(StepSettings {
-            timestep: self.timestep.unwrap_or(timestep),
-            contact,
+            timestep,
+            contact: self.contact,
             integrator,
-            solver,
-            iterations,
-            tolerance: self.tolerance.unwrap_or_else(|| default_tolerance(contact, precision, self.timestep.unwrap_or(timestep), gravity)),
-            stabilization,
-            baumgarte,
-            slop,
-            max_correction_speed,
-            restitution_threshold,
-            max_contacts,
+            solver: self.solver,
+            iterations: self.iterations,
+            tolerance: self.tolerance.unwrap_or_else(|| default_tolerance(self.contact, precision, timestep, gravity)),
+            stabilization: self.stabilization,
+            baumgarte: self.baumgarte,
+            slop: self.slop,
+            max_correction_speed: self.max_correction_speed,
+            restitution_threshold: self.restitution_threshold,
+            max_contacts: self.max_contacts,
             poison: cfg!(debug_assertions),
         })
     }
@@ -269,30 +249,22 @@ impl Options {
     /// # Errors
     /// [`Error::Option`] for the first that is out of its range.
     pub fn check(&self) -> Result<(), Error> {
-        let wrong = |name: &'static str, found: &dyn Display, must: &'static str| Error::Option { name, found: found.to_string(), must };
-        let positive = |name: &'static str, x: Option<f64>| match x {
-            Some(x) if !(x > 0.0 && x.is_finite()) => Err(wrong(name, &x, "a finite number above 0")),
-            _ => Ok(()),
-        };
-        let not_negative = |name: &'static str, x: f64| match x >= 0.0 {
-            true => Ok(()),
-            false => Err(wrong(name, &x, "0 or more")),
-        };
-        positive("timestep", self.timestep)?;
-        positive("tolerance", self.tolerance)?;
-        not_negative("slop", self.slop)?;
-        not_negative("max_correction_speed", self.max_correction_speed)?;
-        not_negative("restitution_threshold", self.restitution_threshold)?;
-        if !(0.0..=1.0).contains(&self.baumgarte) {
-            return Err(wrong("baumgarte", &self.baumgarte, "from 0 to 1"));
+        let positive = |x: Option<f64>| x.is_none_or(|x| x > 0.0 && x.is_finite());
+        // Name, whether the value is in its range, value, range.
+        let checks: [(_, _, &dyn Display, _); 8] = [
+            ("timestep", positive(self.timestep), &self.timestep.unwrap_or_default(), "a finite number above 0"),
+            ("tolerance", positive(self.tolerance), &self.tolerance.unwrap_or_default(), "a finite number above 0"),
+            ("slop", self.slop >= 0.0, &self.slop, "0 or more"),
+            ("max_correction_speed", self.max_correction_speed >= 0.0, &self.max_correction_speed, "0 or more"),
+            ("restitution_threshold", self.restitution_threshold >= 0.0, &self.restitution_threshold, "0 or more"),
+            ("baumgarte", (0.0..=1.0).contains(&self.baumgarte), &self.baumgarte, "from 0 to 1"),
+            ("iterations", self.iterations > 0, &0, "1 or more"),
+            ("max_contacts", self.max_contacts != Some(0), &0, "1 or more; drop contacts with contype=0 instead"),
+        ];
+        match checks.into_iter().find(|(_, is_in_range, ..)| !is_in_range) {
+            Some((name, _, found, must)) => Err(Error::Option { name, found: found.to_string(), must }),
+            None => Ok(()),
         }
-        if self.iterations == 0 {
-            return Err(wrong("iterations", &0, "1 or more"));
-        }
-        if self.max_contacts == Some(0) {
-            return Err(wrong("max_contacts", &0, "1 or more; drop contacts with contype=0 instead"));
-        }
-        Ok(())
     }
 }
 

@@ -3,32 +3,7 @@
 //! The probe is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing. Its step is compiled
 //! as if there were no probe. The benchmarks use other probes.
 
-/// Declares an enumeration whose variants have names for reports.
-macro_rules! reported {
-    ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
-        $(#[$about])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $name {
-            $($(#[$doc])* $variant,)+
-        }
-
-        // Only the benchmarks make reports.
-        #[cfg(feature = "internals")]
-        impl $name {
-            /// List of all variants, in the order of a step.
-            pub const ALL: &[Self] = &[$(Self::$variant,)+];
-
-            /// Name of the variant in reports.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$variant => $text,)+
-                }
-            }
-        }
-    };
-}
-
-reported! {
+named! {
     /// Part of a step, or of a worker's work around its steps, whose time a probe measures.
     ///
     /// Spans can be nested. The reported time of a span excludes the inner ones.
@@ -93,7 +68,7 @@ reported! {
     }
 }
 
-reported! {
+named! {
     /// Counter of events in a step of a group of environments. A counter has one count for all lanes together, or the sum of the counts of
     /// all environments in the group.
     Counter {

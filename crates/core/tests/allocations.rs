@@ -69,8 +69,8 @@ fn a_step_allocates_nothing_the_second_time() {
             let mut run = |sim: &mut Simulation| {
                 for ctrl in &calls {
                     sim.step(&StepInputs { ctrl, qfrc: &qfrc, xfrc: &xfrc, ..StepInputs::default() }, 3).unwrap();
-                    sim.sense(&StepInputs::default(), true, &mut truth).unwrap();
-                    sim.sense(&StepInputs::default(), false, &mut seen).unwrap();
+                    sim.sense(true, &mut truth).unwrap();
+                    sim.sense(false, &mut seen).unwrap();
                 }
             };
             // The first run creates the worker, and the Newton solver's buffers for the largest problem.

@@ -3,6 +3,7 @@
 //! A displacement has the coordinates of velocities, (nv,). For ball and free joints it has the rotation vector in the body's frame. The
 //! functions are MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1.
 
+use crate::dynamics::kinematics::quat_at;
 use crate::error::{Error, check_length};
 use crate::math::spatial::*;
 use crate::model::{JointKind, Model};
@@ -17,7 +18,7 @@ const NO_LENGTH: f64 = 1e-10;
 pub fn joint_without_orientation(model: &Model, q: &[f64]) -> Result<Option<usize>, Error> {
     check_length("q", q.len(), model.nq())?;
     let has_no_length = |at: usize| {
-        let norm = norm_of(quat_at(q, at));
+        let norm = quat_at(q, at).iter().map(|x| x * x).sum::<f64>().sqrt();
         norm < NO_LENGTH || !norm.is_finite()
     };
     Ok(quaternions(model).find(|&(_, [at, _])| has_no_length(at)).map(|(joint, _)| joint))
@@ -60,14 +61,6 @@ pub fn differentiate(model: &Model, from: &[f64], to: &[f64]) -> Result<Vec<f64>
     Ok(out)
 }
 
-fn quat_at(q: &[f64], at: usize) -> [f64; 4] {
-    [q[at], q[at + 1], q[at + 2], q[at + 3]]
-}
-
-fn norm_of(q: [f64; 4]) -> f64 {
-    q.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
 /// Addresses in q and v of all scalar coordinates: hinges, slides, and translations of free joints.
 fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
     model.joints.iter().zip(model.joint_addresses()).flat_map(|(joint, (q, v))| {
@@ -81,7 +74,7 @@ fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// Joints with an orientation (ball and free joints): index, and addresses of the orientation in q and v.
-fn quaternions(model: &Model) -> impl Iterator<Item = (usize, [usize; 2])> {
+pub(crate) fn quaternions(model: &Model) -> impl Iterator<Item = (usize, [usize; 2])> {
     model.joints.iter().zip(model.joint_addresses()).enumerate().filter_map(|(i, (joint, (q, v)))| match joint.kind {
         JointKind::Free => Some((i, [q + 3, v + 3])),
         JointKind::Ball => Some((i, [q, v])),

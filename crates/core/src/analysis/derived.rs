@@ -145,8 +145,6 @@ pub(crate) struct Derivation<R: Real> {
     subtrees: Vec<V3<R>>,
     /// Centre of mass of the kinematic tree to which each body belongs, m.
     references: Vec<V3<R>>,
-    /// Sum of the contact forces (N) and torques (N m) on every body.
-    wrenches: Vec<[R; 6]>,
     /// Workspace of mass matrix, bias force and smooth acceleration.
     dynamics: SmoothDynamics<R>,
     /// Flags of the intermediate results that are already computed for the present group of environments.
@@ -183,7 +181,10 @@ impl<R: Real> Derivation<R> {
         quantity: DerivedQuantity,
         out: &mut [R::Scalar],
     ) {
-        self.evaluate(compiled, options, s, quantity);
+        R::vectorize(
+            #[inline(always)]
+            || self.evaluate(compiled, options, s, quantity),
+        );
         let n = self.values.len();
         self.interleaved.resize(n * R::LANES, R::Scalar::default());
         R::store_all(&self.values, &mut self.interleaved);
@@ -211,6 +212,7 @@ impl<R: Real> Derivation<R> {
     }
 
     /// Computes a quantity into `values`, for all lanes.
+    #[inline(always)]
     fn evaluate(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, quantity: DerivedQuantity) {
         use DerivedQuantity as Q;
         let h = R::of(options.timestep);
@@ -218,15 +220,10 @@ impl<R: Real> Derivation<R> {
         match quantity {
             Q::Acceleration => return self.values.extend(&s.sensors.acceleration),
             Q::JointConstraintForce => {
-                self.values.extend(&s.state.impulse);
-                return R::vectorize(
-                    #[inline(always)]
-                    || {
-                        for x in &mut self.values {
-                            *x /= h;
-                        }
-                    },
-                );
+                for &impulse in &s.state.impulse {
+                    self.values.push(impulse / h);
+                }
+                return;
             }
             Q::ActuatorForce | Q::JointActuatorForce => {
                 let Workspace { state, inputs, evaluation, velocity, sensors, alive, .. } = s;
@@ -241,15 +238,40 @@ impl<R: Real> Derivation<R> {
             self.cached.poses = true;
         }
         let kinematics = &s.evaluation.kinematics;
+        let objects = if matches!(quantity, Q::SitePos | Q::SiteQuat) { &compiled.sensing.sites } else { &compiled.sensing.geoms };
         match quantity {
-            Q::BodyQuat | Q::SiteQuat | Q::GeomQuat => {
-                if !self.cached.orientations {
-                    orientations(compiled, &s.state.q, &mut self.orientation);
-                    self.cached.orientations = true;
+            Q::BodyPos => {
+                for body in &compiled.bodies {
+                    self.values.extend(kinematics.point(body.frame, splat(body.pos)));
                 }
-                self.quaternions(compiled, quantity);
             }
-            Q::BodyLinVel | Q::BodyAngVel => self.velocities(compiled, kinematics, &s.state.v, quantity == Q::BodyLinVel),
+            Q::SitePos | Q::GeomPos => {
+                for object in objects {
+                    self.values.extend(kinematics.point(object.frame, compiled.params.place(object.index)));
+                }
+            }
+            Q::BodyQuat => {
+                self.find_orientations(compiled, &s.state.q);
+                for body in &compiled.bodies {
+                    self.values.extend(quat_mul(self.orientation[body.frame], splat(body.quat)));
+                }
+            }
+            Q::SiteQuat | Q::GeomQuat => {
+                self.find_orientations(compiled, &s.state.q);
+                for object in objects {
+                    self.values.extend(quat_mul(self.orientation[object.frame], splat(object.quat)));
+                }
+            }
+            Q::BodyLinVel | Q::BodyAngVel => {
+                self.find_velocities(compiled, kinematics, &s.state.v);
+                for body in &compiled.bodies {
+                    let (motion, origin) = motion_of(compiled, kinematics, &self.velocity, zero(), body.frame);
+                    self.values.extend(match quantity {
+                        Q::BodyLinVel => velocity_at(&motion, sub(kinematics.point(body.frame, splat(body.pos)), origin)),
+                        _ => angular(&motion),
+                    });
+                }
+            }
             Q::SubtreeCom => {
                 self.find_references(compiled, kinematics);
                 self.values.extend(self.subtrees.as_flattened());
@@ -263,35 +285,33 @@ impl<R: Real> Derivation<R> {
                 self.values.resize(6 * compiled.bodies.len(), R::zero());
                 contact_wrenches(compiled, &s.state.contacts, h, &self.centres, self.values.as_chunks_mut().0);
             }
-            Q::BodyInertia => {
-                self.find_references(compiled, kinematics);
-                self.inertias(compiled, kinematics);
-            }
+            Q::BodyInertia => self.inertias(compiled, kinematics),
+            // The velocities of the bodies at the centres of mass of their kinematic trees.
             Q::BodyMotion => {
                 self.find_references(compiled, kinematics);
-                self.motions(compiled, kinematics, &s.state.v);
+                self.find_velocities(compiled, kinematics, &s.state.v);
+                for (body, &reference) in compiled.bodies.iter().zip(&self.references) {
+                    let (motion, origin) = motion_of(compiled, kinematics, &self.velocity, zero(), body.frame);
+                    self.values.extend(spatial(angular(&motion), velocity_at(&motion, sub(reference, origin))));
+                }
             }
             Q::BodyForce => {
                 self.find_references(compiled, kinematics);
-                self.wrenches.clear();
-                self.wrenches.resize(compiled.bodies.len(), [R::zero(); 6]);
-                contact_wrenches(compiled, &s.state.contacts, h, &self.references, &mut self.wrenches);
-                self.wrenches[0] = [R::zero(); 6];
-                self.values.extend(self.wrenches.iter().flat_map(|&[x, y, z, torque @ ..]| [torque, [x, y, z]]).flatten());
+                self.values.resize(6 * compiled.bodies.len(), R::zero());
+                let wrenches = self.values.as_chunks_mut::<6>().0;
+                contact_wrenches(compiled, &s.state.contacts, h, &self.references, wrenches);
+                wrenches[0] = [R::zero(); 6];
+                // The torque comes before the force.
+                wrenches.iter_mut().for_each(|wrench| wrench.rotate_left(3));
             }
-            Q::MassMatrix | Q::BiasForce | Q::SmoothAcceleration => {
-                let dynamics = &mut self.dynamics;
-                match quantity {
-                    Q::MassMatrix => self.values.extend(dynamics.mass_matrix(compiled, kinematics)),
-                    Q::BiasForce => {
-                        self.values.resize(compiled.nv, R::zero());
-                        dynamics.bias_force(compiled, kinematics, &s.state.v, &mut self.values);
-                    }
-                    _ => {
-                        let state = [&s.state.q[..], &s.state.v, &s.state.act];
-                        self.values.extend(dynamics.acceleration(compiled, kinematics, state, &s.inputs));
-                    }
-                }
+            Q::MassMatrix => self.values.extend(self.dynamics.mass_matrix(compiled, kinematics)),
+            Q::BiasForce => {
+                self.values.resize(compiled.nv, R::zero());
+                self.dynamics.bias_force(compiled, kinematics, &s.state.v, &mut self.values);
+            }
+            Q::SmoothAcceleration => {
+                let state = [&s.state.q[..], &s.state.v, &s.state.act];
+                self.values.extend(self.dynamics.acceleration(compiled, kinematics, state, &s.inputs));
             }
             Q::BodyJacobian(body) => {
                 let body = &compiled.bodies[body];
@@ -301,147 +321,89 @@ impl<R: Real> Derivation<R> {
                 let site = &compiled.sensing.sites[site];
                 self.jacobian(compiled, kinematics, site.frame, compiled.params.place(site.index));
             }
-            _ => self.positions(compiled, kinematics, quantity),
+            Q::Acceleration | Q::JointConstraintForce | Q::ActuatorForce | Q::JointActuatorForce => unreachable!("returned above"),
         }
-    }
-
-    /// Computes the positions of all bodies, sites or geoms into `values`.
-    fn positions(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, quantity: DerivedQuantity) {
-        let objects = if quantity == DerivedQuantity::SitePos { &compiled.sensing.sites } else { &compiled.sensing.geoms };
-        let of_bodies = quantity == DerivedQuantity::BodyPos;
-        self.values.resize(3 * if of_bodies { compiled.bodies.len() } else { objects.len() }, R::zero());
-        let out = self.values.as_chunks_mut::<3>().0;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                if of_bodies {
-                    for (out, body) in out.iter_mut().zip(&compiled.bodies) {
-                        *out = kinematics.point(body.frame, splat(body.pos));
-                    }
-                } else {
-                    for (out, object) in out.iter_mut().zip(objects) {
-                        *out = kinematics.point(object.frame, compiled.params.place(object.index));
-                    }
-                }
-            },
-        );
-    }
-
-    /// Computes the orientations of all bodies, sites or geoms into `values`.
-    fn quaternions(&mut self, compiled: &LaneModel<R>, quantity: DerivedQuantity) {
-        let objects = if quantity == DerivedQuantity::SiteQuat { &compiled.sensing.sites } else { &compiled.sensing.geoms };
-        let of_bodies = quantity == DerivedQuantity::BodyQuat;
-        self.values.resize(4 * if of_bodies { compiled.bodies.len() } else { objects.len() }, R::zero());
-        let (out, orientation) = (self.values.as_chunks_mut::<4>().0, &self.orientation);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                if of_bodies {
-                    for (out, body) in out.iter_mut().zip(&compiled.bodies) {
-                        *out = quat_mul(orientation[body.frame], splat(body.quat));
-                    }
-                } else {
-                    for (out, object) in out.iter_mut().zip(objects) {
-                        *out = quat_mul(orientation[object.frame], splat(object.quat));
-                    }
-                }
-            },
-        );
-    }
-
-    /// Computes linear or angular velocities of the bodies' frames into `values`.
-    fn velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], is_linear: bool) {
-        self.find_velocities(compiled, kinematics, v);
-        self.values.resize(3 * compiled.bodies.len(), R::zero());
-        let (out, velocity) = (self.values.as_chunks_mut::<3>().0, &self.velocity);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (out, body) in out.iter_mut().zip(&compiled.bodies) {
-                    let (motion, origin) = motion_of(compiled, kinematics, velocity, zero(), body.frame);
-                    *out = match is_linear {
-                        true => velocity_at(&motion, sub(kinematics.point(body.frame, splat(body.pos)), origin)),
-                        false => angular(&motion),
-                    };
-                }
-            },
-        );
-    }
-
-    /// Computes velocities of the bodies at the centres of mass of their kinematic trees into `values`.
-    fn motions(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
-        self.find_velocities(compiled, kinematics, v);
-        self.values.resize(6 * compiled.bodies.len(), R::zero());
-        let (out, velocity, references) = (self.values.as_chunks_mut::<6>().0, &self.velocity, &self.references);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for ((out, body), &reference) in out.iter_mut().zip(&compiled.bodies).zip(references) {
-                    let (motion, origin) = motion_of(compiled, kinematics, velocity, zero(), body.frame);
-                    *out = spatial(angular(&motion), velocity_at(&motion, sub(reference, origin)));
-                }
-            },
-        );
     }
 
     /// Computes the inertias of the bodies about the centres of mass of their kinematic trees into `values`, as MuJoCo's `cinert`.
+    #[inline(always)]
     fn inertias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
-        let n = compiled.bodies.len();
-        self.values.resize(10 * n, R::zero());
-        let (out, centres, references) = (self.values.as_chunks_mut::<10>().0, &self.centres[..n], &self.references[..n]);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for b in 1..n {
-                    let (mass, [xx, yy, zz, xy, xz, yz]) = (compiled.params.mass(b), compiled.params.body_inertia(b));
-                    let mat = &kinematics.mat[compiled.bodies[b].frame];
-                    let turned = mat_mul(mat, &[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
-                    let about = |i: usize, j: usize| {
-                        turned[3 * i] * mat[3 * j] + turned[3 * i + 1] * mat[3 * j + 1] + turned[3 * i + 2] * mat[3 * j + 2]
-                    };
-                    let place = sub(centres[b], references[b]);
-                    let moment = scale(place, mass);
-                    let square = dot(place, moment);
-                    let entry = |i: usize, j: usize| about(i, j) - place[i] * moment[j];
-                    let diagonal = |i: usize| entry(i, i) + square;
-                    let [x, y, z] = moment;
-                    out[b] = [diagonal(0), diagonal(1), diagonal(2), entry(0, 1), entry(0, 2), entry(1, 2), x, y, z, mass];
-                }
-            },
-        );
+        self.find_references(compiled, kinematics);
+        self.values.resize(10, R::zero());
+        for b in 1..compiled.bodies.len() {
+            let (mass, [xx, yy, zz, xy, xz, yz]) = (compiled.params.mass(b), compiled.params.body_inertia(b));
+            let mat = &kinematics.mat[compiled.bodies[b].frame];
+            let turned = mat_mul(mat, &[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+            let about =
+                |i: usize, j: usize| turned[3 * i] * mat[3 * j] + turned[3 * i + 1] * mat[3 * j + 1] + turned[3 * i + 2] * mat[3 * j + 2];
+            let place = sub(self.centres[b], self.references[b]);
+            let moment = scale(place, mass);
+            let square = dot(place, moment);
+            let entry = |i: usize, j: usize| about(i, j) - place[i] * moment[j];
+            let diagonal = |i: usize| entry(i, i) + square;
+            let [x, y, z] = moment;
+            self.values.extend([diagonal(0), diagonal(1), diagonal(2), entry(0, 1), entry(0, 2), entry(1, 2), x, y, z, mass]);
+        }
+    }
+
+    /// Computes the orientations of the frames, unless they are cached.
+    #[inline(always)]
+    fn find_orientations(&mut self, compiled: &LaneModel<R>, q: &[R]) {
+        if !self.cached.orientations {
+            orientations(compiled, q, &mut self.orientation);
+            self.cached.orientations = true;
+        }
     }
 
     /// Computes the spatial velocities of the links, unless they are cached.
+    #[inline(always)]
     fn find_velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
-        if self.cached.velocities {
-            return;
+        if !self.cached.velocities {
+            self.velocity.resize(compiled.links.len(), zero());
+            kinematics.velocities(compiled, v, &mut self.velocity);
+            self.cached.velocities = true;
         }
-        self.cached.velocities = true;
-        self.velocity.resize(compiled.links.len(), zero());
-        let velocity = &mut self.velocity;
-        R::vectorize(
-            #[inline(always)]
-            || kinematics.velocities(compiled, v, velocity),
-        );
     }
 
-    /// Computes the centres of mass of the bodies, unless they are cached.
+    /// Computes the centres of mass of the bodies in the world frame, unless they are cached.
+    #[inline(always)]
     fn find_centres(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         if !self.cached.centres {
-            centres_of_bodies(compiled, kinematics, &mut self.centres);
+            self.centres.resize(compiled.bodies.len(), zero());
+            for (b, (out, body)) in self.centres.iter_mut().zip(&compiled.bodies).enumerate() {
+                *out = kinematics.point(body.frame, compiled.params.body_com(b));
+            }
             self.cached.centres = true;
         }
     }
 
     /// Computes the centres of mass of the bodies, of the bodies with their descendants, and of their trees. A tree begins at a child of
     /// the world.
+    #[inline(always)]
     fn find_references(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         if self.cached.references {
             return;
         }
         self.cached.references = true;
         self.find_centres(compiled, kinematics);
-        self.find_subtrees(compiled);
+        let n = compiled.bodies.len();
+        self.subtrees.resize(n, zero());
+        self.mass.resize(n, R::zero());
+        let (out, mass, own) = (&mut self.subtrees[..n], &mut self.mass[..n], &self.centres[..n]);
+        for b in 0..n {
+            mass[b] = compiled.params.mass(b);
+            out[b] = scale(own[b], mass[b]);
+        }
+        for b in (0..n).rev() {
+            let (parent, whole) = (compiled.bodies[b].parent, mass[b]);
+            if b > 0 {
+                mass[parent] += whole;
+                out[parent] = add(out[parent], out[b]);
+            }
+            let heavy = whole.gt(R::of(MIN_VALUE));
+            let centre = scale(out[b], R::one() / R::select(heavy, whole, R::one()));
+            out[b] = select(heavy, centre, own[b]);
+        }
         self.references.clear();
         for (b, body) in compiled.bodies.iter().enumerate() {
             let reference = if body.parent == 0 { self.subtrees[b] } else { self.references[body.parent] };
@@ -449,67 +411,22 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Computes `subtrees` from the centres of mass of the bodies.
-    fn find_subtrees(&mut self, compiled: &LaneModel<R>) {
-        let n = compiled.bodies.len();
-        self.subtrees.resize(n, zero());
-        self.mass.resize(n, R::zero());
-        let (out, mass, own) = (&mut self.subtrees[..n], &mut self.mass[..n], &self.centres[..n]);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for b in 0..n {
-                    mass[b] = compiled.params.mass(b);
-                    out[b] = scale(own[b], mass[b]);
-                }
-                for b in (0..n).rev() {
-                    let (parent, whole) = (compiled.bodies[b].parent, mass[b]);
-                    if b > 0 {
-                        mass[parent] += whole;
-                        out[parent] = add(out[parent], out[b]);
-                    }
-                    let heavy = whole.gt(R::of(MIN_VALUE));
-                    let centre = scale(out[b], R::one() / R::select(heavy, whole, R::one()));
-                    out[b] = select(heavy, centre, own[b]);
-                }
-            },
-        );
-    }
-
     /// Computes the Jacobian of the point `local` of a frame into `values`.
+    #[inline(always)]
     fn jacobian(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, frame: usize, local: V3<R>) {
         let nv = compiled.nv;
         self.values.resize(6 * nv, R::zero());
-        let out = &mut self.values[..];
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let point = kinematics.point(frame, local);
-                for d in 0..nv {
-                    if compiled.moved_dofs[frame][d / 64] >> (d % 64) & 1 == 0 {
-                        continue;
-                    }
-                    let axis = &kinematics.axes[d];
-                    let (turning, moving) = (angular(axis), velocity_at(axis, sub(point, kinematics.origin[compiled.dofs[d].tree])));
-                    for k in 0..3 {
-                        out[k * nv + d] = moving[k];
-                        out[(3 + k) * nv + d] = turning[k];
-                    }
-                }
-            },
-        );
-    }
-}
-
-/// Computes the centres of mass of all bodies of the model in the world frame, m.
-fn centres_of_bodies<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, out: &mut Vec<V3<R>>) {
-    out.resize(compiled.bodies.len(), zero());
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (b, (out, body)) in out.iter_mut().zip(&compiled.bodies).enumerate() {
-                *out = kinematics.point(body.frame, compiled.params.body_com(b));
+        let point = kinematics.point(frame, local);
+        for d in 0..nv {
+            if compiled.moved_dofs[frame][d / 64] >> (d % 64) & 1 == 0 {
+                continue;
             }
-        },
-    );
+            let axis = &kinematics.axes[d];
+            let (turning, moving) = (angular(axis), velocity_at(axis, sub(point, kinematics.origin[compiled.dofs[d].tree])));
+            for k in 0..3 {
+                self.values[k * nv + d] = moving[k];
+                self.values[(3 + k) * nv + d] = turning[k];
+            }
+        }
+    }
 }

@@ -1,9 +1,9 @@
 //! Inverse weights: mean inverse inertias at the reference configuration, which scale the regularisation of MuJoCo's contact law.
 
 use crate::actuation::forces::Implicit;
+use crate::analysis::quantities::kinematics_at;
 use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::inertia::MassMatrix;
-use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::{InverseWeights, Model};
 use crate::stages::s02_smooth::Smooth;
@@ -14,13 +14,8 @@ use crate::stages::s02_smooth::Smooth;
 /// centre of mass. For a degree of freedom it is the diagonal entry of M^-1, averaged over the translations or the rotations of its joint.
 /// For a tendon it is J M^-1 J^T, with the Jacobian J of its length.
 pub fn inverse_weights(model: &Model) -> InverseWeights {
-    let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
-    let mut kinematics = Kinematics::new(&compiled);
-    for m in &compiled.mocap {
-        kinematics.pos[m.frame] = m.pos;
-        kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
-    }
-    kinematics.update(&compiled, &model.qpos0);
+    let compiled = CompiledModel::<f64>::new(model);
+    let kinematics = kinematics_at(&compiled, &model.qpos0, compiled.mocap.iter().map(|m| (m.pos, m.quat)));
     let mut smooth = Smooth::new(&compiled);
     smooth.factor_mass(&compiled, &kinematics, Implicit::none());
     let quadratic = |row: &[f64]| quadratic(&compiled, &smooth.mass, row);

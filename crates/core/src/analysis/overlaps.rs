@@ -5,11 +5,10 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::analysis::quantities::kinematics_at;
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
-use crate::compile::{CompiledModel, LaneModel};
-use crate::dynamics::kinematics::Kinematics;
-use crate::math::spatial::*;
+use crate::compile::CompiledModel;
 use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld_groups};
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
@@ -35,19 +34,14 @@ pub struct OutOfRange {
 
 /// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first. Pairs with the ground are included.
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
-    let compiled: CompiledModel<f64> = CompiledModel::new(model);
-    let lanes: LaneModel<f64> = LaneModel::new(&compiled);
-    let (mut kinematics, mut collision) = (Kinematics::new(&compiled), CollisionWorkspace::new(&lanes));
-    for m in &compiled.mocap {
-        kinematics.pos[m.frame] = m.pos;
-        kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
-    }
-    kinematics.update(&lanes, &model.qpos0);
+    let compiled = CompiledModel::<f64>::new(model);
+    let kinematics = kinematics_at(&compiled, &model.qpos0, compiled.mocap.iter().map(|m| (m.pos, m.quat)));
+    let mut collision = CollisionWorkspace::new(&compiled);
     collision.begin_step();
     let mut contacts = Contacts::new(compiled.contact_points);
     let rest = vec![0.0; compiled.nv];
     let alive = <f64 as Real>::Mask::splat(true);
-    detect(&lanes, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut collision, &mut contacts, NoProbe);
+    detect(&compiled, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut collision, &mut contacts, NoProbe);
     let mut found: Vec<Overlap> = Vec::new();
     for k in 0..contacts.count[0] {
         let depth = -contacts.data[k].point.distance;

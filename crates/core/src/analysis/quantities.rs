@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use stepper_real::Real;
 
 use crate::analysis::smooth_dynamics::SmoothDynamics;
-use crate::compile::{CompiledTendon, Inertial, LaneModel};
+use crate::compile::{Inertial, LaneModel};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
 use crate::integrators::inputs::Inputs;
 use crate::math::spatial::*;
@@ -29,48 +29,31 @@ pub struct Snapshot<'a> {
     pub(crate) mocap: Vec<([f64; 3], [f64; 4])>,
 }
 
-/// Workspace that computes the poses of all bodies at one configuration after the other.
-#[derive(Clone, Debug)]
-pub(crate) struct BodyPoses<'a> {
-    compiled: &'a LaneModel<f64>,
-    kinematics: Kinematics<f64>,
-    orientation: Vec<[f64; 4]>,
+/// Kinematics of the configuration `q`. `mocap` has the poses of the mocap bodies: position, m, and quaternion.
+pub(crate) fn kinematics_at(compiled: &LaneModel<f64>, q: &[f64], mocap: impl Iterator<Item = ([f64; 3], [f64; 4])>) -> Kinematics<f64> {
+    let mut kinematics = Kinematics::new(compiled);
+    for (m, (pos, quat)) in compiled.mocap.iter().zip(mocap) {
+        kinematics.pos[m.frame] = pos;
+        kinematics.mat[m.frame] = quat_to_mat(quat_normalize(quat));
+    }
+    kinematics.update(compiled, q);
+    kinematics
 }
 
-impl<'a> BodyPoses<'a> {
-    /// Creates the workspace for a compiled model.
-    pub(crate) fn new(compiled: &'a LaneModel<f64>) -> Self {
-        Self { compiled, kinematics: Kinematics::new(compiled), orientation: vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()] }
+/// Position (m) and orientation of every body at the configuration `q`. `mocap` has the poses of the mocap bodies.
+pub(crate) fn body_poses(compiled: &LaneModel<f64>, q: &[f64], mocap: &[([f64; 3], [f64; 4])]) -> Vec<([f64; 3], [f64; 4])> {
+    let kinematics = kinematics_at(compiled, q, mocap.iter().copied());
+    let mut orientation = vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()];
+    for (m, &(_, quat)) in compiled.mocap.iter().zip(mocap) {
+        orientation[m.frame] = quat_normalize(quat);
     }
-
-    /// Position (m) and orientation of every body at the configuration `q`. `mocap` has the poses of mocap bodies.
-    pub(crate) fn at(
-        &mut self,
-        q: &[f64],
-        mocap: impl Iterator<Item = ([f64; 3], [f64; 4])>,
-    ) -> impl Iterator<Item = ([f64; 3], [f64; 4])> {
-        let Self { compiled, kinematics, orientation } = self;
-        for (m, (pos, quat)) in compiled.mocap.iter().zip(mocap) {
-            orientation[m.frame] = quat_normalize(quat);
-            kinematics.pos[m.frame] = pos;
-            kinematics.mat[m.frame] = quat_to_mat(orientation[m.frame]);
-        }
-        kinematics.update(compiled, q);
-        orientations(compiled, q, orientation);
-        compiled.bodies.iter().map(|b| (kinematics.point(b.frame, b.pos), quat_mul(orientation[b.frame], b.quat)))
-    }
+    orientations(compiled, q, &mut orientation);
+    compiled.bodies.iter().map(|b| (kinematics.point(b.frame, b.pos), quat_mul(orientation[b.frame], b.quat))).collect()
 }
 
 impl Snapshot<'_> {
     fn kinematics(&self) -> Kinematics<f64> {
-        let compiled = &*self.compiled;
-        let mut kinematics = Kinematics::new(compiled);
-        for (m, &(pos, quat)) in compiled.mocap.iter().zip(&self.mocap) {
-            kinematics.pos[m.frame] = pos;
-            kinematics.mat[m.frame] = quat_to_mat(quat_normalize(quat));
-        }
-        kinematics.update(compiled, &self.q);
-        kinematics
+        kinematics_at(&self.compiled, &self.q, self.mocap.iter().copied())
     }
 
     /// Mass matrix with armature, (nv, nv), row-major: kg, kg m and kg m^2.
@@ -91,12 +74,6 @@ impl Snapshot<'_> {
         SmoothDynamics::default().acceleration(&self.compiled, &self.kinematics(), state, &self.inputs).to_vec()
     }
 
-    /// Elongation of a tendon beyond the lengths between which its spring is slack, m or rad; 0 without a spring.
-    fn stretch(&self, tendon: &CompiledTendon<f64>) -> f64 {
-        let length = tendon.length.value(&self.q[..]);
-        tendon.spring.as_ref().map_or(0.0, |(_, [low, high])| length - f64::min(f64::max(length, *low), *high))
-    }
-
     /// Potential energy (of gravity, and of springs of joints and tendons) and kinetic energy (with armature), J.
     pub fn energy(&self) -> (f64, f64) {
         let compiled = &*self.compiled;
@@ -111,8 +88,8 @@ impl Snapshot<'_> {
         }
         let mut rotors: f64 = self.v.iter().enumerate().map(|(d, v)| compiled.params.dof(d).armature * v * v).sum();
         for tendon in &compiled.tendons {
-            let Some((spring, _)) = &tendon.spring else { continue };
-            potential += 0.5 * spring.stiffness * self.stretch(tendon).square();
+            let Some((spring, stretch)) = tendon.stretch(&self.q[..]) else { continue };
+            potential += 0.5 * spring.stiffness * stretch.square();
             rotors += spring.inertia * tendon.length.rate(&self.v).square();
         }
         let mut velocities = vec![zero(); compiled.links.len()];

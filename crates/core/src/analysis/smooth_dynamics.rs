@@ -8,6 +8,7 @@ use crate::compile::LaneModel;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::Kinematics;
 use crate::integrators::inputs::Inputs;
+use crate::integrators::mujoco::acceleration::add_tendon_springs;
 use crate::math::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
@@ -44,12 +45,16 @@ impl<R: Real> SmoothDynamics<R> {
         [q, v, act]: [&[R]; 3],
         inputs: &Inputs<R>,
     ) -> &[R] {
-        let FreeMotion { smooth, actuator_forces, applied } = self.motion.get_or_insert_with(|| FreeMotion::new(compiled));
+        let FreeMotion { smooth, actuator_forces, applied } = self.motion.get_or_insert_with(|| FreeMotion {
+            smooth: Smooth::new(compiled),
+            actuator_forces: ActuatorForces::new(compiled),
+            applied: vec![R::zero(); compiled.nv],
+        });
         smooth.factor_mass(compiled, kinematics, Implicit::none());
         smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], applied);
         actuator_forces.transmit(compiled, kinematics, v, R::zero());
         actuate(compiled, &ForceState::state(q, v, act, &inputs.ctrl, &inputs.actuator_dynamics), None, actuator_forces);
-        pull_tendons(compiled, q, v, &mut actuator_forces.tau);
+        add_tendon_springs(compiled, q, v, &mut actuator_forces.tau);
         smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], v, v);
         if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > <R::Scalar as Default>::default())) {
             let matrix = self.inertia.get_or_insert_with(|| FullMass::new(compiled)).assemble(compiled, kinematics);
@@ -116,12 +121,6 @@ struct FreeMotion<R: Real> {
     applied: Vec<R>,
 }
 
-impl<R: Real> FreeMotion<R> {
-    fn new(compiled: &LaneModel<R>) -> Self {
-        Self { smooth: Smooth::new(compiled), actuator_forces: ActuatorForces::new(compiled), applied: vec![R::zero(); compiled.nv] }
-    }
-}
-
 /// Adds the effect of tendon inertia to the acceleration. The factored mass matrix of a step excludes this inertia, because a step
 /// represents it by constraint rows.
 ///
@@ -147,22 +146,4 @@ fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], accelerati
             x.set_lane(lane, Scalar::from_f64(*solved));
         }
     }
-}
-
-/// Adds the forces of tendon springs and dampers to the generalized forces `tau`.
-fn pull_tendons<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], tau: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for tendon in &compiled.tendons {
-                let Some((spring, [low, high])) = &tendon.spring else { continue };
-                let length = tendon.length.value(q);
-                let stretch = length - length.max(R::splat(*low)).min(R::splat(*high));
-                let pull = R::splat(spring.stiffness) * stretch + R::splat(spring.damping) * tendon.length.rate(v);
-                for &(_, dof, c) in &tendon.length.terms {
-                    tau[dof] -= R::splat(c) * pull;
-                }
-            }
-        },
-    )
 }

@@ -51,15 +51,6 @@ pub struct Call<'a, S: Scalar> {
     pub pipelines: Option<&'a ActuatorPipelines<S>>,
 }
 
-/// Request for the sensor readings of a group of environments.
-#[derive(Debug)]
-pub struct Query<'a> {
-    /// Whether to return true readings, which are those of ideal sensors, instead of the readings after the error models.
-    pub truth: bool,
-    /// Output array: one row of readings for every environment of the group.
-    pub out: &'a mut [f64],
-}
-
 /// Part of a call: a range of its steps. A call that is made in parts gives the same bits as the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {

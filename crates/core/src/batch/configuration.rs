@@ -8,52 +8,14 @@ use crate::batch::randomization::Differences;
 use crate::batch::worker::LaneScalar;
 use crate::error::Error;
 use crate::model::Model;
-use crate::options::StepSettings;
 use crate::sensing::errors::{Errors, Transfer};
 
-/// Configuration of a batch: settings, sensor and actuator models, and per-environment parameters.
-pub trait Configuration {
-    /// Present step settings, such as time step and solver options.
-    fn settings(&self) -> &StepSettings;
-    /// Mutable step settings, for tests that change them.
-    #[cfg(feature = "internals")]
-    fn settings_mut(&mut self) -> &mut StepSettings;
+impl<S: LaneScalar> Batch<S> {
     /// Sets the transfer functions of the sensors, one entry for every sensor. `None` makes a sensor ideal (without errors).
     ///
     /// # Errors
     /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
-    fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
-    /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. Resets all environments.
-    ///
-    /// The caller gets both arguments from [`ActuatorSpec::fold`], which moves delays and force limits of actuators from the model to the
-    /// specs.
-    ///
-    /// # Errors
-    /// [`Error::Memory`].
-    fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error>;
-    /// Sets new parameters of actuator models in the environments `envs`. `None` does not change an actuator.
-    ///
-    /// Each list of a spec has one number for all of `envs`, or one number for each of them.
-    fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]);
-    /// Sets per-environment parameters in the environments `envs`: for each, the parameters that differ from the model's.
-    fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]);
-    /// Restores the model's parameters in all environments.
-    fn clear_overrides(&mut self);
-    /// Memory of per-environment parameters, including those of actuator models, bytes.
-    fn parameter_bytes(&self) -> usize;
-}
-
-impl<S: LaneScalar> Configuration for Batch<S> {
-    fn settings(&self) -> &StepSettings {
-        &self.settings
-    }
-
-    #[cfg(feature = "internals")]
-    fn settings_mut(&mut self) -> &mut StepSettings {
-        &mut self.settings
-    }
-
-    fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error> {
+    pub(super) fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error> {
         let errors = Errors::new(model, transfers, self.num_envs, self.lanes, self.settings.timestep)?;
         let readings = if errors.is_empty() { 0 } else { self.compiled.sensing.width };
         check_memory(self.num_envs, (errors.memory + readings) * size_of::<S>() + 3 * errors.lines * size_of::<usize>())?;
@@ -67,7 +29,14 @@ impl<S: LaneScalar> Configuration for Batch<S> {
         Ok(())
     }
 
-    fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
+    /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. Resets all environments.
+    ///
+    /// The caller gets both arguments from [`ActuatorSpec::fold`], which moves delays and force limits of actuators from the model to the
+    /// specs.
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    pub(super) fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
         let (compiled, h) = (compile(model, specs, &self.settings), self.settings.timestep);
         // The pipelines of a single group give the memory per environment, before anything is allocated for all of them.
         let of_group = ActuatorPipelines::<S>::new(specs, self.lanes.min(self.num_envs), self.lanes, h);
@@ -86,23 +55,29 @@ impl<S: LaneScalar> Configuration for Batch<S> {
         Ok(())
     }
 
-    fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]) {
+    /// Sets new parameters of actuator models in the environments `envs`. `None` does not change an actuator.
+    ///
+    /// Each list of a spec has one number for all of `envs`, or one number for each of them.
+    pub(super) fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]) {
         if let Some(pipelines) = &mut self.pipelines {
             pipelines.set_parameters(specs, envs, self.settings.timestep);
         }
     }
 
-    fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]) {
+    /// Sets per-environment parameters in the environments `envs`: for each, the parameters that differ from the model's.
+    pub(super) fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]) {
         self.overrides.store_differences(&self.compiled.params, self.groups.len(), self.lanes, envs, differences);
     }
 
-    fn clear_overrides(&mut self) {
+    /// Restores the model's parameters in all environments.
+    pub(super) fn clear_overrides(&mut self) {
         self.overrides = ParameterOverrides::default();
         // Idle workers still have the overridden parameters in their lane models, so that they are discarded.
         self.workers.idle_workers().clear();
     }
 
-    fn parameter_bytes(&self) -> usize {
+    /// Memory of per-environment parameters, including those of actuator models, bytes.
+    pub(super) fn parameter_bytes(&self) -> usize {
         self.overrides.bytes() + self.pipelines.as_ref().map_or(0, ActuatorPipelines::bytes)
     }
 }

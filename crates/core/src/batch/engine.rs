@@ -1,26 +1,23 @@
-//! Engine: interface through which a simulation calls a batch of environments, independent of the batch's precision.
+//! Batch of a simulation, in the scalar type of its precision.
 
-use crate::batch::configuration::Configuration;
-use crate::batch::environments::{Batch, Environments};
-use crate::batch::ray_calls::RayCalls;
-use crate::batch::saving::Saving;
-use crate::batch::stepping::BatchCalls;
-use crate::batch::worker::LaneScalar;
+use crate::batch::environments::Batch;
 
-/// Batch of environments in any precision: steps, rays, configuration, access to the state of one environment, and saved states.
-pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {
-    /// Copy of the batch, with separate workers and threads.
-    fn boxed_clone(&self) -> Box<dyn Engine>;
+/// Batch of environments in the scalar type of a precision.
+#[derive(Clone)]
+pub(super) enum Engine {
+    /// Batch in 64 bits.
+    F64(Batch<f64>),
+    /// Batch in 32 bits.
+    F32(Batch<f32>),
 }
 
-impl<S: LaneScalar> Engine for Batch<S> {
-    fn boxed_clone(&self) -> Box<dyn Engine> {
-        Box::new(self.clone())
-    }
+/// Evaluates an expression with the batch of an engine, in either precision.
+macro_rules! with_batch {
+    ($engine:expr, $batch:ident => $result:expr) => {
+        match $engine {
+            $crate::batch::engine::Engine::F64($batch) => $result,
+            $crate::batch::engine::Engine::F32($batch) => $result,
+        }
+    };
 }
-
-impl Clone for Box<dyn Engine> {
-    fn clone(&self) -> Self {
-        (**self).boxed_clone()
-    }
-}
+pub(super) use with_batch;

@@ -9,7 +9,7 @@ use crate::batch::capacity::{bytes_per_env, check_memory, contact_capacity};
 use crate::batch::inputs::Field;
 use crate::batch::parameter_overrides::ParameterOverrides;
 use crate::batch::state::{Group, StoredContact};
-use crate::batch::worker::{LaneScalar, WorkerSpec};
+use crate::batch::worker::{LaneScalar, WorkerSpec, lanes};
 use crate::batch::worker_pool::WorkerPool;
 use crate::batch::worst_row::WorstRow;
 use crate::compile::CompiledModel;
@@ -38,45 +38,6 @@ pub struct Outcome {
     pub equality_violation: f64,
 }
 
-/// Access to the state of one environment of a batch, by its index `env`.
-pub trait Environments {
-    /// Copies a field of the state to `out`.
-    fn read(&self, field: Field, env: usize, out: &mut [f64]);
-    /// Sets a field of the state to `values`.
-    fn write(&mut self, field: Field, env: usize, values: &[f64]);
-    /// Simulated time of environment `env`, s.
-    fn time(&self, env: usize) -> f64;
-    /// Sets the simulated time of environment `env`, s.
-    fn set_time(&mut self, env: usize, time: f64);
-    /// Outcome of the last call in environment `env`.
-    fn outcome(&self, env: usize) -> Outcome;
-    /// Contacts of the last step: the two geoms of each, as indices in the model, and the stored contact.
-    fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)>;
-    /// Writes, for every sensor of the model, the number of clipped readings and of lost samples in the last call.
-    fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
-    /// Writes, for every actuator, the number of steps of the last call that clamped its force.
-    fn actuator_saturation(&self, env: usize, out: &mut [u32]);
-    /// Constraint row with the largest residual in the last unsolved step of the last call; `None` if all steps were solved.
-    fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow>;
-    /// Controls after the actuator pipelines, and parameters of the actuator dynamics. `None` if no actuator has an actuator model.
-    fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
-    /// Begins a new episode: the next one of the present seed, or the first one of the seed `seed`.
-    ///
-    /// The episode has other random numbers. The function clears the memory of sensors and actuator pipelines.
-    fn begin_episode(&mut self, env: usize, seed: Option<u64>);
-    /// Sets the index of the random stream from which the environment draws its random numbers.
-    fn set_random_stream(&mut self, env: usize, stream: u32);
-    /// Clears the results of earlier steps: warm starts, contacts and outcome, and the memory of sensors and of actuator pipelines.
-    fn clear_memory(&mut self, env: usize);
-    /// Marks the state as set by the user: sensors of accelerations and forces then ignore the results of the last step. No memory is
-    /// cleared.
-    fn discard_last_step(&mut self, env: usize);
-    /// Sets the controls that sensors of actuator forces read before the first step.
-    fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]);
-    /// Memory of the state of all environments, bytes.
-    fn bytes(&self) -> usize;
-}
-
 /// Batch: environments of one model in one scalar type.
 #[derive(Clone)]
 pub struct Batch<S: LaneScalar> {
@@ -99,18 +60,14 @@ impl<S: LaneScalar> Batch<S> {
     /// Creates a batch of `num_envs` environments at the model's reset state. `threads` is the number of threads; 0 selects all that this
     /// process may use.
     ///
-    /// If `check` is true, the function first checks the available memory. Without the check, a failed allocation ends the process.
-    ///
     /// # Errors
-    /// [`Error::Memory`] when the check finds too little memory.
-    pub fn new(model: &Model, settings: StepSettings, num_envs: usize, threads: usize, level: Level, check: bool) -> Result<Self, Error> {
+    /// [`Error::Memory`] when there is too little memory.
+    pub fn new(model: &Model, settings: StepSettings, num_envs: usize, threads: usize, level: Level) -> Result<Self, Error> {
         let compiled = compile(model, &[], &settings);
         let max_contacts = contact_capacity(model, &compiled, &settings, level);
-        if check {
-            check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
-        }
+        check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
-        let lanes = if num_envs == 1 { S::single(level) } else { S::lanes(&compiled, num_envs, threads, level) };
+        let lanes = if num_envs == 1 { S::single(level) } else { lanes(&compiled, num_envs, threads, level) };
         let groups = make_groups(model, &compiled, num_envs, lanes, max_contacts);
         // More threads than groups would be idle.
         let workers = WorkerPool::new(threads.min(groups.len()), lanes, level);
@@ -176,8 +133,9 @@ pub(super) fn make_groups<S: LaneScalar>(
     (0..num_envs.div_ceil(lanes)).map(group).collect()
 }
 
-impl<S: LaneScalar> Environments for Batch<S> {
-    fn read(&self, field: Field, env: usize, out: &mut [f64]) {
+impl<S: LaneScalar> Batch<S> {
+    /// Copies a field of the state to `out`.
+    pub(super) fn read(&self, field: Field, env: usize, out: &mut [f64]) {
         let (group, lane) = self.lane(env);
         let from = match field {
             Field::Qpos => &group.q,
@@ -189,7 +147,8 @@ impl<S: LaneScalar> Environments for Batch<S> {
         }
     }
 
-    fn write(&mut self, field: Field, env: usize, values: &[f64]) {
+    /// Sets a field of the state to `values`.
+    pub(super) fn write(&mut self, field: Field, env: usize, values: &[f64]) {
         let lanes = self.lanes;
         let (group, lane) = self.lane_mut(env);
         let to = match field {
@@ -202,17 +161,20 @@ impl<S: LaneScalar> Environments for Batch<S> {
         }
     }
 
-    fn time(&self, env: usize) -> f64 {
+    /// Simulated time of environment `env`, s.
+    pub(super) fn time(&self, env: usize) -> f64 {
         let (group, lane) = self.lane(env);
         group.time[lane]
     }
 
-    fn set_time(&mut self, env: usize, time: f64) {
+    /// Sets the simulated time of environment `env`, s.
+    pub(super) fn set_time(&mut self, env: usize, time: f64) {
         let (group, lane) = self.lane_mut(env);
         group.time[lane] = time;
     }
 
-    fn outcome(&self, env: usize) -> Outcome {
+    /// Outcome of the last call in environment `env`.
+    pub(super) fn outcome(&self, env: usize) -> Outcome {
         let (group, lane) = self.lane(env);
         Outcome {
             status: Status::from_bits_retain(group.status[lane]),
@@ -225,12 +187,14 @@ impl<S: LaneScalar> Environments for Batch<S> {
         }
     }
 
-    fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow> {
+    /// Constraint row with the largest residual in the last unsolved step of the last call; `None` if all steps were solved.
+    pub(super) fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow> {
         let (group, lane) = self.lane(env);
         WorstRow::of_code(group.worst[lane], model, &self.compiled)
     }
 
-    fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {
+    /// Contacts of the last step: the two geoms of each, as indices in the model, and the stored contact.
+    pub(super) fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {
         let (group, lane) = self.lane(env);
         let geoms = |c: StoredContact| {
             self.compiled.pair_geoms(c.id.pair()).expect("a pair index of this compiled model").map(|g| self.compiled.geoms[g].index)
@@ -238,50 +202,61 @@ impl<S: LaneScalar> Environments for Batch<S> {
         group.contacts(lane).map(|c| (geoms(c), c)).collect()
     }
 
-    fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]) {
+    /// Number of clipped readings and number of lost samples in the last call, for every sensor of the model.
+    pub(super) fn sensor_faults(&self, env: usize) -> Vec<[u32; 2]> {
+        let mut out = vec![[0; 2]; self.compiled.sensing.sensors.len()];
         let (group, lane) = self.lane(env);
         let counts = group.sensing.faults.chunks_exact(2 * self.lanes);
         for (sensor, counts) in self.sensor_errors.iter().flat_map(Errors::sensors).zip(counts) {
             out[sensor] = [counts[lane], counts[self.lanes + lane]];
         }
+        out
     }
 
-    fn actuator_saturation(&self, env: usize, out: &mut [u32]) {
+    /// Number of steps of the last call that clamped the force of each actuator.
+    pub(super) fn actuator_saturation(&self, env: usize) -> Vec<u32> {
         let (group, lane) = self.lane(env);
-        for (out, counts) in out.iter_mut().zip(group.saturated.chunks_exact(self.lanes)) {
-            *out = counts[lane];
-        }
+        (0..self.compiled.actuators.len()).map(|a| group.saturated.get(a * self.lanes + lane).copied().unwrap_or(0)).collect()
     }
 
-    fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)> {
+    /// Controls after the actuator pipelines, and parameters of the actuator dynamics. `None` if no actuator has an actuator model.
+    pub(super) fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)> {
         let pipelines = self.pipelines.as_ref()?;
         let (group, lane) = self.lane(env);
         let applied = group.actuation.applied.iter().skip(lane).step_by(self.lanes).map(|x| x.to_f64()).collect();
         Some((applied, pipelines.read(&self.compiled, env / self.lanes, lane)))
     }
 
-    fn begin_episode(&mut self, env: usize, seed: Option<u64>) {
+    /// Begins a new episode: the next one of the present seed, or the first one of the seed `seed`.
+    ///
+    /// The episode has other random numbers. The function clears the memory of sensors and actuator pipelines.
+    pub(super) fn begin_episode(&mut self, env: usize, seed: Option<u64>) {
         let (group, lane) = self.lane_mut(env);
         group.sensing.begin(lane, seed);
         group.actuation.begin(lane, group.lanes);
     }
 
-    fn set_random_stream(&mut self, env: usize, stream: u32) {
+    /// Sets the index of the random stream from which the environment draws its random numbers.
+    pub(super) fn set_random_stream(&mut self, env: usize, stream: u32) {
         let (group, lane) = self.lane_mut(env);
         group.sensing.stream[lane] = stream;
     }
 
-    fn clear_memory(&mut self, env: usize) {
+    /// Clears the results of earlier steps: warm starts, contacts and outcome, and the memory of sensors and of actuator pipelines.
+    pub(super) fn clear_memory(&mut self, env: usize) {
         let (group, lane) = self.lane_mut(env);
         group.clear_memory(lane);
     }
 
-    fn discard_last_step(&mut self, env: usize) {
+    /// Marks the state as set by the user: sensors of accelerations and forces then ignore the results of the last step. No memory is
+    /// cleared.
+    pub(super) fn discard_last_step(&mut self, env: usize) {
         let (group, lane) = self.lane_mut(env);
         group.sensing.refresh(lane);
     }
 
-    fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]) {
+    /// Sets the controls that sensors of actuator forces read before the first step.
+    pub(super) fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]) {
         // With actuator pipelines, the first step determines the controls that sensors read.
         if self.pipelines.is_none() {
             let (group, lane) = self.lane_mut(env);
@@ -291,7 +266,8 @@ impl<S: LaneScalar> Environments for Batch<S> {
         }
     }
 
-    fn bytes(&self) -> usize {
+    /// Memory of the state of all environments, bytes.
+    pub(super) fn bytes(&self) -> usize {
         self.groups.iter().map(Group::bytes).sum()
     }
 }

@@ -42,21 +42,9 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
     )
 }
 
-/// Copies the state of a group to the workspace.
-pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
-    load_motion(group, s);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            s.state.time.copy_from_slice(&group.time);
-            group.load_contacts(&mut s.state.contacts);
-        },
-    )
-}
-
-/// Loads positions, velocities, activations and constraint impulses of a group into the workspace, but no contacts: the first part of
-/// [`load_state`].
-pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
+/// Loads positions, velocities, activations and constraint impulses of a group into the workspace. If `contacts` is true, it also loads
+/// times and contacts.
+pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>, contacts: bool) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -66,6 +54,10 @@ pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R
             R::load_all(&group.act, &mut s.state.act);
             R::load_all(&group.scalar_impulse, &mut s.velocity.scalar_impulse);
             R::load_all(&group.impulse, &mut s.state.impulse);
+            if contacts {
+                s.state.time.copy_from_slice(&group.time);
+                group.load_contacts(&mut s.state.contacts);
+            }
         },
     )
 }

@@ -31,28 +31,20 @@ impl<'a> StepInputs<'a> {
     }
 }
 
-/// State array that the user can read and write.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Field {
-    /// Configuration, nq numbers per environment.
-    Qpos,
-    /// Velocity, nv numbers per environment.
-    Qvel,
-    /// Activations, na numbers per environment.
-    Act,
+named! {
+    /// State array that the user can read and write.
+    #[non_exhaustive]
+    Field {
+        /// Configuration, nq numbers per environment.
+        Qpos = "qpos",
+        /// Velocity, nv numbers per environment.
+        Qvel = "qvel",
+        /// Activations, na numbers per environment.
+        Act = "act",
+    }
 }
 
 impl Field {
-    /// Name of the field in Python and in messages.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Qpos => "qpos",
-            Self::Qvel => "qvel",
-            Self::Act => "act",
-        }
-    }
-
     /// Number of values per environment.
     pub fn width(self, model: &Model) -> usize {
         match self {
@@ -63,38 +55,25 @@ impl Field {
     }
 }
 
-/// Kind of input other than controls: applied forces, poses of mocap bodies, or active equalities. Values persist until the user changes
-/// them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum AppliedInput {
-    /// Generalized forces (`qfrc_applied`), (nv), N or N m.
-    QfrcApplied,
-    /// Force (N) and torque (N m) at every body's centre of mass, world axes, (nbody, 6).
-    XfrcApplied,
-    /// Target positions of the mocap bodies, (nmocap, 3), world frame, m.
-    MocapPos,
-    /// Target orientations of the mocap bodies, (nmocap, 4), quaternions (w, x, y, z).
-    MocapQuat,
-    /// Whether each equality is active, (neq): 1 for active, 0 for inactive.
-    EqActive,
+named! {
+    /// Kind of input other than controls: applied forces, poses of mocap bodies, or active equalities. Values persist until the user
+    /// changes them.
+    #[non_exhaustive]
+    AppliedInput {
+        /// Generalized forces (`qfrc_applied`), (nv), N or N m.
+        QfrcApplied = "qfrc_applied",
+        /// Force (N) and torque (N m) at every body's centre of mass, world axes, (nbody, 6).
+        XfrcApplied = "xfrc_applied",
+        /// Target positions of the mocap bodies, (nmocap, 3), world frame, m.
+        MocapPos = "mocap_pos",
+        /// Target orientations of the mocap bodies, (nmocap, 4), quaternions (w, x, y, z).
+        MocapQuat = "mocap_quat",
+        /// Whether each equality is active, (neq): 1 for active, 0 for inactive.
+        EqActive = "eq_active",
+    }
 }
 
 impl AppliedInput {
-    /// List of all kinds of applied input.
-    pub const ALL: [Self; 5] = [Self::QfrcApplied, Self::XfrcApplied, Self::MocapPos, Self::MocapQuat, Self::EqActive];
-
-    /// Name of the input in Python and in messages.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::QfrcApplied => "qfrc_applied",
-            Self::XfrcApplied => "xfrc_applied",
-            Self::MocapPos => "mocap_pos",
-            Self::MocapQuat => "mocap_quat",
-            Self::EqActive => "eq_active",
-        }
-    }
-
     /// Shape of the input of one environment.
     pub fn shape(self, model: &Model) -> Vec<usize> {
         let nmocap = || model.bodies.iter().filter(|b| b.mocap).count();
@@ -140,11 +119,9 @@ impl AppliedInputs {
         let array = &mut self.arrays[input as usize];
         array.clear();
         array.extend_from_slice(values);
-        let poses = [AppliedInput::MocapPos, AppliedInput::MocapQuat];
-        let given = poses.map(|pose| !self.arrays[pose as usize].is_empty());
-        for (pose, given) in poses.into_iter().zip(given).filter(|_| given[0] != given[1]) {
-            if !given {
-                self.arrays[pose as usize] = pose.at_reset(model).repeat(num_envs);
+        for [given, missing] in [[AppliedInput::MocapPos, AppliedInput::MocapQuat], [AppliedInput::MocapQuat, AppliedInput::MocapPos]] {
+            if !self.get(given).is_empty() && self.get(missing).is_empty() {
+                self.arrays[missing as usize] = missing.at_reset(model).repeat(num_envs);
             }
         }
     }

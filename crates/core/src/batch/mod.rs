@@ -4,7 +4,7 @@
 pub mod call;
 mod capacity;
 mod configuration;
-pub mod engine;
+mod engine;
 pub mod environments;
 mod exchange;
 pub mod inputs;

@@ -9,26 +9,14 @@ use crate::batch::worker::LaneScalar;
 use crate::compile::sensing::{Target, TargetForm};
 use crate::error::Error;
 
-/// Ray casting in all environments of a batch.
-pub trait RayCalls {
+impl<S: LaneScalar> Batch<S> {
     /// Casts rays with directions of unit length. Writes distances, m, in the precision of the lanes, and the geoms that the rays hit.
     ///
     /// For each geom of `rays`, `surfaces` has the mesh or height field that rays hit; `None` for a simple shape.
     ///
     /// # Errors
     /// [`Error::Threads`] when threads cannot be started.
-    fn cast_rays(
-        &mut self,
-        inputs: &StepInputs<'_>,
-        rays: &RayCast<'_>,
-        surfaces: Vec<Option<TargetForm>>,
-        distances: Numbers<'_>,
-        geoms: &mut [i32],
-    ) -> Result<(), Error>;
-}
-
-impl<S: LaneScalar> RayCalls for Batch<S> {
-    fn cast_rays(
+    pub(super) fn cast_rays(
         &mut self,
         inputs: &StepInputs<'_>,
         rays: &RayCast<'_>,
@@ -48,16 +36,10 @@ impl<S: LaneScalar> RayCalls for Batch<S> {
         };
         let targets: Vec<_> = rays.geoms.iter().zip(surfaces).map(target).collect();
         let query = RayQuery { rays: *rays, num_envs: self.num_envs, targets: &targets };
-        let size = self.chunk_size();
         let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
         let row = self.lanes * rays.count;
-        let rows = S::numbers(distances).chunks_mut(size * row).zip(geoms.chunks_mut(size * row));
-        let chunks = self.groups.chunks(size).zip(rows).enumerate();
-        self.workers.share_chunks(&self.worker_spec(), chunks, |worker, (chunk, (groups, (distances, geoms)))| {
-            for (g, (group, rows)) in groups.iter().zip(distances.chunks_mut(row).zip(geoms.chunks_mut(row))).enumerate() {
-                worker.cast_rays(&call, group, (chunk * size + g) * self.lanes, &query, rows);
-            }
-        });
+        let rows = S::numbers(distances).chunks_mut(row).zip(geoms.chunks_mut(row));
+        self.share_groups(self.groups.iter().zip(rows), |worker, first, (group, rows)| worker.cast_rays(&call, group, first, &query, rows));
         Ok(())
     }
 }

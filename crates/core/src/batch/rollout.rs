@@ -9,34 +9,22 @@ use crate::integrators::workspace::Workspace;
 use crate::math::precision::Precision;
 use crate::model::Model;
 
-/// Quantity that a rollout can record after each control.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Quantity {
-    /// Configuration, nq numbers per environment.
-    Qpos,
-    /// Velocity, nv numbers per environment.
-    Qvel,
-    /// Activations, na numbers per environment.
-    Act,
-    /// Sensor readings, nsensordata numbers per environment.
-    Observation,
+named! {
+    /// Quantity that a rollout can record after each control.
+    #[non_exhaustive]
+    Quantity {
+        /// Configuration, nq numbers per environment.
+        Qpos = "qpos",
+        /// Velocity, nv numbers per environment.
+        Qvel = "qvel",
+        /// Activations, na numbers per environment.
+        Act = "act",
+        /// Sensor readings, nsensordata numbers per environment.
+        Observation = "sensordata",
+    }
 }
 
 impl Quantity {
-    /// All quantities that can be recorded.
-    pub const ALL: [Self; 4] = [Self::Qpos, Self::Qvel, Self::Act, Self::Observation];
-
-    /// Name of the quantity in Python and in messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Qpos => "qpos",
-            Self::Qvel => "qvel",
-            Self::Act => "act",
-            Self::Observation => "sensordata",
-        }
-    }
-
     /// Number of values of the quantity per environment.
     pub fn width(self, model: &Model) -> usize {
         match self {

@@ -11,22 +11,6 @@ use crate::error::StateMisfit;
 use crate::math::lanes::{DelayLine, DestinationLanes, lane_bits};
 use crate::sensing::errors::Errors;
 
-/// Conversion of the state of a batch to bytes, and restoring.
-pub trait Saving {
-    /// Saves the state of environment `env`, or of all environments, as bytes.
-    ///
-    /// `ctrl` has the controls in force of the saved environments, nu for each.
-    fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
-    /// Restores a saved state in the environments `envs`, and returns the saved controls. [`Saving::save`] made the bytes.
-    ///
-    /// If the saved state has as many environments as the batch, each of `envs` gets the state with the same index. A saved state of one
-    /// environment goes to all of `envs`.
-    ///
-    /// # Errors
-    /// The first mismatch between the saved state and the batch. Nothing is changed in this case.
-    fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
-}
-
 /// Saved environments in groups. The number of lanes of a group is the same on every CPU level: 4 for `f64`, 8 for `f32`, and 1 for a
 /// single environment.
 #[derive(Serialize, Deserialize)]
@@ -37,8 +21,11 @@ struct SavedGroups<S> {
     groups: Vec<Group<S>>,
 }
 
-impl<S: LaneScalar> Saving for Batch<S> {
-    fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8> {
+impl<S: LaneScalar> Batch<S> {
+    /// Saves the state of environment `env`, or of all environments, as bytes.
+    ///
+    /// `ctrl` has the controls in force of the saved environments, nu for each.
+    pub(super) fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8> {
         let n = if env.is_some() { 1 } else { self.saved_lanes() };
         let first = match env {
             Some(env) => env..env + 1,
@@ -54,7 +41,14 @@ impl<S: LaneScalar> Saving for Batch<S> {
         postcard::to_extend(&saved, Vec::with_capacity(capacity)).expect("numbers serialise")
     }
 
-    fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit> {
+    /// Restores a saved state in the environments `envs`, and returns the saved controls. [`Saving::save`] made the bytes.
+    ///
+    /// If the saved state has as many environments as the batch, each of `envs` gets the state with the same index. A saved state of one
+    /// environment goes to all of `envs`.
+    ///
+    /// # Errors
+    /// The first mismatch between the saved state and the batch. Nothing is changed in this case.
+    pub(super) fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit> {
         let read = postcard::take_from_bytes::<SavedGroups<S>>(bytes);
         let (saved, rest) = read.map_err(|e| StateMisfit::Unreadable(e.to_string()))?;
         if !rest.is_empty() {

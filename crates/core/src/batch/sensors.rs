@@ -3,8 +3,8 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::batch::call::{Call, Query};
-use crate::batch::exchange::{load_control, load_inputs, load_motion, load_state};
+use crate::batch::call::Call;
+use crate::batch::exchange::{load_control, load_inputs, load_state};
 use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
@@ -57,18 +57,18 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         group.sensing.waiting = 0;
     }
 
-    /// Writes the readings of all environments of the group to `query.out`, environment-major: true readings, or readings after the error
-    /// models.
-    pub(super) fn read(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>, query: Query<'_>) {
-        let rows = query.out.chunks_exact_mut(self.call.compiled.sensing.width).enumerate();
-        if query.truth || self.call.sensor_errors.is_none() {
+    /// Writes the readings of all environments of the group to `out`, environment-major. The readings are those of ideal sensors if `truth`
+    /// is true, otherwise those after the error models.
+    pub(super) fn read(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>, truth: bool, out: &mut [f64]) {
+        if truth || self.call.sensor_errors.is_none() {
             self.evaluate(group, s);
-            let truth = &s.sensors.workspace.truth;
-            rows.for_each(|(l, row)| row.iter_mut().zip(truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
         } else {
             self.begin_observations(group, s);
-            let readings = &group.sensing.observation;
-            rows.for_each(|(l, row)| row.iter_mut().enumerate().for_each(|(i, out)| *out = readings[i * R::LANES + l].to_f64()));
+            load_or_zero(&group.sensing.observation, &mut s.sensors.workspace.truth);
+        }
+        let readings = &s.sensors.workspace.truth;
+        for (l, row) in out.chunks_exact_mut(readings.len()).enumerate() {
+            row.iter_mut().zip(readings).for_each(|(out, x)| *out = x.lane(l).to_f64());
         }
     }
 
@@ -97,7 +97,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     /// from this state, and does not change it.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;
-        load_state(group, s);
+        load_state(group, s, true);
         load_inputs(self.call, group, self.first, s);
         s.current = false;
         load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
@@ -110,11 +110,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     /// If `last_step` is true, results of the last step are loaded too. If the state was set since then, the results come from a trial
     /// step, which does not change the state. If `contacts` is true, the contacts of the last step are loaded too.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
-        if last_step {
-            load_state(group, s);
-        } else {
-            load_motion(group, s);
-        }
+        load_state(group, s, last_step);
         if contacts && !last_step {
             (0..R::LANES).for_each(|lane| load_contacts_of_lane(group, lane, &mut s.state.contacts));
         }

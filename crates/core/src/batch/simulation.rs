@@ -24,16 +24,15 @@ use std::sync::{Arc, OnceLock};
 use stepper_real::Level;
 
 use crate::actuation::ActuatorModels;
-use crate::batch::engine::Engine;
+use crate::batch::engine::{Engine, with_batch};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::AppliedInputs;
 use crate::batch::randomization::Randomization;
-use crate::batch::worker::LaneScalar;
 use crate::compile::{CompiledModel, LaneModel, RaySurfaces};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Model;
-use crate::options::{ContactLaw, Integrator, Options, StepSettings};
+use crate::options::{ContactLaw, Integrator, Options};
 
 /// Simulation of many environments of one model.
 ///
@@ -42,7 +41,7 @@ use crate::options::{ContactLaw, Integrator, Options, StepSettings};
 pub struct Simulation {
     model: Arc<Model>,
     options: Options,
-    engine: Box<dyn Engine>,
+    engine: Engine,
     num_envs: usize,
     precision: Precision,
     /// Digest of the model, computed when it is first needed.
@@ -57,18 +56,16 @@ pub struct Simulation {
     truth: TrueReadings,
     /// Cache of the meshes and height fields that rays can hit, filled as ray calls need them.
     surfaces: RaySurfaces,
-    /// Counter of changes to the inputs of derived quantities.
+    /// Counter of changes to the inputs of derived quantities and true readings.
     revision: u64,
 }
 
-/// Cache of the true readings of all sensors, valid until one of their inputs changes.
+/// Cache of the true readings of all sensors.
 #[derive(Clone, Default)]
 struct TrueReadings {
-    is_cached: bool,
+    /// Revision number of the simulation at which the readings were computed; `None` without readings.
+    revision: Option<u64>,
     readings: Vec<f64>,
-    /// Applied inputs with which the readings were computed, in the order of
-    /// [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
-    applied: [Vec<f64>; 5],
 }
 
 impl fmt::Debug for Simulation {
@@ -112,7 +109,7 @@ impl Simulation {
             model.check_range(f64::from(f32::MAX))?;
         }
         let level = Level::best()?;
-        let mut simulation = Self::make(model, options, num_envs, precision, threads, level, true)?;
+        let mut simulation = Self::make(model, options, num_envs, precision, threads, level)?;
         if simulation.model.actuators.iter().any(|a| a.delay > 0.0) {
             let specs = vec![None; simulation.model.nu()];
             simulation.set_actuator_models(&specs)?;
@@ -120,7 +117,7 @@ impl Simulation {
         Ok(simulation)
     }
 
-    /// Creates a simulation at the model's reset state on the CPU level `level`. If `check` is true, it first checks the available memory.
+    /// Creates a simulation at the model's reset state on the CPU level `level`, after a check of the available memory.
     fn make(
         model: Arc<Model>,
         options: Options,
@@ -128,19 +125,7 @@ impl Simulation {
         precision: Precision,
         threads: usize,
         level: Level,
-        check: bool,
     ) -> Result<Self, Error> {
-        /// Creates a batch of environments in the scalar type `S`.
-        fn engine<S: LaneScalar>(
-            model: &Model,
-            settings: StepSettings,
-            num_envs: usize,
-            threads: usize,
-            level: Level,
-            check: bool,
-        ) -> Result<Box<dyn Engine>, Error> {
-            Ok(Box::new(Batch::<S>::new(model, settings, num_envs, threads, level, check)?))
-        }
         if options.contact == ContactLaw::Mujoco
             && let Some(tendon) = model.tendons.iter().find(|t| t.armature > 0.0)
         {
@@ -152,8 +137,8 @@ impl Simulation {
         let asked = model.requested.as_ref().and_then(|asked| Integrator::of_source(&asked.integrator));
         let settings = options.resolve(model.timestep, gravity, asked, precision)?;
         let engine = match precision {
-            Precision::F64 => engine::<f64>(&model, settings, n, threads, level, check)?,
-            Precision::F32 => engine::<f32>(&model, settings, n, threads, level, check)?,
+            Precision::F64 => Engine::F64(Batch::new(&model, settings, n, threads, level)?),
+            Precision::F32 => Engine::F32(Batch::new(&model, settings, n, threads, level)?),
         };
         let ctrl = vec![0.0; n * model.nu()];
         let mut simulation = Self {
@@ -188,14 +173,14 @@ impl Simulation {
 
     /// Time step in force, s: the options' time step if it is set, otherwise the model's.
     pub fn timestep(&self) -> f64 {
-        self.engine.settings().timestep
+        self.settings().timestep
     }
 
     /// Residual at which the solver stops, m/s: the options' tolerance if it is set, otherwise [`Precision::tolerance`].
     ///
     /// With MuJoCo's contact law it is at most 0.6 % of the velocity that gravity adds in a step.
     pub fn tolerance(&self) -> f64 {
-        self.engine.settings().tolerance
+        self.settings().tolerance
     }
 
     /// Scalar type of the lanes.
@@ -210,14 +195,12 @@ impl Simulation {
 
     /// Number of threads that make steps, at most the number of groups of environments.
     pub fn threads(&self) -> usize {
-        self.engine.threads()
+        with_batch!(&self.engine, batch => batch.workers.threads())
     }
 
     /// Memory of the states of all environments and of cached readings, bytes.
     pub fn bytes(&self) -> usize {
-        let TrueReadings { readings, applied, .. } = &self.truth;
-        let kept = readings.len() + applied.iter().map(Vec::len).sum::<usize>();
-        self.engine.bytes() + kept * size_of::<f64>()
+        with_batch!(&self.engine, batch => batch.bytes()) + size_of_val(&self.truth.readings[..])
     }
 
     /// Memory of the inputs for the next step, bytes: controls in force and applied inputs.
@@ -228,18 +211,17 @@ impl Simulation {
     /// Calls `look` while one additional worker exists, to measure the memory of its workspace. Each thread allocates such a workspace at
     /// its first step.
     pub fn with_worker(&self, mut look: impl FnMut()) {
-        self.engine.with_worker(&mut look);
+        with_batch!(&self.engine, batch => batch.with_worker(&mut look));
     }
 
     /// Mutable batch of the simulation. The call invalidates cached readings.
-    fn engine_mut(&mut self) -> &mut dyn Engine {
+    fn engine_mut(&mut self) -> &mut Engine {
         self.note_change();
-        &mut *self.engine
+        &mut self.engine
     }
 
     /// Invalidates cached readings and derived quantities.
     fn note_change(&mut self) {
-        self.truth.is_cached = false;
         self.revision += 1;
     }
 
@@ -251,11 +233,9 @@ impl Simulation {
 
     /// Compiled model in f64.
     fn lane_model(&self) -> &LaneModel<f64> {
-        self.compiled.get_or_init(|| {
-            LaneModel::new(&match &self.actuator_models {
-                Some(actuator_models) => CompiledModel::with_actuator_specs(&actuator_models.model, &actuator_models.specs),
-                None => CompiledModel::new(&self.model),
-            })
+        self.compiled.get_or_init(|| match &self.actuator_models {
+            Some(actuator_models) => CompiledModel::with_actuator_specs(&actuator_models.model, &actuator_models.specs),
+            None => CompiledModel::new(&self.model),
         })
     }
 }

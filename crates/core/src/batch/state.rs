@@ -7,8 +7,8 @@ use crate::actuation;
 use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::separation_cache::SeparationCache;
 use crate::compile::ModelStructure;
-use crate::math::lanes::MAX_LANES;
-use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lane_arrays::{clear_column, lane_arrays};
+use crate::math::lanes::{DestinationLanes, MAX_LANES, columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;
 
@@ -21,7 +21,7 @@ const NORMAL: usize = 6;
 ///
 /// The solver of the next step starts from the contact impulses, so they are part of the state. Positions of contacts and results of the
 /// last call are stored only for the user to read.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Group<S> {
     /// Number of lanes of the group.
     pub lanes: usize,
@@ -77,6 +77,10 @@ pub struct Group<S> {
     pub actuation: actuation::memory::Memory<S>,
 }
 
+// All arrays but those of the contacts, whose capacity may differ between groups.
+lane_arrays!(Group: q v act scalar_impulse impulse mocap contact_count time status saturated residual sweeps newton_steps worst depth
+    overshoot equality_violation);
+
 impl<S: Scalar> Group<S> {
     /// Creates a group at the reset state `qpos0`, for the environments from `first` on. `alive` are the lanes (bits) that have an
     /// environment.
@@ -115,15 +119,13 @@ impl<S: Scalar> Group<S> {
     /// residual, iterations, largest errors). Also clears the memories of sensors and actuator pipelines.
     pub fn clear_memory(&mut self, lane: usize) {
         let lanes = self.lanes;
-        for numbers in [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap] {
-            numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
-        }
+        [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap].into_iter().for_each(|numbers| clear_column(numbers, lanes, lane));
         // Entries beyond a lane's number of contacts are loaded together with those of other lanes, but have no effect.
         self.contact_count[lane] = 0;
         self.separation_cache.forget(lane);
         self.status[lane] = Status::OK.bits();
         self.worst[lane] = 0;
-        self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
+        clear_column(&mut self.saturated, lanes, lane);
         let Self { residual, sweeps, newton_steps, depth, overshoot, equality_violation, .. } = self;
         for number in [residual, sweeps, newton_steps, depth, overshoot, equality_violation] {
             number[lane] = S::default();
@@ -134,17 +136,11 @@ impl<S: Scalar> Group<S> {
 
     /// Memory of the group's state, bytes.
     pub fn bytes(&self) -> usize {
-        let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
-        let record = [&self.residual, &self.sweeps, &self.newton_steps, &self.depth, &self.overshoot, &self.equality_violation];
-        let numbers = [&self.q, &self.v, &self.act].into_iter().chain(record).chain(impulses);
-        let scalars: usize = numbers.map(|x| size_of_val(&x[..])).sum();
-        let counts = [&self.contact_count, &self.status, &self.saturated].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
         size_of::<Self>()
-            + scalars
-            + counts
+            + self.bytes_of_arrays()
             + size_of_val(&self.contact_ids[..])
-            + size_of_val(&self.worst[..])
-            + size_of_val(&self.time[..])
+            + size_of_val(&self.contact_data[..])
+            + size_of_val(&self.contact_torque[..])
             + self.separation_cache.bytes()
             + self.sensing.bytes()
             + self.actuation.bytes()
@@ -152,13 +148,8 @@ impl<S: Scalar> Group<S> {
 
     /// Whether another group has arrays of the same lengths, apart from the contact capacity.
     pub fn fits(&self, other: &Self) -> bool {
-        let sizes = |g: &Self| {
-            let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap].map(Vec::len);
-            let record = [&g.residual, &g.sweeps, &g.newton_steps, &g.depth, &g.overshoot, &g.equality_violation].map(Vec::len);
-            let numbers = ([&g.q, &g.v, &g.act].map(Vec::len), record, impulses);
-            (g.lanes, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.worst.len(), g.time.len())
-        };
-        sizes(self) == sizes(other)
+        self.lanes == other.lanes
+            && self.lengths() == other.lengths()
             && self.separation_cache.fits(&other.separation_cache)
             && self.sensing.fits(&other.sensing)
             && self.actuation.fits(&other.actuation)
@@ -186,55 +177,30 @@ impl<S: Scalar> Group<S> {
                 self.actuation.clear(lane, lanes);
             }
             let held = self.contact_count[lane] as usize;
-            self.contact_ids.iter_mut().skip(held * lanes + lane).step_by(lanes).for_each(|x| *x = 0);
-            let unused = self.contact_data.iter_mut().skip(held * CONTACT_NUMBERS * lanes + lane);
-            unused.step_by(lanes).for_each(|x| *x = S::default());
-            let unused = self.contact_torque.iter_mut().skip(held * 3 * lanes + lane);
-            unused.step_by(lanes).for_each(|x| *x = S::default());
+            clear_column(&mut self.contact_ids, lanes, held * lanes + lane);
+            clear_column(&mut self.contact_data, lanes, held * CONTACT_NUMBERS * lanes + lane);
+            clear_column(&mut self.contact_torque, lanes, held * 3 * lanes + lane);
         }
         self.separation_cache.tidy();
         self
     }
 
-    /// Number of entries of `contact_ids` that are needed for all contacts of the lanes from `first` to `first + n`, exclusive.
-    fn used_entries(&self, first: usize, n: usize) -> usize {
-        let held = (first..first + n).filter(|lane| self.alive >> lane & 1 == 1).map(|lane| self.contact_count[lane] as usize);
-        self.lanes * held.max().unwrap_or(0)
-    }
-
     /// Copy of the lanes from `first` to `first + n`, exclusive, with a contact capacity for the present contacts only.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.lanes;
-        let entries = self.used_entries(first, n);
+        let held = (first..first + n).filter(|lane| self.alive >> lane & 1 == 1).map(|lane| self.contact_count[lane] as usize);
+        let entries = lanes * held.max().unwrap_or(0);
         let torques = (3 * entries).min(self.contact_torque.len());
-        let numbers = |x: &[S]| columns(x, lanes, first, n);
-        let words = |x: &[u32]| columns(x, lanes, first, n);
         Self {
             lanes: n,
             alive: lane_bits(self.alive, first, n),
-            q: numbers(&self.q),
-            v: numbers(&self.v),
-            act: numbers(&self.act),
-            scalar_impulse: numbers(&self.scalar_impulse),
-            impulse: numbers(&self.impulse),
-            mocap: numbers(&self.mocap),
-            contact_count: words(&self.contact_count),
             contact_ids: columns(&self.contact_ids[..entries], lanes, first, n),
-            contact_data: numbers(&self.contact_data[..CONTACT_NUMBERS * entries]),
-            contact_torque: numbers(&self.contact_torque[..torques]),
+            contact_data: columns(&self.contact_data[..CONTACT_NUMBERS * entries], lanes, first, n),
+            contact_torque: columns(&self.contact_torque[..torques], lanes, first, n),
             separation_cache: self.separation_cache.part(first, n),
-            time: columns(&self.time, lanes, first, n),
-            status: words(&self.status),
-            saturated: words(&self.saturated),
-            residual: numbers(&self.residual),
-            sweeps: numbers(&self.sweeps),
-            newton_steps: numbers(&self.newton_steps),
-            worst: columns(&self.worst, lanes, first, n),
-            depth: numbers(&self.depth),
-            overshoot: numbers(&self.overshoot),
-            equality_violation: numbers(&self.equality_violation),
             sensing: self.sensing.part(first, n),
             actuation: self.actuation.part(lanes, first, n),
+            ..self.part_of_arrays(lanes, first, n)
         }
     }
 
@@ -243,32 +209,10 @@ impl<S: Scalar> Group<S> {
     pub(crate) fn set_part(&mut self, target: DestinationLanes, part: &Self) {
         let (lanes, n) = (self.lanes, part.lanes);
         set_lane_bits(&mut self.alive, target, n, part.alive);
-        for (to, from) in [
-            (&mut self.q, &part.q),
-            (&mut self.v, &part.v),
-            (&mut self.act, &part.act),
-            (&mut self.scalar_impulse, &part.scalar_impulse),
-            (&mut self.impulse, &part.impulse),
-            (&mut self.mocap, &part.mocap),
-            (&mut self.contact_data, &part.contact_data),
-            (&mut self.contact_torque, &part.contact_torque),
-            (&mut self.residual, &part.residual),
-            (&mut self.sweeps, &part.sweeps),
-            (&mut self.newton_steps, &part.newton_steps),
-            (&mut self.depth, &part.depth),
-            (&mut self.overshoot, &part.overshoot),
-            (&mut self.equality_violation, &part.equality_violation),
-        ] {
-            set_columns(to, lanes, target, n, from);
-        }
-        for (to, from) in
-            [(&mut self.contact_count, &part.contact_count), (&mut self.status, &part.status), (&mut self.saturated, &part.saturated)]
-        {
-            set_columns(to, lanes, target, n, from);
-        }
+        self.set_arrays(lanes, target, n, part);
         set_columns(&mut self.contact_ids, lanes, target, n, &part.contact_ids);
-        set_columns(&mut self.worst, lanes, target, n, &part.worst);
-        set_columns(&mut self.time, lanes, target, n, &part.time);
+        set_columns(&mut self.contact_data, lanes, target, n, &part.contact_data);
+        set_columns(&mut self.contact_torque, lanes, target, n, &part.contact_torque);
         self.separation_cache.set_part(target, n, &part.separation_cache);
         self.sensing.set_part(target, n, &part.sensing);
         self.actuation.set_part(lanes, target, n, &part.actuation);

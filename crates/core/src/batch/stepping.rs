@@ -6,14 +6,11 @@ use std::time::Instant;
 use stepper_real::Level;
 
 use crate::analysis::derived::DerivedQuantity;
-use crate::batch::call::{Call, Part, Query, Schedule};
+use crate::batch::call::{Call, Part, Schedule};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::StepInputs;
 use crate::batch::rollout::{Numbers, Recording, RecordingChunk};
-use crate::batch::saving::Saving;
 use crate::batch::state::Group;
-#[cfg(feature = "internals")]
-use crate::batch::worker::WorkerMakers;
 use crate::batch::worker::{GroupPosition, LaneScalar, Worker};
 use crate::error::Error;
 use crate::math::lanes::{DestinationLanes, each_of};
@@ -23,8 +20,8 @@ use crate::options::StepSettings;
 /// and the call ends if the function returns false.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
-/// Step of one group of environments, as the callback of [`BatchCalls::lend_steps`] receives it.
-pub struct LentStep<'a> {
+/// Step of one group of environments, as the callback of [`Batch::lend_steps`] receives it.
+pub(super) struct LentStep<'a> {
     /// Index of the first environment of the group.
     pub first: usize,
     /// Number of lanes of the group.
@@ -33,52 +30,6 @@ pub struct LentStep<'a> {
     pub level: Level,
     /// Step to evaluate: a [`GroupStep`](crate::group_step::GroupStep) of the lane type of this CPU level.
     pub step: &'a mut dyn Any,
-}
-
-/// Calls for all environments of a batch.
-pub trait BatchCalls {
-    /// Makes the steps of a schedule, and records quantities after each control. Returns the number of steps made, the same in every
-    /// environment.
-    ///
-    /// The controls `inputs.ctrl` are (controls, num_envs, nu) or (controls, nu). The call stops early if `watch` returns false.
-    ///
-    /// # Errors
-    /// [`Error::Threads`]; nothing was done then.
-    fn make_steps(
-        &mut self,
-        inputs: &StepInputs<'_>,
-        schedule: Schedule,
-        recording: Option<Recording<'_>>,
-        watch: Watch<'_>,
-    ) -> Result<usize, Error>;
-    /// Reads all sensors of all environments, environment-major: true readings, or readings of the last step after the transfer functions.
-    ///
-    /// # Errors
-    /// [`Error::Threads`].
-    fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error>;
-    /// Computes derived quantities of all environments in one pass over the groups. Each quantity has an output array in the precision of
-    /// the lanes, (num_envs, ...). `inputs` are the inputs in force.
-    ///
-    /// # Errors
-    /// [`Error::Threads`].
-    fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
-    /// Calls `visit` with the step of each group of environments from the present state. The solver converges to a residual of `tolerance`,
-    /// m/s. The state does not change.
-    ///
-    /// # Errors
-    /// [`Error::Threads`].
-    fn lend_steps(&mut self, inputs: &StepInputs<'_>, tolerance: f64, visit: &(dyn Fn(LentStep<'_>) + Sync)) -> Result<(), Error>;
-    /// Constraint problem of a step of environment `env` from the present state, as bytes for [`stepper_solve::Problem::from_bytes`].
-    fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
-    /// Number of threads that step.
-    fn threads(&self) -> usize;
-    /// Whether `nstep` steps take at most two or three microseconds, so that releasing Python's interpreter lock costs more than it gains.
-    fn is_brief(&self, nstep: usize) -> bool;
-    /// Calls `callback` while one additional worker exists, so that the caller can measure the memory of a worker.
-    fn with_worker(&self, callback: &mut dyn FnMut());
-    /// Sets the functions that create workers.
-    #[cfg(feature = "internals")]
-    fn set_workers(&mut self, makers: &WorkerMakers);
 }
 
 /// Duration of a part of a long call, s. The callback that can stop the call is called after each part. A user hardly notices this delay of
@@ -92,8 +43,15 @@ const LEAST_COST: f64 = 5e-8;
 /// Largest product of degrees of freedom, environments and steps for which a call counts as brief.
 const BRIEF: usize = 10;
 
-impl<S: LaneScalar> BatchCalls for Batch<S> {
-    fn make_steps(
+impl<S: LaneScalar> Batch<S> {
+    /// Makes the steps of a schedule, and records quantities after each control. Returns the number of steps made, the same in every
+    /// environment.
+    ///
+    /// The controls `inputs.ctrl` are (controls, num_envs, nu) or (controls, nu). The call stops early if `watch` returns false.
+    ///
+    /// # Errors
+    /// [`Error::Threads`]; nothing was done then.
+    pub(super) fn make_steps(
         &mut self,
         inputs: &StepInputs<'_>,
         schedule: Schedule,
@@ -116,7 +74,11 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
         })
     }
 
-    fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error> {
+    /// Reads all sensors of all environments, environment-major: true readings, or readings of the last step after the transfer functions.
+    ///
+    /// # Errors
+    /// [`Error::Threads`].
+    pub(super) fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error> {
         let width = self.compiled.sensing.width;
         if width == 0 {
             return Ok(());
@@ -125,47 +87,49 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
         let size = self.chunk_size();
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
+        // Slices instead of lists of groups: reading sensors allocates nothing.
         let rows = out.chunks_mut(size * self.lanes * width);
         self.workers.share_chunks(&self.worker_spec(), groups.chunks_mut(size).zip(rows).enumerate(), |worker, (chunk, (groups, out))| {
             for (g, (group, out)) in groups.iter_mut().zip(out.chunks_mut(self.lanes * width)).enumerate() {
-                worker.sense(&call, group, (chunk * size + g) * self.lanes, Query { truth, out });
+                worker.sense(&call, group, (chunk * size + g) * self.lanes, truth, out);
             }
         });
         self.groups = groups;
         Ok(())
     }
 
-    fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error> {
+    /// Computes derived quantities of all environments in one pass over the groups. Each quantity has an output array in the precision of
+    /// the lanes, (num_envs, ...). `inputs` are the inputs in force.
+    ///
+    /// # Errors
+    /// [`Error::Threads`].
+    pub(super) fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error> {
         let (quantities, outs): (Vec<_>, Vec<_>) = quantities.into_iter().filter(|(_, out)| !out.is_empty()).unzip();
         if quantities.is_empty() {
             return Ok(());
         }
         self.workers.start_threads()?;
-        let size = self.chunk_size();
         let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
-        let mut chunks: Vec<_> = self.groups.chunks(size).map(|groups| (groups, Vec::with_capacity(quantities.len()))).collect();
-        for out in outs {
-            let out = S::numbers(out);
-            let width = out.len() / self.num_envs;
-            chunks.iter_mut().zip(out.chunks_mut(size * self.lanes * width)).for_each(|(chunk, out)| {
-                chunk.1.push((self.lanes * width, out));
-            });
-        }
-        self.workers.share_chunks(&self.worker_spec(), chunks.into_iter().enumerate(), |worker, (chunk, (groups, mut outs))| {
-            let mut rows = Vec::with_capacity(outs.len());
-            for (g, group) in groups.iter().enumerate() {
-                rows.extend(outs.iter_mut().map(|(width, out)| {
-                    let at = (*width).min(out.len());
-                    out.split_off_mut(..at).unwrap_or_default()
-                }));
-                worker.derive(&call, group, (chunk * size + g) * self.lanes, &quantities, &mut rows);
-                rows.clear();
-            }
+        let mut outs: Vec<_> =
+            outs.into_iter().map(S::numbers).map(|out| out.chunks_mut(self.lanes * (out.len() / self.num_envs))).collect();
+        let rows = |group| (group, outs.iter_mut().filter_map(Iterator::next).collect::<Vec<_>>());
+        self.share_groups(self.groups.iter().map(rows), |worker, first, (group, mut rows)| {
+            worker.derive(&call, group, first, &quantities, &mut rows);
         });
         Ok(())
     }
 
-    fn lend_steps(&mut self, inputs: &StepInputs<'_>, tolerance: f64, visit: &(dyn Fn(LentStep<'_>) + Sync)) -> Result<(), Error> {
+    /// Calls `visit` with the step of each group of environments from the present state. The solver converges to a residual of `tolerance`,
+    /// m/s. The state does not change.
+    ///
+    /// # Errors
+    /// [`Error::Threads`].
+    pub(super) fn lend_steps(
+        &mut self,
+        inputs: &StepInputs<'_>,
+        tolerance: f64,
+        visit: &(dyn Fn(LentStep<'_>) + Sync),
+    ) -> Result<(), Error> {
         self.workers.start_threads()?;
         let settings = StepSettings { tolerance, ..self.settings };
         let call = Call { settings: &settings, ..self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1)) };
@@ -178,34 +142,26 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
         Ok(())
     }
 
-    fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8> {
+    /// Constraint problem of a step of environment `env` from the present state, as bytes for [`stepper_solve::Problem::from_bytes`].
+    pub(super) fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8> {
         // A new worker steps a copy of the group, so that neither the group nor an idle worker changes.
         let (group, lane) = self.lane(env);
         let call = self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1));
         self.workers.make_worker(&self.worker_spec()).problem(&call, &mut group.clone(), env - lane, lane)
     }
 
-    fn threads(&self) -> usize {
-        self.workers.threads()
-    }
-
-    fn is_brief(&self, nstep: usize) -> bool {
+    /// Whether `nstep` steps take at most two or three microseconds, so that releasing Python's interpreter lock costs more than it gains.
+    pub(super) fn is_brief(&self, nstep: usize) -> bool {
         nstep.saturating_mul(self.num_envs * self.compiled.nv.max(1)) <= BRIEF
     }
 
-    fn with_worker(&self, callback: &mut dyn FnMut()) {
+    /// Calls `callback` while one additional worker exists, so that the caller can measure the memory of a worker.
+    pub(super) fn with_worker(&self, callback: &mut dyn FnMut()) {
         let worker = self.workers.make_worker(&self.worker_spec());
         callback();
         drop(worker);
     }
 
-    #[cfg(feature = "internals")]
-    fn set_workers(&mut self, makers: &WorkerMakers) {
-        self.workers.set_maker(S::maker(makers));
-    }
-}
-
-impl<S: LaneScalar> Batch<S> {
     pub(super) fn call<'a>(&'a self, inputs: &StepInputs<'a>, schedule: Schedule, part: Part) -> Call<'a, S> {
         Call {
             compiled: &self.compiled,
@@ -236,11 +192,26 @@ impl<S: LaneScalar> Batch<S> {
         Ok(steps)
     }
 
+    fn num_groups(&self) -> usize {
+        self.num_envs.div_ceil(self.lanes)
+    }
+
+    /// Calls `work` for each group on one of the threads. Its arguments are a worker, the index of the group's first environment, and the
+    /// group's item of `items`.
+    pub(super) fn share_groups<T: Send>(&self, items: impl Iterator<Item = T> + Send, work: impl Fn(&mut dyn Worker<S>, usize, T) + Sync) {
+        let size = self.chunk_size();
+        let mut items = (0..).step_by(self.lanes).zip(items);
+        let chunks = (0..self.num_groups().div_ceil(size)).map(|_| items.by_ref().take(size).collect::<Vec<_>>());
+        self.workers.share_chunks(&self.worker_spec(), chunks, |worker, chunk| {
+            chunk.into_iter().for_each(|(first, item)| work(worker, first, item));
+        });
+    }
+
     /// Number of groups in a chunk, the unit of work of a thread. Small chunks balance groups of different cost.
     pub(super) fn chunk_size(&self) -> usize {
         match self.workers.threads() {
-            1 => self.groups.len(),
-            threads => self.groups.len().div_ceil(8 * threads),
+            1 => self.num_groups(),
+            threads => self.num_groups().div_ceil(8 * threads),
         }
     }
 
@@ -300,14 +271,7 @@ impl<S: LaneScalar> Batch<S> {
         let mut worker = worker.unwrap_or_else(|| self.workers.make_worker(&self.worker_spec()));
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
-        for (g, group) in groups.iter_mut().enumerate() {
-            run_selected(
-                &mut *worker,
-                &call,
-                group,
-                GroupPosition { first: g * self.lanes, chunk_first: 0, recording: recordings.first_mut() },
-            );
-        }
+        run_chunk(&mut *worker, &call, &mut groups, 0, recordings.first_mut());
         self.groups = groups;
         self.workers.idle_workers().push(worker);
     }
@@ -319,18 +283,25 @@ impl<S: LaneScalar> Batch<S> {
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
         let recordings = recordings.iter_mut().map(Some).chain(std::iter::repeat_with(|| None));
-        self.workers.share_chunks(
-            &self.worker_spec(),
-            groups.chunks_mut(size).zip(recordings).enumerate(),
-            |worker, (chunk, (groups, mut recording))| {
-                let chunk_first = chunk * size * self.lanes;
-                for (g, group) in groups.iter_mut().enumerate() {
-                    let at = GroupPosition { first: chunk_first + g * self.lanes, chunk_first, recording: recording.as_deref_mut() };
-                    run_selected(worker, &call, group, at);
-                }
-            },
-        );
+        let chunks = groups.chunks_mut(size).zip(recordings).zip((0..).step_by(size * self.lanes));
+        self.workers.share_chunks(&self.worker_spec(), chunks, |worker, ((groups, recording), first)| {
+            run_chunk(worker, &call, groups, first, recording);
+        });
         self.groups = groups;
+    }
+}
+
+/// Makes the steps of a call in a chunk of groups, whose first environment is `first`.
+fn run_chunk<S: LaneScalar>(
+    worker: &mut dyn Worker<S>,
+    call: &Call<'_, S>,
+    groups: &mut [Group<S>],
+    first: usize,
+    mut recording: Option<&mut RecordingChunk<'_, S>>,
+) {
+    for (g, group) in groups.iter_mut().enumerate() {
+        let at = GroupPosition { first: first + g * group.lanes, chunk_first: first, recording: recording.as_deref_mut() };
+        run_selected(worker, call, group, at);
     }
 }
 

@@ -8,7 +8,7 @@ use stepper_real::at_avx512;
 use stepper_real::{Level, Mask, Real, Scalar, at_level};
 
 use crate::analysis::derived::{Derivation, DerivedQuantity};
-use crate::batch::call::{Call, Query};
+use crate::batch::call::Call;
 use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
 use crate::batch::ray_query::RayQuery;
 use crate::batch::rollout::{Numbers, Quantity, RecordingChunk};
@@ -28,8 +28,9 @@ use crate::step::step;
 pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group at position `at`.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
-    /// Reads the sensors of one group, whose first environment is `first`, and writes them to the output of `query`.
-    fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
+    /// Reads the sensors of one group, whose first environment is `first`, and writes one row of readings per environment to `out`. The
+    /// readings are those of ideal sensors if `truth` is true, otherwise those after the error models.
+    fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, truth: bool, out: &mut [f64]);
     /// Computes derived quantities of one group, whose first environment is `first`. Each has an array in `out`, with one row per
     /// environment.
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
@@ -59,32 +60,28 @@ pub struct WorkerSpec<'a, S: Scalar> {
 /// Function that creates a worker. The arguments are the inputs for its creation, the number of lanes of a group, and the CPU level.
 pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
 
-/// Functions that create workers, one for each precision.
-#[cfg(feature = "internals")]
-#[derive(Clone, Copy, Debug)]
-pub struct WorkerMakers {
-    /// Function that creates a worker for 64-bit numbers.
-    pub f64: MakeWorker<f64>,
-    /// Function that creates a worker for 32-bit numbers.
-    pub f32: MakeWorker<f32>,
-}
-
 /// Scalar type (`f64` or `f32`) together with the SIMD lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Number of lanes of a group in saved states. It is the number of lanes of the narrowest CPU level, so that all CPU levels write the
     /// same states.
     const SAVED: usize;
+    /// Number of lanes of the SIMD type of a CPU level.
+    fn vector(level: Level) -> usize;
     /// Number of lanes of a group in a batch of one environment.
     fn single(level: Level) -> usize;
-    /// Number of lanes of a group, in a batch of `num_envs` environments on `threads` threads.
-    fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
-    /// Creates a worker for groups of `lanes` lanes at the CPU level `level`, which this machine must have.
-    fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
-    /// Creates a worker that calls `probe` during its steps.
+    /// Creates a worker for groups of `lanes` lanes at the CPU level `level`, which this machine must have. The worker calls `probe` during
+    /// its steps.
+    #[cfg(not(test))]
     fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
-    /// Selects from `makers` the function that creates a worker of this precision.
-    #[cfg(feature = "internals")]
-    fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
+    /// Panics: unit tests make no steps. Their build leaves the code out, because compiling it a second time takes minutes.
+    #[cfg(test)]
+    fn probed_worker(_: &WorkerSpec<'_, Self>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<Self>> {
+        unimplemented!("unit tests do not step")
+    }
+    /// Creates a worker without a probe.
+    fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>> {
+        Self::probed_worker(spec, lanes, level, NoProbe)
+    }
     /// Functions for evaluations of a step in the lanes `R`, which `lend_step` lends to derivatives; `None` for 32-bit numbers, because
     /// derivatives are computed only in 64 bits.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
@@ -112,13 +109,14 @@ pub struct GroupPosition<'a, 'b, S> {
 /// Evidence: two registers make dm_control's humanoid (243 entries) 4 to 6 % faster, and humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number of lanes `n`, or 2 n if that is
+/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number n of lanes, or 2 n if that is
 /// faster.
 ///
 /// With AVX-512, a group of 2 n lanes uses two registers per value, and a step takes 1.8 times as long. On AVX-512 CPUs with vector units
 /// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
 /// would take 2.2 to 2.5 times as long.
-fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+pub(super) fn lanes<S: LaneScalar>(compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+    let n = S::vector(level);
     // Largest number of groups of a thread. A step of 2 n lanes takes 1.8 = 9/5 times as long as one of n lanes, and pays if it decreases
     // this number by at least this factor.
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
@@ -133,16 +131,12 @@ fn width<R: Real>() -> usize {
 impl LaneScalar for f64 {
     const SAVED: usize = 4;
 
+    fn vector(level: Level) -> usize {
+        at_level!(level, F64Lanes, width())
+    }
+
     fn single(_: Level) -> usize {
         1
-    }
-
-    fn lanes(compiled: &CompiledModel<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(at_level!(level, F64Lanes, width()), compiled, num_envs, threads, level)
-    }
-
-    fn worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
-        Self::probed_worker(spec, lanes, level, NoProbe)
     }
 
     #[cfg(not(test))]
@@ -152,17 +146,6 @@ impl LaneScalar for f64 {
             16 => at_avx512!(F64x16, lane_worker(spec, probe)),
             _ => at_level!(level, F64Lanes, lane_worker(spec, probe)),
         }
-    }
-
-    // Unit tests make no steps. This build leaves the code out, because compiling it a second time takes minutes.
-    #[cfg(test)]
-    fn probed_worker(_: &WorkerSpec<'_, f64>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<f64>> {
-        unimplemented!("unit tests do not step")
-    }
-
-    #[cfg(feature = "internals")]
-    fn maker(makers: &WorkerMakers) -> MakeWorker<f64> {
-        makers.f64
     }
 
     fn group_functions<R: Real<Scalar = f64>>() -> Option<GroupFunctions<R>> {
@@ -180,31 +163,17 @@ impl LaneScalar for f64 {
 impl LaneScalar for f32 {
     const SAVED: usize = 8;
 
-    fn single(level: Level) -> usize {
+    fn vector(level: Level) -> usize {
         at_level!(level, F32Lanes, width())
     }
 
-    fn lanes(compiled: &CompiledModel<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(Self::single(level), compiled, num_envs, threads, level)
-    }
-
-    fn worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
-        Self::probed_worker(spec, lanes, level, NoProbe)
+    fn single(level: Level) -> usize {
+        Self::vector(level)
     }
 
     #[cfg(not(test))]
     fn probed_worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
         if lanes == 32 { at_avx512!(F32x32, lane_worker(spec, probe)) } else { at_level!(level, F32Lanes, lane_worker(spec, probe)) }
-    }
-
-    #[cfg(test)]
-    fn probed_worker(_: &WorkerSpec<'_, f32>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<f32>> {
-        unimplemented!("unit tests do not step")
-    }
-
-    #[cfg(feature = "internals")]
-    fn maker(makers: &WorkerMakers) -> MakeWorker<f32> {
-        makers.f32
     }
 
     fn group_functions<R: Real<Scalar = f32>>() -> Option<GroupFunctions<R>> {
@@ -221,7 +190,7 @@ impl LaneScalar for f32 {
 
 /// Creates a worker for the lane type `R`, whose steps call `probe`.
 pub fn lane_worker<R: Real<Scalar: LaneScalar>>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
-    let compiled = LaneModel::<R>::new(spec.compiled);
+    let compiled = spec.compiled.in_lanes::<R>();
     Box::new(LaneWorker {
         probe,
         step: GroupStep::new(compiled, spec.settings, spec.max_contacts, R::Scalar::group_functions()),
@@ -243,10 +212,9 @@ struct LaneWorker<R: Real, P: Probe> {
 
 impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: GroupPosition<'_, '_, R::Scalar>) {
-        assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
         let GroupPosition { first, chunk_first, mut recording } = at;
         let probe = self.probe;
-        probe.span(Span::Load, || self.load_overrides(call, first));
+        probe.span(Span::Load, || self.load_overrides(call, group, first));
         let reader = Reader { call, compiled: &self.step.compiled, first, probe };
         probe.span(Span::Sense, || reader.begin_observations(group, &mut self.step.workspace));
         probe.span(Span::Load, || self.load(call, group, first));
@@ -278,11 +246,10 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         probe.span(Span::Store, || self.store(call, group));
     }
 
-    fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
-        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.load_overrides(call, first);
+    fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, truth: bool, out: &mut [f64]) {
+        self.load_overrides(call, group, first);
         let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
-        reader.read(group, &mut self.step.workspace, query);
+        reader.read(group, &mut self.step.workspace, truth, out);
     }
 
     fn derive(
@@ -293,8 +260,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         quantities: &[DerivedQuantity],
         out: &mut [&mut [R::Scalar]],
     ) {
-        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.load_overrides(call, first);
+        self.load_overrides(call, group, first);
         let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
         // Quantities of the last step (accelerations, forces) may repeat that step, which changes the poses in the workspace. They
         // therefore come second.
@@ -319,8 +285,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         query: &RayQuery<'_, R::Scalar>,
         (distances, geoms): (&mut [R::Scalar], &mut [i32]),
     ) {
-        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.load_overrides(call, first);
+        self.load_overrides(call, group, first);
         let Self { step: GroupStep { workspace: s, compiled, .. }, derivation, probe, .. } = self;
         Reader { call, compiled, first, probe: *probe }.load_to_derive(group, s, false, false);
         derivation.begin(compiled, s);
@@ -338,9 +303,8 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     }
 
     fn lend_step(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, visit: &mut dyn FnMut(&mut dyn Any)) {
-        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.step.workspace.current = false;
-        self.load_overrides(call, first);
+        self.load_overrides(call, group, first);
         self.load(call, group, first);
         load_control(call, 0, first, &mut self.step.workspace);
         self.step.settings = *call.settings;
@@ -357,7 +321,8 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
 
 impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Loads the per-environment parameters of the group whose first environment is `first`.
-    fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
+    fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize) {
+        assert_eq!(group.lanes, R::LANES, "a worker takes groups of its own width");
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
             self.step.compiled.params.load_lanes(&call.overrides.indices, numbers);
             if self.step.compiled.params.has_geoms(&call.overrides.indices) {
@@ -371,7 +336,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         let s = &mut self.step.workspace;
         // A worker with a single group still has the state of the last call in its workspace.
         if !s.current {
-            load_state(group, s);
+            load_state(group, s, true);
         }
         s.current = false;
         load_inputs(call, group, first, s);

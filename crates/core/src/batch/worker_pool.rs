@@ -92,9 +92,10 @@ impl<S: LaneScalar> WorkerPool<S> {
         let take = || {
             let mut worker = None;
             while let Some(chunk) = next() {
-                work(&mut **worker.get_or_insert_with(|| self.acquire_worker(spec)), chunk);
+                let idle = || self.idle.lock().expect("a worker panicked").pop();
+                work(&mut **worker.get_or_insert_with(|| idle().unwrap_or_else(|| self.make_worker(spec))), chunk);
             }
-            worker.into_iter().for_each(|worker| self.release_worker(worker));
+            self.idle.lock().expect("a worker panicked").extend(worker);
         };
         match &self.pool {
             Some((_, pool)) => pool.in_place_scope(|scope| {
@@ -105,14 +106,5 @@ impl<S: LaneScalar> WorkerPool<S> {
             }),
             None => take(),
         }
-    }
-
-    fn acquire_worker(&self, spec: &WorkerSpec<'_, S>) -> Box<dyn Worker<S>> {
-        let idle = self.idle.lock().expect("a worker panicked").pop();
-        idle.unwrap_or_else(|| self.make_worker(spec))
-    }
-
-    fn release_worker(&self, worker: Box<dyn Worker<S>>) {
-        self.idle.lock().expect("a worker panicked").push(worker);
     }
 }

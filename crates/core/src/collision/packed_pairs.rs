@@ -9,8 +9,8 @@ use stepper_real::{Real, Scalar};
 
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::lanes::{MAX_LANES, each_of};
-use crate::math::spatial::{M3, V3};
 use crate::math::spatial::array;
+use crate::math::spatial::{M3, V3};
 
 /// Item: a packed pair, which is a pair of a ball or capsule with a box in one lane.
 #[derive(Clone, Copy, Debug)]

@@ -7,7 +7,7 @@ use stepper_real::Scalar;
 
 use crate::actuation::ActuatorSpec;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
-use crate::compile::tree::{CompiledFriction, Dof, scalars};
+use crate::compile::tree::{CompiledFriction, scalars};
 use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
 
 /// Compiled actuator: on a linear combination of scalar joints (a joint or a fixed tendon), or on a site.
@@ -134,13 +134,6 @@ pub struct CompiledForceRange<S> {
 pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,
-    /// Addresses of each joint in q and v.
-    pub(super) addresses: &'a [(usize, usize)],
-    /// Degrees of freedom (bits) that move each frame.
-    pub(super) moved_dofs: &'a [Vec<u64>],
-    pub(super) dofs: &'a [Dof],
-    /// Chains of all degrees of freedom, one after the other. A chain has the degree of freedom itself and its ancestors.
-    pub(super) chain: &'a [u32],
     pub(super) frictions: &'a [CompiledFriction],
 }
 
@@ -167,19 +160,20 @@ impl<S: Scalar> CompiledActuators<S> {
             let spec = specs.get(i).and_then(Option::as_ref);
             all.push(scene, actuator, spec, &mut na);
         }
-        let bounded = model.joints.iter().zip(scene.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
+        let bounded =
+            model.joints.iter().zip(&scene.merged.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
         let ranges = bounded.filter_map(|(j, &(_, dof))| j.actuator_force_range.map(|range| (dof, range)));
         all.force_ranges = ranges.map(|(dof, range)| all.force_range(dof, range)).collect();
         for (compiled, actuator) in all.actuators.iter_mut().zip(&model.actuators) {
             let Transmission::Joint(j) = actuator.transmission else { continue };
-            compiled.joint_force_range = all.force_ranges.iter().position(|range| range.dof == scene.addresses[j].1);
+            compiled.joint_force_range = all.force_ranges.iter().position(|range| range.dof == scene.merged.addresses[j].1);
         }
         all
     }
 
     /// Compiles the actuator `a`, and adds it. `na` is the number of activations so far, which increases if the actuator has one.
     fn push(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {
-        let addresses = scene.addresses;
+        let addresses = &scene.merged.addresses;
         let arms: Vec<(usize, f64)> = match a.transmission {
             Transmission::Joint(j) => vec![(j, 1.0)],
             Transmission::Tendon(t) => scene.model.tendons[t].joints.clone(),
@@ -194,8 +188,9 @@ impl<S: Scalar> CompiledActuators<S> {
         let servo = needs_motion.then_some(self.servos.len());
         if needs_motion {
             let moment: Vec<_> = arms.iter().map(|&(j, c)| (addresses[j].1, c * a.gear)).collect();
-            let [entries, bound] = entries(&moment, scene).map(|list| list.into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect());
-            let (products, spread) = wrench.as_ref().map_or_else(Default::default, |w| products(w, scene));
+            let [entries, bound] =
+                entries(&moment, scene.merged).map(|list| list.into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect());
+            let (products, spread) = wrench.as_ref().map_or_else(Default::default, |w| products(w, scene.merged));
             self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, bound, spread });
         }
         self.actuators.push(CompiledActuator {
@@ -218,13 +213,13 @@ impl<S: Scalar> CompiledActuators<S> {
         let Transmission::Site { site, reference, wrench } = a.transmission else { return None };
         let at = |s: usize| spot::<S>(scene, s);
         let (site, reference) = (at(site), reference.map(at));
-        let moves = |frame: usize, dof: usize| scene.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1;
-        let side = |dof: usize| match (moves(site.frame, dof), reference.is_some_and(|r| moves(r.frame, dof))) {
+        let moves = |dof: usize, spot: Spot<S>| scene.merged.moves(dof, spot.frame);
+        let side = |dof: usize| match (moves(dof, site), reference.is_some_and(|reference| moves(dof, reference))) {
             (true, false) => Some((dof, S::ONE)),
             (false, true) => Some((dof, S::from_f64(-1.0))),
             _ => None,
         };
-        let dofs: Vec<_> = (0..scene.dofs.len()).filter_map(side).collect();
+        let dofs: Vec<_> = (0..scene.model.nv()).filter_map(side).collect();
         let wrench = wrench.map(|x| x * a.gear);
         let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
         let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
@@ -238,12 +233,13 @@ impl<S: Scalar> CompiledActuators<S> {
     /// between steps.
     fn dynamics(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let spec = spec?;
-        let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);
+        let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.merged.addresses[j].1);
         let losses = match a.transmission {
             Transmission::Joint(j) if spec.loses() => row(j).map(|row| (row, S::from_f64(a.gear))),
             _ => None,
         };
-        let (servo, motor, limited) = (spec.is_continuous_servo(), motor_control(spec), spec.is_limited());
+        let (servo, limited) = (spec.is_continuous_servo(), spec.is_limited());
+        let motor = spec.curve().map(|is_voltage| if is_voltage { MotorControl::Voltage } else { MotorControl::Force });
         let acts = servo || motor.is_some() || limited || losses.is_some();
         self.num_actuator_dynamics += usize::from(acts);
         acts.then(|| CompiledActuatorDynamics { index: self.num_actuator_dynamics - 1, servo, motor, limited, losses })
@@ -266,11 +262,6 @@ impl<S: Scalar> CompiledActuators<S> {
     }
 }
 
-/// Meaning of the control of an actuator's motor; `None` without a torque-speed curve.
-fn motor_control(spec: &ActuatorSpec) -> Option<MotorControl> {
-    spec.curve().map(|is_voltage| if is_voltage { MotorControl::Voltage } else { MotorControl::Force })
-}
-
 /// Compiles the pose of a site.
 fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
     let (site, merged) = (&scene.model.sites[site], scene.merged);
@@ -282,10 +273,19 @@ fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
     }
 }
 
-/// Index of the mass matrix entry for the degrees of freedom `below` and `above`. `None` if `above` is not an ancestor of `below`.
-fn entry(scene: Scene<'_>, below: usize, above: usize) -> Option<usize> {
-    let dof = &scene.dofs[below];
-    scene.chain[dof.chain..dof.chain + dof.depth].iter().position(|&d| d as usize == above).map(|k| dof.chain + k)
+/// Lists the pairs of an actuator's degrees of freedom that are on one kinematic branch. An entry has the index of the mass matrix entry,
+/// and the result of `product` for the two items. Also returns whether these are all pairs.
+///
+/// `items` are pairs of degree of freedom and item. The function sorts them by depth.
+fn pairs_on_branch<T: Copy, P>(items: &mut [(usize, T)], merged: &Merged, product: impl Fn(T, T) -> P) -> (Vec<(usize, P)>, bool) {
+    // Deepest degree of freedom first. Its chain contains all other ones of the moment, unless the moment goes across branches.
+    items.sort_by_key(|&(dof, _)| std::cmp::Reverse(merged.chain_of(dof).len()));
+    let mut on_branch = vec![];
+    for (k, &(below, a)) in items.iter().enumerate() {
+        on_branch.extend(items[k..].iter().filter_map(|&(above, b)| Some((merged.entry(below, above)?, product(a, b)))));
+    }
+    let are_all = on_branch.len() == items.len() * (items.len() + 1) / 2;
+    (on_branch, are_all)
 }
 
 /// Lists the entries of the matrix a a^T for an actuator's moment a, as pairs (index of the mass matrix entry, value). `moment` lists
@@ -293,7 +293,7 @@ fn entry(scene: Scene<'_>, below: usize, above: usize) -> Option<usize> {
 ///
 /// The first list has the entries whose two degrees of freedom are on one kinematic branch. If other entries exist, the second list is a
 /// diagonal matrix that is an upper bound of a a^T (see [`crate::actuation::forces`]). Otherwise it is empty.
-fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] {
+fn entries(moment: &[(usize, f64)], merged: &Merged) -> [Vec<(usize, f64)>; 2] {
     let mut arms: Vec<(usize, f64)> = Vec::new();
     for &(dof, arm) in moment {
         match arms.iter_mut().find(|(d, _)| *d == dof) {
@@ -301,17 +301,10 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
             None => arms.push((dof, arm)),
         }
     }
-    // Deepest degree of freedom first. Its chain contains all other ones of the moment, unless the moment goes across branches.
-    arms.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
-    let pairs: Vec<_> = arms.iter().enumerate().flat_map(|(k, &below)| arms[k..].iter().map(move |&above| (below, above))).collect();
-    let product = |&((i, a), (j, b)): &((usize, f64), (usize, f64))| entry(scene, i, j).map(|entry| (entry, a * b));
-    let within: Vec<_> = pairs.iter().filter_map(product).collect();
-    if within.len() == pairs.len() {
-        return [within, vec![]];
-    }
+    let (on_branch, are_all) = pairs_on_branch(&mut arms, merged, |a, b| a * b);
     let total: f64 = arms.iter().map(|(_, arm)| arm.abs()).sum();
-    let bound = arms.iter().map(|&(dof, arm)| (scene.dofs[dof].chain, arm.abs() * total)).collect();
-    [within, bound]
+    let bound = arms.iter().filter_map(|&(dof, arm)| Some((merged.entry(dof, dof)?, arm.abs() * total)));
+    [on_branch, if are_all { vec![] } else { bound.collect() }]
 }
 
 /// Result of [`products`]: the lists [`CompiledServo::products`] and [`CompiledServo::spread`].
@@ -322,12 +315,9 @@ type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 ///
 /// The first of the returned lists has these entries. If the wrench acts on several kinematic branches, the second list has the diagonal
 /// entries, each with the index of its moment arm. Otherwise it is empty.
-fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
-    let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
-    dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
-    let pairs: Vec<_> = dofs.iter().enumerate().flat_map(|(k, &below)| dofs[k..].iter().map(move |&above| (below, above))).collect();
-    let product = |&((i, a), (j, b)): &((usize, usize), (usize, usize))| entry(scene, i, j).map(|entry| (entry, [a, b]));
-    let within: Vec<_> = pairs.iter().filter_map(product).collect();
-    let spread = if within.len() == pairs.len() { vec![] } else { dofs.iter().map(|&(dof, arm)| (scene.dofs[dof].chain, arm)).collect() };
-    (within, spread)
+fn products<S: Scalar>(wrench: &CompiledWrench<S>, merged: &Merged) -> Products {
+    let mut arms: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
+    let (on_branch, are_all) = pairs_on_branch(&mut arms, merged, |a, b| [a, b]);
+    let spread = arms.iter().filter_map(|&(dof, arm)| Some((merged.entry(dof, dof)?, arm)));
+    (on_branch, if are_all { vec![] } else { spread.collect() })
 }

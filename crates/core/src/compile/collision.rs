@@ -35,15 +35,11 @@ pub struct CompiledGeom<S> {
 }
 
 impl<S: Scalar> CompiledGeom<S> {
-    /// Sets the geom's solid (collision shape) for [`Kernel::Convex`].
-    fn make_solid(&mut self, model: &Model, shape: &Shape) {
-        self.keep_solid(model, shape);
-        self.full_orientation = true;
-    }
-
-    /// Sets the geom's solid (collision shape) for the tunnelling check, if the shape can have one.
-    fn keep_solid(&mut self, model: &Model, shape: &Shape) {
+    /// Sets the geom's solid (collision shape) for the tunnelling check, or for [`Kernel::Convex`] and [`Kernel::Surface`] if `collides` is
+    /// true.
+    fn set_solid(&mut self, model: &Model, shape: &Shape, collides: bool) {
         self.solid.get_or_insert_with(|| solid(model, shape));
+        self.full_orientation |= collides;
     }
 }
 
@@ -85,7 +81,7 @@ pub struct DynamicPairs<S> {
     filter: Filter,
     /// Shapes of all geoms, by index of the geom in the model.
     shapes: Vec<Shape>,
-    has_rolling_friction: bool,
+    pub(super) has_rolling_friction: bool,
     scalar: PhantomData<S>,
 }
 
@@ -160,11 +156,6 @@ impl<S: Scalar> DynamicPairs<S> {
         }
     }
 
-    /// Whether any dynamic pair can have torsional or rolling friction.
-    pub fn has_rolling_friction(&self) -> bool {
-        self.has_rolling_friction
-    }
-
     /// Upper bound of the number of contacts of dynamic pairs. Only a limited number of geoms of similar size fits around each geom of the
     /// pairs.
     pub fn contact_points(&self) -> usize {
@@ -205,10 +196,9 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         let shapes = pair.geoms.map(|g| &model.geoms[g].shape);
         let Some(kernel) = Kernel::of(shapes[0], shapes[1]) else { continue };
         let places = pair.geoms.map(|g| place(g, &mut geoms));
-        if matches!(kernel, Kernel::Convex | Kernel::Surface) {
-            places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].make_solid(model, shape));
-        } else if !shapes.iter().any(|shape| matches!(shape, Shape::Plane)) {
-            places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].keep_solid(model, shape));
+        let collides = matches!(kernel, Kernel::Convex | Kernel::Surface);
+        if collides || !shapes.iter().any(|shape| matches!(shape, Shape::Plane)) {
+            places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].set_solid(model, shape, collides));
         }
         pairs.push(pair_plan(&pair, kernel, places));
     }
@@ -221,11 +211,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
             let [a, b] = filter.ordered([m.model_geom, other.model_geom]).map(|g| &model.geoms[g].shape);
             matches!(Kernel::of(a, b), Some(Kernel::Convex | Kernel::Surface))
         };
-        if members.iter().any(meets_convex) {
-            geoms[m.geom].make_solid(model, shape);
-        } else {
-            geoms[m.geom].keep_solid(model, shape);
-        }
+        geoms[m.geom].set_solid(model, shape, members.iter().any(meets_convex));
     }
     let dynamic_pairs = (!members.is_empty()).then(|| DynamicPairs {
         widest: members.iter().map(|m| bounding_radius(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),

@@ -5,7 +5,7 @@
 
 use std::ops::Deref;
 
-use stepper_real::Scalar;
+use stepper_real::{Real, Scalar};
 
 use crate::compile::actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo};
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
@@ -20,17 +20,25 @@ use crate::compile::tree::{
     CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
 };
 
-/// Compiled model: everything that a step reads of a model, in the scalar type of its lanes.
+/// Compiled model: everything that a step reads of a model, in the scalar type of its lanes. Parameters have the type `T`.
 #[derive(Clone, Debug)]
-pub struct CompiledModel<S: Scalar> {
-    /// Part of the model that all environments share.
+pub struct CompiledModel<S: Scalar, T = S> {
+    /// Structure that all environments share. A lane model has a copy and not a reference, so that reading it takes no additional memory
+    /// access.
     pub structure: ModelStructure<S>,
     /// Parameters of the model: masses, sizes, friction and similar numbers. Environments may override them, see
     /// [`LaneModel`](crate::compile::LaneModel).
-    pub params: Params<S>,
+    pub params: Params<T>,
 }
 
-impl<S: Scalar> Deref for CompiledModel<S> {
+impl<S: Scalar> CompiledModel<S> {
+    /// Copy of the model with the shared parameters in every lane.
+    pub fn in_lanes<R: Real<Scalar = S>>(&self) -> CompiledModel<S, R> {
+        CompiledModel { structure: self.structure.clone(), params: self.params.map(R::splat) }
+    }
+}
+
+impl<S: Scalar, T> Deref for CompiledModel<S, T> {
     type Target = ModelStructure<S>;
 
     #[inline(always)]

@@ -7,7 +7,7 @@ use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::{ball_limits, frictions, limits};
 use crate::compile::merging::Merged;
 use crate::compile::sensing::CompiledSensing;
-use crate::compile::static_pairs::{Collision, StaticPairs};
+use crate::compile::static_pairs::StaticPairs;
 use crate::compile::tree::{CompiledJoint, CompiledSpinner, Link, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive};
 use crate::model::actuator_spec::ActuatorSpec;
@@ -22,30 +22,21 @@ impl<S: Scalar> CompiledModel<S> {
     /// Compiles a model with actuator dynamics, one spec for every actuator. The model must be the result of [`ActuatorSpec::fold`].
     pub fn with_actuator_specs(model: &Model, specs: &[Option<ActuatorSpec>]) -> Self {
         let merged = Merged::new(model);
-        let addresses = model.joint_addresses();
         let (dofs, descendants) = merging::dofs(model, &merged);
         let chain = merged.chain.clone();
-        let (limits, frictions) = (limits(model, &addresses), frictions(model, specs, &addresses));
+        let (limits, frictions) = (limits(model, &merged), frictions(model, specs, &merged));
         let mut scalar_impulses = limits.len() + frictions.len();
-        let ball_limits = ball_limits(model, &addresses, &mut scalar_impulses);
-        let compiler = equality::Compiler { model, merged: &merged, addresses: &addresses };
+        let ball_limits = ball_limits(model, &merged, &mut scalar_impulses);
+        let compiler = equality::Compiler { model, merged: &merged };
         let (equalities, tendons) = (compiler.equalities(&mut scalar_impulses), compiler.tendons(&mut scalar_impulses));
         let (geoms, pairs, dynamic_pairs) = collision::compile::<S>(model, &merged);
         let can_tunnel = dynamic_pairs.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
         let contact_points = listed + dynamic_pairs.as_ref().map_or(0, DynamicPairs::contact_points);
-        let (links, joints) = (merging::links(model, &merged), merging::joints(model, &addresses));
+        let (links, joints) = (merging::links(model, &merged), merging::joints(model, &merged));
         let spinners = Self::spinners(&links, &joints);
         let moved_dofs = merged.moved_dofs(model.nv());
-        let scene = actuators::Scene {
-            model,
-            merged: &merged,
-            addresses: &addresses,
-            moved_dofs: &moved_dofs,
-            dofs: &dofs,
-            chain: &chain,
-            frictions: &frictions,
-        };
+        let scene = actuators::Scene { model, merged: &merged, frictions: &frictions };
         let actuators = actuators::CompiledActuators::new(scene, specs);
         let lossy = frictions.iter().any(|f| f.driven);
         let structure = ModelStructure {
@@ -70,7 +61,7 @@ impl<S: Scalar> CompiledModel<S> {
             pair_groups: collision::pair_groups(&geoms, &pairs),
             moving_geoms: (0..geoms.len()).filter(|&g| geoms[g].frame != 0).collect(),
             geoms,
-            has_rolling_friction: dynamic_pairs.as_ref().is_some_and(DynamicPairs::has_rolling_friction)
+            has_rolling_friction: dynamic_pairs.as_ref().is_some_and(|pairs| pairs.has_rolling_friction)
                 || pairs.iter().any(|p| p.condim > 3),
             has_contact_springs: pairs.iter().any(|p| p.spring.is_some())
                 || dynamic_pairs.is_some() && model.geoms.iter().any(|g| !g.spring.is_rigid()),
@@ -99,9 +90,8 @@ impl<S: Scalar> CompiledModel<S> {
         };
         let params = structure.params_of(model).map(S::from_f64);
         let ModelStructure { geoms, pairs, dynamic_pairs, ntree, .. } = &structure;
-        let collision = Collision { geoms, pairs, dynamic_pairs: dynamic_pairs.as_ref() };
         let group = |frame: usize| structure.tree_of(frame).unwrap_or(frame + ntree);
-        let static_pairs = StaticPairs::new(&collision, |geom| params.geom_pos(geom).map(S::to_f64), group);
+        let static_pairs = StaticPairs::new(geoms, (pairs, dynamic_pairs.as_ref()), |geom| params.geom_pos(geom).map(S::to_f64), group);
         Self { structure: ModelStructure { static_pairs, ..structure }, params }
     }
 

@@ -156,6 +156,16 @@ pub struct CompiledTendon<S> {
     pub impulse_index: usize,
 }
 
+impl<S: Scalar> CompiledTendon<S> {
+    /// Spring of the tendon, and its elongation beyond the lengths between which the spring is slack, m or rad. `None` without a spring.
+    #[inline(always)]
+    pub fn stretch<R: Real<Scalar = S>>(&self, q: &[R]) -> Option<(&Spring<S>, R)> {
+        let (spring, [low, high]) = self.spring.as_ref()?;
+        let length = self.length.value(q);
+        Some((spring, length - length.max(R::splat(*low)).min(R::splat(*high))))
+    }
+}
+
 /// Largest number of constraint rows of equalities in one block. The solver makes the rows of a block orthogonal to each other, at a cost
 /// that grows with the square of their number.
 const MOST_ROWS: usize = 48;
@@ -164,13 +174,12 @@ const MOST_ROWS: usize = 48;
 pub(super) struct Compiler<'a> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,
-    pub(super) addresses: &'a [(usize, usize)],
 }
 
 impl Compiler<'_> {
     fn combination<S: Scalar>(&self, joints: &[(usize, f64)]) -> Combination<S> {
-        let terms = joints.iter().map(|&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c))).collect();
-        let reference = joints.iter().map(|&(j, c)| c * self.model.qpos0[self.addresses[j].0]).sum();
+        let terms = joints.iter().map(|&(j, c)| (self.merged.addresses[j].0, self.merged.addresses[j].1, S::from_f64(c))).collect();
+        let reference = joints.iter().map(|&(j, c)| c * self.model.qpos0[self.merged.addresses[j].0]).sum();
         Combination { terms, reference: S::from_f64(reference) }
     }
 
@@ -239,7 +248,7 @@ impl Compiler<'_> {
         polynomial: &[f64; 5],
     ) -> (EqualityRows<S>, Vec<u32>) {
         let joints = first.iter().chain(second.into_iter().flatten());
-        let dofs = self.with_ancestors(joints.map(|&(j, _)| self.addresses[j].1));
+        let dofs = self.with_ancestors(joints.map(|&(j, _)| self.merged.addresses[j].1));
         let (first, second) = (self.combination(first), second.map(|s| self.combination(s)));
         (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, dofs)
     }
@@ -296,7 +305,7 @@ impl Compiler<'_> {
             plans.push(CompiledTendon {
                 index,
                 length: self.combination(&tendon.joints),
-                dofs: self.with_ancestors(tendon.joints.iter().map(|&(j, _)| self.addresses[j].1)),
+                dofs: self.with_ancestors(tendon.joints.iter().map(|&(j, _)| self.merged.addresses[j].1)),
                 range: tendon.range.map(scalars),
                 friction: S::from_f64(tendon.frictionloss),
                 spring: sprung.then(|| (spring, scalars(tendon.spring_length))),

@@ -1,39 +1,17 @@
 //! Lane model: compiled model whose parameters have one value per lane.
 
-use std::ops::Deref;
-
 use stepper_real::Real;
 
-use crate::compile::compiled_model::{CompiledModel, ModelStructure};
+use crate::compile::compiled_model::CompiledModel;
 use crate::compile::parameters::*;
 use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 
 /// Compiled model of a group of lanes (one environment per lane): structure that all environments share, and parameters of each lane.
 ///
 /// The type gives no access to the shared parameters, so that a step cannot use them by mistake.
-#[derive(Clone, Debug)]
-pub struct LaneModel<R: Real> {
-    /// Structure that all environments share. It is a copy and not a reference, so that reading it takes no additional memory access.
-    structure: ModelStructure<R::Scalar>,
-    /// Parameters with one value per lane.
-    pub params: Params<R>,
-}
-
-impl<R: Real> Deref for LaneModel<R> {
-    type Target = ModelStructure<R::Scalar>;
-
-    #[inline(always)]
-    fn deref(&self) -> &ModelStructure<R::Scalar> {
-        &self.structure
-    }
-}
+pub type LaneModel<R> = CompiledModel<<R as Real>::Scalar, R>;
 
 impl<R: Real> LaneModel<R> {
-    /// Creates a lane model with the shared parameters of the model in every lane.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
-        Self { structure: compiled.structure.clone(), params: compiled.params.in_lanes() }
-    }
-
     /// Contact parameters of the pair with index `pair`: friction and restitution. Listed pairs have a row in the table of parameters.
     /// Dynamic pairs, whose indices follow, combine the parameters of their two geoms (`compile/collision.rs`).
     #[inline(always)]

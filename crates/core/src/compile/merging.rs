@@ -8,7 +8,7 @@ use crate::model::{JointKind, Model, simple_bodies};
 
 /// Merged bodies and the tree of degrees of freedom. Bodies that cannot move relative to each other share one frame. For every body,
 /// `frame` is the index of this frame, and `pos` and `quat` are the body's pose in it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,
     pub(crate) pos: Vec<Vector3<f64>>,
@@ -21,6 +21,8 @@ pub(crate) struct Merged {
     pub(crate) link_tree: Vec<usize>,
     /// Number of kinematic trees.
     pub(crate) ntree: usize,
+    /// Addresses of each joint in q and v.
+    pub(crate) addresses: Vec<(usize, usize)>,
     /// For each degree of freedom, index of the link that it moves relative to the parent.
     dof_link: Vec<usize>,
     /// For each degree of freedom (dof), start and length of its part of the list `chain`. The part contains the dof itself and its
@@ -70,19 +72,7 @@ impl Merged {
                 quat[b] = quat[p] * quaternion(body.quat);
             }
         }
-        let mut merged = Self {
-            frame,
-            pos,
-            quat,
-            leaders,
-            mocap,
-            link_tree: Vec::new(),
-            ntree: 0,
-            dof_link: Vec::new(),
-            dof_chain: Vec::new(),
-            chain: Vec::new(),
-            last_dof_of_frame: Vec::new(),
-        };
+        let mut merged = Self { frame, pos, quat, leaders, mocap, addresses: model.joint_addresses(), ..Self::default() };
         merged.grow_trees(model);
         merged
     }
@@ -131,6 +121,17 @@ impl Merged {
     pub(crate) fn chain_of(&self, dof: usize) -> &[u32] {
         let (start, len) = self.dof_chain[dof];
         &self.chain[start..start + len]
+    }
+
+    /// Whether the degree of freedom `dof` moves a frame.
+    pub(crate) fn moves(&self, dof: usize, frame: usize) -> bool {
+        self.last_dof(frame).is_some_and(|last| self.chain_of(last).contains(&(dof as u32)))
+    }
+
+    /// Index of the mass matrix entry for the degrees of freedom `below` and `above`. `None` if `above` is not an ancestor of `below`.
+    pub(crate) fn entry(&self, below: usize, above: usize) -> Option<usize> {
+        let (start, _) = self.dof_chain[below];
+        self.chain_of(below).iter().position(|&d| d as usize == above).map(|k| start + k)
     }
 
     /// For each frame, the set of degrees of freedom that move it, as bits of 64-bit words.
@@ -196,7 +197,7 @@ pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) ->
     (mass, com, [total[(0, 0)], total[(1, 1)], total[(2, 2)], total[(0, 1)], total[(0, 2)], total[(1, 2)]])
 }
 
-pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<CompiledJoint<S>> {
+pub(crate) fn joints<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledJoint<S>> {
     let joint = |(j, &(q, v)): (&crate::model::Joint, &(usize, usize))| {
         let principal = (0..3).find(|&k| j.axis[k].abs() == 1.0).map(|k| (k, j.axis[k] < 0.0));
         let mut rest = [0.0; 7];
@@ -215,7 +216,7 @@ pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> 
             rest: scalars(rest),
         }
     };
-    model.joints.iter().zip(addresses).map(joint).collect()
+    model.joints.iter().zip(&merged.addresses).map(joint).collect()
 }
 
 /// Degrees of freedom of the model, and the list of descendants of all dofs.

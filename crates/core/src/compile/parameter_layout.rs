@@ -25,7 +25,7 @@ impl<S: Scalar> ModelStructure<S> {
             dofs: joints.clone().flat_map(dofs).collect(),
             springs: joints.clone().map(|j| j.stiffness).collect(),
             limits: joints.clone().filter(|j| is_scalar(j)).filter_map(|j| j.range).collect(),
-            ball_limits: joints.filter(|j| j.kind == JointKind::Ball).filter_map(|j| j.range).map(widest).collect(),
+            ball_limits: joints.filter(|j| j.kind == JointKind::Ball).filter_map(|j| j.range).map(|[low, high]| low.max(high)).collect(),
             frictions: self.frictions.iter().map(|f| model.joints[f.joint].frictionloss).collect(),
             actuators: model.actuators.iter().map(|a| a.affine_force()).map(|(gain, bias)| ActuatorParams { gain, bias }).collect(),
             geoms: self.geoms.iter().map(|g| source.geom(g)).collect(),
@@ -41,10 +41,6 @@ impl<S: Scalar> ModelStructure<S> {
         };
         rows.into()
     }
-}
-
-fn widest([low, high]: [f64; 2]) -> f64 {
-    low.max(high)
 }
 
 fn dofs(joint: &Joint) -> impl Iterator<Item = DofParams<f64>> {

@@ -7,7 +7,7 @@
 //!
 //! Each table has a row type, which defines the width of its rows and how they are read and written.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::Real;
 
 use crate::compile::parameter_row::{ParameterRow, parameter_rows};
 
@@ -180,16 +180,6 @@ fn write_table<T: Copy, Row: ParameterRow<T>>(rows: Vec<Row>, numbers: &mut Vec<
 }
 
 impl<T: Copy> Params<T> {
-    /// Total number of values.
-    pub fn len(&self) -> usize {
-        self.numbers.len()
-    }
-
-    /// Whether there are no values.
-    pub fn is_empty(&self) -> bool {
-        self.numbers.is_empty()
-    }
-
     /// All values, in the order of the tables.
     pub fn numbers(&self) -> &[T] {
         &self.numbers
@@ -254,13 +244,6 @@ impl Params<f64> {
     /// Sets parameters from pairs of parameter index and value.
     pub fn set(&mut self, numbers: &[(u32, f64)]) {
         numbers.iter().for_each(|&(index, x)| self.numbers[index as usize] = x);
-    }
-}
-
-impl<S: Scalar> Params<S> {
-    /// Copies the shared values to every lane.
-    pub fn in_lanes<R: Real<Scalar = S>>(&self) -> Params<R> {
-        self.map(R::splat)
     }
 }
 

@@ -172,6 +172,9 @@ pub enum Side<S> {
     Zone(Solid<S>),
 }
 
+/// Terms of a linear combination: address or index, and coefficient.
+pub type Terms<S> = Vec<(usize, S)>;
+
 /// Quantity that a sensor measures, with its inputs in the compiled model. An index of a subtree refers to [`CompiledSensing::subtrees`].
 #[derive(Clone, Debug)]
 pub enum Read<S> {
@@ -180,9 +183,9 @@ pub enum Read<S> {
     /// Entries of the velocity v, from this address on.
     Velocity(usize),
     /// Linear combination of joint positions in q: address and coefficient of each.
-    Length(Vec<(usize, S)>),
+    Length(Terms<S>),
     /// Linear combination of joint velocities in v: address and coefficient of each.
-    Rate(Vec<(usize, S)>),
+    Rate(Terms<S>),
     /// Sum of the forces of the actuators with these indices.
     ActuatorForce(Vec<usize>),
     /// Generalized force of all actuators on the degree of freedom with this index.
@@ -193,10 +196,10 @@ pub enum Read<S> {
     ActuatorRate(usize),
     /// Violation of the range of a linear combination of joint positions: distance from the violated end of the range, as a negative
     /// number. 0 within the range.
-    LimitPos(Vec<(usize, S)>, Bounds<S>),
+    LimitPos(Terms<S>, Bounds<S>),
     /// Time derivative of the reading of [`Read::LimitPos`]. The first list has the linear combination as (address in q, coefficient). The
     /// second list has its time derivative as (address in v, coefficient).
-    LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
+    LimitVel([Terms<S>; 2], Bounds<S>),
     /// Force of the limit of a joint or tendon. The index selects the limit's impulse in the list of impulses of scalar constraint rows.
     LimitForce(usize),
     /// Constant zero, because the limit that the sensor reads does not exist.
@@ -226,9 +229,8 @@ pub enum Read<S> {
     /// Distance, normal or nearest points of two sets of geoms. The values are the kind of reading, the pairs of geoms, and the cutoff
     /// distance, m.
     Proximity(ProximityReading, Vec<Pair<S>>, S),
-    /// Contacts between two sides. The values are the sides, the quantities in the reading, the selection among the contacts, and the
-    /// largest number of contacts in the reading.
-    Contact([Side<S>; 2], Vec<ContactField>, ContactReduction, usize),
+    /// Contacts between two sides. The values are the sides, the quantities in the reading, and the selection among the contacts.
+    Contact([Side<S>; 2], Vec<ContactField>, ContactReduction),
     /// Centre of mass of the subtree with this index.
     Com(usize),
     /// Velocity of the centre of mass of the subtree with this index.
@@ -242,7 +244,7 @@ pub enum Read<S> {
     /// Simulated time.
     Clock,
     /// Linear combination of readings of other sensors: index of the first reading and coefficient of each term.
-    Combination(Vec<(usize, S)>),
+    Combination(Terms<S>),
 }
 
 /// Bounds of a limited joint or tendon.
@@ -272,8 +274,7 @@ impl Form {
 impl<S: Scalar> CompiledSensing<S> {
     /// Compiles the sensors of a model. `lossy` is set if actuator forces contain friction losses, which depend on the impulses of a step.
     pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
-        let impulse_indices = tendons.iter().map(|t| (t.index, t.impulse_index)).collect();
-        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), impulse_indices, found: RefCell::default() };
+        let compiler = Compiler { model, merged, tendons, found: RefCell::default() };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| CompiledSensor {
             at: at[i],
@@ -343,13 +344,10 @@ impl Needs {
     }
 }
 
-struct Compiler<'a> {
+struct Compiler<'a, S> {
     model: &'a Model,
     merged: &'a Merged,
-    addresses: Vec<(usize, usize)>,
-    /// Two indices for each compiled tendon: of the tendon in the model, and of its first impulse among the impulses of scalar constraint
-    /// rows.
-    impulse_indices: Vec<(usize, usize)>,
+    tendons: &'a [CompiledTendon<S>],
     found: RefCell<Found>,
 }
 
@@ -365,32 +363,31 @@ struct Found {
     parts: usize,
 }
 
-impl Compiler<'_> {
-    fn read<S: Scalar>(&self, kind: &SensorKind, at: &[usize]) -> Read<S> {
+impl<S: Scalar> Compiler<'_, S> {
+    fn read(&self, kind: &SensorKind, at: &[usize]) -> Read<S> {
         use SensorKind as K;
-        let site = |s: usize| self.place::<S>(Object::Site(s));
+        let site = |s: usize| self.place(Object::Site(s));
         match *kind {
-            K::JointPos(j) | K::BallQuat(j) => Read::Position(self.addresses[j].0),
-            K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.addresses[j].1),
-            K::JointActuatorForce(j) => Read::JointForce(self.addresses[j].1),
+            K::JointPos(j) | K::BallQuat(j) => Read::Position(self.merged.addresses[j].0),
+            K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.merged.addresses[j].1),
+            K::JointActuatorForce(j) => Read::JointForce(self.merged.addresses[j].1),
             K::JointLimitPos(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), false),
             K::JointLimitVel(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), true),
             K::JointLimitForce(j) => self.limit_of(j).map_or(Read::Nothing, Read::LimitForce),
-            K::TendonPos(t) => Read::Length(self.sums(&self.model.tendons[t].joints, 1.0)[0].clone()),
-            K::TendonVel(t) => Read::Rate(self.sums(&self.model.tendons[t].joints, 1.0)[1].clone()),
+            K::TendonPos(t) => Read::Length(self.sums(&self.model.tendons[t].joints, 1.0).0),
+            K::TendonVel(t) => Read::Rate(self.sums(&self.model.tendons[t].joints, 1.0).1),
             K::TendonLimitPos(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), false),
             K::TendonLimitVel(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), true),
             K::TendonLimitForce(t) => {
-                let impulse_index =
-                    self.impulse_indices.iter().find(|impulse_index| impulse_index.0 == t && self.model.tendons[t].range.is_some());
-                impulse_index.map_or(Read::Nothing, |impulse_index| Read::LimitForce(impulse_index.1))
+                let limited = self.tendons.iter().find(|tendon| tendon.index == t && tendon.range.is_some());
+                limited.map_or(Read::Nothing, |tendon| Read::LimitForce(tendon.impulse_index))
             }
             K::TendonActuatorForce(t) => {
                 let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);
                 Read::ActuatorForce((0..self.model.actuators.len()).filter(pulls).collect())
             }
-            K::ActuatorPos(a) => self.moment(a).map_or(Read::ActuatorLength(a), |m| Read::Length(m.map(|(q, _, c)| (q, c)).collect())),
-            K::ActuatorVel(a) => self.moment(a).map_or(Read::ActuatorRate(a), |m| Read::Rate(m.map(|(_, v, c)| (v, c)).collect())),
+            K::ActuatorPos(a) => self.moment(a).map_or(Read::ActuatorLength(a), |(length, _)| Read::Length(length)),
+            K::ActuatorVel(a) => self.moment(a).map_or(Read::ActuatorRate(a), |(_, rate)| Read::Rate(rate)),
             K::ActuatorForce(a) => Read::ActuatorForce(vec![a]),
             K::Frame { what, object, reference } => Read::Frame(what, self.place(object), reference.map(|r| self.place(r))),
             K::Magnetometer(s) => Read::Magnetometer(site(s)),
@@ -406,8 +403,8 @@ impl Compiler<'_> {
             }
             K::InsideSite { object, site: s } => Read::Inside(self.place(object), self.zone(s)),
             K::Proximity { what, ref from, ref to, cutoff } => Read::Proximity(what, self.near(from, to), S::from_f64(cutoff)),
-            K::Contact { first, second, ref fields, reduction, slots } => {
-                Read::Contact([self.side(first), self.side(second)], fields.clone(), reduction, slots)
+            K::Contact { first, second, ref fields, reduction, .. } => {
+                Read::Contact([self.side(first), self.side(second)], fields.clone(), reduction)
             }
             K::SubtreeCom(b) => Read::Com(self.subtree(b)),
             K::SubtreeLinVel(b) => Read::ComVelocity(self.subtree(b)),
@@ -419,55 +416,48 @@ impl Compiler<'_> {
         }
     }
 
-    /// Terms of a linear combination of joint positions: address in q, address in v, and coefficient times `gear`. `arms` lists pairs of
-    /// joint and coefficient.
-    fn arms<'a, S: Scalar>(&'a self, arms: &'a [(usize, f64)], gear: f64) -> impl Iterator<Item = (usize, usize, S)> + 'a {
-        arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
-    }
-
     /// Terms of a linear combination of joint positions, as (address in q, coefficient), and of its time derivative, as (address in v,
     /// coefficient). `arms` lists pairs of joint and coefficient; `gear` multiplies all coefficients.
-    fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
-        let arms = || self.arms(arms, gear);
-        [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
+    fn sums(&self, arms: &[(usize, f64)], gear: f64) -> (Terms<S>, Terms<S>) {
+        let terms = arms.iter().map(|&(j, c)| (self.merged.addresses[j], S::from_f64(c * gear)));
+        terms.map(|((q, v), c)| ((q, c), (v, c))).unzip()
     }
 
-    /// Terms of the moment of actuator `a`: address in q, address in v, and moment arm. `None` for an actuator on a site, whose moment
+    /// Length and velocity of actuator `a` as linear combinations, see [`Compiler::sums`]. `None` for an actuator on a site, whose moment
     /// depends on the configuration.
-    fn moment<S: Scalar>(&self, a: usize) -> Option<impl Iterator<Item = (usize, usize, S)>> {
+    fn moment(&self, a: usize) -> Option<(Terms<S>, Terms<S>)> {
         let actuator = &self.model.actuators[a];
-        let arms = match actuator.transmission {
-            Transmission::Joint(j) => vec![(j, 1.0)],
-            Transmission::Tendon(t) => self.model.tendons[t].joints.clone(),
-            Transmission::Site { .. } => return None,
-        };
-        Some(self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter())
+        match actuator.transmission {
+            Transmission::Joint(j) => Some(self.sums(&[(j, 1.0)], actuator.gear)),
+            Transmission::Tendon(t) => Some(self.sums(&self.model.tendons[t].joints, actuator.gear)),
+            Transmission::Site { .. } => None,
+        }
     }
 
     /// Index of the limit of joint `j` in the compiled model; `None` if the joint has no limit.
     fn limit_of(&self, j: usize) -> Option<usize> {
-        crate::compile::limits::limits(self.model, &self.addresses).iter().position(|l| l.dof == self.addresses[j].1)
+        crate::compile::limits::limits(self.model, self.merged).iter().position(|l| l.dof == self.merged.addresses[j].1)
     }
 
-    fn range_of<S: Scalar>(&self, t: usize) -> Option<Bounds<S>> {
+    fn range_of(&self, t: usize) -> Option<Bounds<S>> {
         self.model.tendons[t].range.map(|range| Bounds::Range(scalars(range)))
     }
 
     /// Violation of the range of a joint or tendon ([`Read::LimitPos`]), or its time derivative ([`Read::LimitVel`]) if `rate` is true.
     /// `arms` lists the joints of the linear combination with their coefficients.
-    fn overlap<S: Scalar>(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
+    fn overlap(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
         let Some(bounds) = bounds else { return Read::Nothing };
-        let sums = self.sums(arms, 1.0);
-        if rate { Read::LimitVel(sums, bounds) } else { Read::LimitPos(sums[0].clone(), bounds) }
+        let (value, derivative) = self.sums(arms, 1.0);
+        if rate { Read::LimitVel([value, derivative], bounds) } else { Read::LimitPos(value, bounds) }
     }
 
-    fn place<S: Scalar>(&self, object: Object) -> SensorFrame<S> {
+    fn place(&self, object: Object) -> SensorFrame<S> {
         let index = number(&mut self.found.borrow_mut().places, object);
         self.frame_of(object, index)
     }
 
     /// Sensor frame of an object. The argument `index` selects the object's position in [`Params::place`](crate::compile::Params::place).
-    fn frame_of<S: Scalar>(&self, object: Object, index: usize) -> SensorFrame<S> {
+    fn frame_of(&self, object: Object, index: usize) -> SensorFrame<S> {
         let (body, quat) = match object {
             Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
             Object::Body(b) => (b, self.model.bodies[b].iquat),
@@ -478,14 +468,14 @@ impl Compiler<'_> {
         SensorFrame { frame: self.merged.frame[body], index, mat: matrix(&quat), quat: wxyz(&quat) }
     }
 
-    fn solid<S: Scalar>(&self, object: Object, shape: &Shape) -> Option<Solid<S>> {
+    fn solid(&self, object: Object, shape: &Shape) -> Option<Solid<S>> {
         let form = Form::of(shape)?;
         let index = number(&mut self.found.borrow_mut().shapes, object);
         Some(Solid { place: self.place(object), form, index })
     }
 
     /// Ray target of a geom; `None` if the model does not contain its mesh or height field.
-    fn target<S: Scalar>(&self, geom: usize) -> Option<Target<S>> {
+    fn target(&self, geom: usize) -> Option<Target<S>> {
         let shape = &self.model.geoms[geom].shape;
         let form = match Form::of(shape) {
             Some(form) => TargetForm::Simple(form, number(&mut self.found.borrow_mut().shapes, Object::Geom(geom))),
@@ -494,18 +484,18 @@ impl Compiler<'_> {
         Some(Target { place: self.place(Object::Geom(geom)), form })
     }
 
-    fn zone<S: Scalar>(&self, site: usize) -> Solid<S> {
+    fn zone(&self, site: usize) -> Solid<S> {
         self.solid(Object::Site(site), &self.model.sites[site].shape).expect("the model was checked: sites have simple volumes")
     }
 
     /// All pairs of a geom in `from` and a geom in `to`. Meshes and height fields are left out.
-    fn near<S: Scalar>(&self, from: &[usize], to: &[usize]) -> Vec<Pair<S>> {
+    fn near(&self, from: &[usize], to: &[usize]) -> Vec<Pair<S>> {
         let solid = |g: usize| self.solid(Object::Geom(g), &self.model.geoms[g].shape);
         let pairs = from.iter().flat_map(|&a| to.iter().map(move |&b| (a, b)));
         pairs.filter_map(|(a, b)| Some((solid(a)?, solid(b)?))).collect()
     }
 
-    fn side<S: Scalar>(&self, side: ContactSide) -> Side<S> {
+    fn side(&self, side: ContactSide) -> Side<S> {
         let below = |b: usize| self.descendants(b);
         let geoms = &self.model.geoms;
         match side {

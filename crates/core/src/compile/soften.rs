@@ -21,8 +21,8 @@ impl<S: Scalar> CompiledModel<S> {
         let least_time = if refsafe && !discrete { 2.0 * timestep } else { 0.0 };
         let maker = LawMaker { least_time, timestep, yields: refsafe && discrete };
         let geom_weights: Vec<f64> = model.geoms.iter().map(|g| weights.bodies[g.body][0]).collect();
-        let addresses = model.joint_addresses();
-        let joints = || model.joints.iter().zip(&addresses);
+        let addresses = &self.structure.merged.addresses;
+        let joints = || model.joints.iter().zip(addresses);
         let limited = joints().filter(|(j, _)| j.range.is_some());
         let limit = |(joint, &(_, dof)): (&Joint, &(usize, usize))| maker.law(&joint.limit_softness, weights.dofs[dof]);
         let [limits, ball_limits] = [true, false].map(|scalar| {
@@ -35,7 +35,7 @@ impl<S: Scalar> CompiledModel<S> {
             [maker.law(&tendon.limit_softness, weight), maker.friction(&tendon.friction_softness, weight)]
         });
         let equalities = model.equalities.iter().map(|e| {
-            let [translation, rotation] = equality_weights(e, weights, &addresses);
+            let [translation, rotation] = equality_weights(e, weights, addresses);
             [maker.equality(&e.softness, translation), maker.equality(&e.softness, rotation)]
         });
         let filter = Filter::new(model);

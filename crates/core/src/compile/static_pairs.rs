@@ -73,19 +73,15 @@ pub struct StaticPairs {
     dynamic: [u32; 2],
 }
 
-/// Geoms and pairs of the compiled model, as input of [`StaticPairs::new`].
-pub(super) struct Collision<'a, S> {
-    pub(super) geoms: &'a [CompiledGeom<S>],
-    /// List of pairs of the compiled model, without its dynamic pairs.
-    pub(super) pairs: &'a [CompiledPair<S>],
-    pub(super) dynamic_pairs: Option<&'a DynamicPairs<S>>,
-}
-
 impl StaticPairs {
-    /// Finds the static pairs of `collision`. The function `place` returns the position of a static geom, m. The function `group` maps the
-    /// index of a moving frame to a number that identifies its kinematic tree or mocap body.
-    pub(super) fn new<S: Scalar>(collision: &Collision<'_, S>, place: impl Fn(usize) -> [f64; 3], group: impl Fn(usize) -> usize) -> Self {
-        let Collision { geoms, pairs, dynamic_pairs } = *collision;
+    /// Finds the static pairs among the listed and dynamic pairs of geoms. The function `place` returns the position of a static geom, m.
+    /// The function `group` maps the index of a moving frame to a number that identifies its kinematic tree or mocap body.
+    pub(super) fn new<S: Scalar>(
+        geoms: &[CompiledGeom<S>],
+        (pairs, dynamic_pairs): (&[CompiledPair<S>], Option<&DynamicPairs<S>>),
+        place: impl Fn(usize) -> [f64; 3],
+        group: impl Fn(usize) -> usize,
+    ) -> Self {
         let is_convex = |g: usize| matches!(geoms[g].solid, Some(Solid::Convex(_)));
         // Order of a pair: the geom that is fixed to the world first, if there is one.
         let sorted = |[a, b]: [usize; 2]| if geoms[a].frame == 0 { [a, b] } else { [b, a] };

@@ -189,7 +189,7 @@ impl<R: Real> GroupStep<R> {
     /// configuration again, instead of the distances in the solved step.
     pub fn finish(&mut self) {
         if let Some(nominal) = &mut self.nominal {
-            nominal.overlaps.release(&mut self.workspace);
+            nominal.release_overlaps(&mut self.workspace);
         }
     }
 

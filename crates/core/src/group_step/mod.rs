@@ -18,7 +18,6 @@
 
 mod group;
 mod hard;
-mod held_overlaps;
 mod nominal;
 mod rule;
 

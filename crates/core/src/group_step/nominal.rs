@@ -3,9 +3,9 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::compile::LaneModel;
+use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::dynamics::kinematics::{displace, quat_at};
 use crate::group_step::hard::{HardNominal, Pass};
-use crate::group_step::held_overlaps::HeldOverlaps;
 use crate::group_step::rule::{Gap, ImpulseRule, NominalEvaluation, SolvedStep, StatePart};
 use crate::integrators::devices::Devices;
 use crate::integrators::evaluation::Evaluation;
@@ -29,7 +29,9 @@ pub(super) struct Nominal<R: Real> {
     before: [Vec<R>; 4],
     /// Configuration, velocity and activations after the solved step.
     pub(super) after: [Vec<R>; 3],
-    pub(super) overlaps: HeldOverlaps<R>,
+    /// Overlaps of contacts and limits in the solved step. Evaluations at displaced states use these overlaps instead of the overlaps at
+    /// the displaced configuration. `None` while the workspace has them.
+    overlaps: Option<Box<SolvedOverlaps<R>>>,
     /// Buffer for the unit vector of the displaced coordinate of the configuration, nv. Zero between calls.
     direction: Vec<R>,
     law: Law<R>,
@@ -50,7 +52,7 @@ impl<R: Real> Nominal<R> {
         Self {
             before: [nq, nv, na, compiled.actuators.len()].map(zeros),
             after: [nq, nv, na].map(zeros),
-            overlaps: HeldOverlaps::new(compiled, max_contacts),
+            overlaps: Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))),
             direction: zeros(nv),
             law: match options.contact {
                 ContactLaw::Hard => Law::Hard(Box::new(HardNominal::new(compiled, options, max_contacts))),
@@ -89,15 +91,24 @@ impl<R: Real> Nominal<R> {
             }
         }
         self.return_to_beginning(s);
-        self.overlaps.hold(compiled, s);
+        // Until `release_overlaps`, constraint rows use the overlaps of the solved step. The step has moved its contacts to the state.
+        if let Some(mut overlaps) = self.overlaps.take() {
+            overlaps.keep(compiled, &s.state.contacts, &s.evaluation.q);
+            s.evaluation.solved_overlaps = Some(overlaps);
+        }
+    }
+
+    /// Moves the overlaps of the solved step from the workspace back to `self`. Constraint rows then use the overlaps at the present
+    /// configuration.
+    pub(super) fn release_overlaps(&mut self, s: &mut Workspace<R>) {
+        self.overlaps = s.evaluation.solved_overlaps.take().or_else(|| self.overlaps.take());
     }
 
     /// Makes the step and stores its solution as the nominal solution.
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, settings: &StepSettings, s: &mut Workspace<R>) -> SolvedStep<R> {
         self.store_beginning(s);
         let elapsed = s.state.elapsed;
-        let mut devices = Devices { group: 0, actuators: None, sensors: None };
-        let record = step(compiled, settings, s, &mut devices, NoProbe);
+        let record = step(compiled, settings, s, &mut Devices::none(), NoProbe);
         s.state.elapsed = elapsed;
         self.keep(compiled, s);
         let mut statuses = [0; MAX_LANES];

@@ -11,7 +11,7 @@ use crate::integrators::step_input::StepInput;
 use crate::integrators::workspace::Sensors;
 use crate::options::StepSettings;
 use crate::sensing::SensorInput;
-use crate::sensing::errors::{Errors, Slots};
+use crate::sensing::errors::Errors;
 use crate::sensing::memory::Memory;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
@@ -108,13 +108,6 @@ pub(crate) fn apply_errors<R: Real>(
     lanes: R::Mask,
     start: bool,
 ) {
-    let keys = memory.keys();
-    let mut slots = Slots {
-        numbers: &mut memory.numbers,
-        cursors: &mut memory.cursors,
-        faults: &mut memory.faults,
-        observation: &mut memory.observation,
-    };
     let work = sensors.error_work.get_or_insert_with(|| errors.work());
-    errors.observe(group, &sensors.workspace.truth, &keys, lanes, start, options.timestep, work, &mut slots);
+    errors.observe(group, &sensors.workspace.truth, lanes, start, options.timestep, work, memory);
 }

@@ -20,8 +20,7 @@ use stepper_real::{Real, Scalar};
 
 use crate::math::lanes::DelayLine;
 use crate::model::{Model, Quantity, SensorError};
-pub use crate::sensing::errors::draws::Keys;
-pub use crate::sensing::errors::observe::{Slots, Work};
+pub use crate::sensing::errors::observe::Work;
 pub use crate::sensing::errors::transfer::Transfer;
 use crate::sensing::errors::transfer::any;
 

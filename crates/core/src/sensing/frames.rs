@@ -7,7 +7,7 @@ use crate::compile::sensing::SensorFrame;
 use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
-use crate::sensing::{SensorInput, SensorWorkspace};
+use crate::sensing::{SensorInput, SensorView};
 
 /// Computes the orientation of every link as a quaternion from the configuration `q`. The quaternion is a product along the kinematic tree,
 /// so that its sign follows the signs of the quaternions in `q`.
@@ -83,22 +83,6 @@ pub(super) fn ground<R: Real>(compiled: &LaneModel<R>) -> V6<R> {
     spatial(zero(), scale(compiled.params.gravity(), -R::one()))
 }
 
-/// Position of a sensor frame's origin in the world frame, m.
-pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> V3<R> {
-    R::vectorize(
-        #[inline(always)]
-        || kinematics.point(place.frame, compiled.params.place(place.index)),
-    )
-}
-
-/// Rotation matrix from a sensor frame to the world frame.
-pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> M3<R> {
-    R::vectorize(
-        #[inline(always)]
-        || mat_mul(&kinematics.mat[place.frame], &splat(place.mat)),
-    )
-}
-
 /// Spatial velocity or acceleration of a frame, and the point to which it refers. `motions` has the values of the links, and `still` is the
 /// value for the world and mocap bodies.
 #[inline(always)]
@@ -115,111 +99,89 @@ pub fn motion_of<R: Real>(
     }
 }
 
-/// Velocity of a sensor frame in world axes: angular, rad/s, and linear at its origin, m/s.
-fn velocity<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    workspace: &SensorWorkspace<R>,
-    place: &SensorFrame<R::Scalar>,
-) -> [V3<R>; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (motion, origin) = motion_of(compiled, kinematics, &workspace.velocity, zero(), place.frame);
-            [angular(&motion), velocity_at(&motion, sub(position(compiled, kinematics, place), origin))]
-        },
-    )
-}
+impl<R: Real> SensorView<'_, R> {
+    /// Position of a sensor frame's origin in the world frame, m.
+    #[inline(always)]
+    pub(super) fn position(&self, place: &SensorFrame<R::Scalar>) -> V3<R> {
+        self.kinematics.point(place.frame, self.compiled.params.place(place.index))
+    }
 
-/// Acceleration of a sensor frame minus gravity, in world axes: angular, rad/s^2, and linear at its origin, m/s^2. The linear part is the
-/// spatial acceleration plus omega x v.
-fn acceleration<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    workspace: &SensorWorkspace<R>,
-    place: &SensorFrame<R::Scalar>,
-) -> [V3<R>; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (change, origin) = motion_of(compiled, kinematics, &workspace.acceleration, ground(compiled), place.frame);
-            let [omega, v] = velocity(compiled, kinematics, workspace, place);
-            let there = velocity_at(&change, sub(position(compiled, kinematics, place), origin));
-            [angular(&change), add(there, cross(omega, v))]
-        },
-    )
-}
+    /// Rotation matrix from a sensor frame to the world frame.
+    #[inline(always)]
+    pub(super) fn orientation(&self, place: &SensorFrame<R::Scalar>) -> M3<R> {
+        mat_mul(&self.kinematics.mat[place.frame], &splat(place.mat))
+    }
 
-/// Angular and linear velocity of a site in the site's axes. If `accelerations` is true, the results are the angular acceleration, and the
-/// linear acceleration minus gravity.
-pub fn site_motion<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    workspace: &SensorWorkspace<R>,
-    place: &SensorFrame<R::Scalar>,
-    accelerations: bool,
-) -> [V3<R>; 2] {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let [turning, moving] = if accelerations {
-                acceleration(compiled, kinematics, workspace, place)
-            } else {
-                velocity(compiled, kinematics, workspace, place)
-            };
-            let axes = orientation(kinematics, place);
-            [rotate_back(&axes, turning), rotate_back(&axes, moving)]
-        },
-    )
-}
+    /// Velocity of a sensor frame in world axes: angular, rad/s, and linear at its origin, m/s.
+    #[inline(always)]
+    fn velocity(&self, place: &SensorFrame<R::Scalar>) -> [V3<R>; 2] {
+        let (motion, origin) = motion_of(self.compiled, self.kinematics, self.velocities, zero(), place.frame);
+        [angular(&motion), velocity_at(&motion, sub(self.position(place), origin))]
+    }
 
-/// Writes the reading of a frame sensor to `out`: three values, or the four of a quaternion.
-pub fn frame<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    workspace: &SensorWorkspace<R>,
-    what: FrameReading,
-    object: &SensorFrame<R::Scalar>,
-    reference: Option<&SensorFrame<R::Scalar>>,
-    out: &mut [R],
-) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            use FrameReading as F;
-            if what == F::Quat {
-                let mut seen = quat_mul(workspace.orientation[object.frame], splat(object.quat));
-                if let Some(r) = reference {
-                    let [w, x, y, z] = quat_mul(workspace.orientation[r.frame], splat(r.quat));
-                    seen = quat_mul([w, -x, -y, -z], seen);
+    /// Acceleration of a sensor frame minus gravity, in world axes: angular, rad/s^2, and linear at its origin, m/s^2. The linear part is
+    /// the spatial acceleration plus omega x v.
+    #[inline(always)]
+    fn acceleration(&self, place: &SensorFrame<R::Scalar>) -> [V3<R>; 2] {
+        let (change, origin) = motion_of(self.compiled, self.kinematics, self.accelerations, ground(self.compiled), place.frame);
+        let [omega, v] = self.velocity(place);
+        let there = velocity_at(&change, sub(self.position(place), origin));
+        [angular(&change), add(there, cross(omega, v))]
+    }
+
+    /// Angular and linear velocity of a site in the site's axes. If `accelerations` is true, the results are the angular acceleration, and
+    /// the linear acceleration minus gravity.
+    pub fn site_motion(&self, place: &SensorFrame<R::Scalar>, accelerations: bool) -> [V3<R>; 2] {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let [turning, moving] = if accelerations { self.acceleration(place) } else { self.velocity(place) };
+                let axes = self.orientation(place);
+                [rotate_back(&axes, turning), rotate_back(&axes, moving)]
+            },
+        )
+    }
+
+    /// Writes the reading of a frame sensor to `out`: three values, or the four of a quaternion.
+    pub fn frame(&self, what: FrameReading, object: &SensorFrame<R::Scalar>, reference: Option<&SensorFrame<R::Scalar>>, out: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                use FrameReading as F;
+                if what == F::Quat {
+                    let mut seen = quat_mul(self.orientations[object.frame], splat(object.quat));
+                    if let Some(r) = reference {
+                        let [w, x, y, z] = quat_mul(self.orientations[r.frame], splat(r.quat));
+                        seen = quat_mul([w, -x, -y, -z], seen);
+                    }
+                    out.copy_from_slice(&seen);
+                    return;
                 }
-                out.copy_from_slice(&seen);
-                return;
-            }
-            let arm = |r: &SensorFrame<R::Scalar>| sub(position(compiled, kinematics, object), position(compiled, kinematics, r));
-            let x = match what {
-                F::Pos => reference.map_or_else(|| position(compiled, kinematics, object), arm),
-                F::XAxis => column(&orientation(kinematics, object), 0),
-                F::YAxis => column(&orientation(kinematics, object), 1),
-                F::ZAxis => column(&orientation(kinematics, object), 2),
-                F::AngVel => {
-                    let [w, _] = velocity(compiled, kinematics, workspace, object);
-                    reference.map_or(w, |r| sub(w, velocity(compiled, kinematics, workspace, r)[0]))
-                }
-                F::LinVel => {
-                    let [_, v] = velocity(compiled, kinematics, workspace, object);
-                    reference.map_or(v, |r| {
-                        // Velocity as seen in the rotating frame of the reference.
-                        let [w, u] = velocity(compiled, kinematics, workspace, r);
-                        sub(sub(v, u), cross(w, arm(r)))
-                    })
-                }
-                F::AngAcc => acceleration(compiled, kinematics, workspace, object)[0],
-                F::LinAcc => acceleration(compiled, kinematics, workspace, object)[1],
-                F::Quat => unreachable!("returned above"),
-            };
-            let x = reference.map_or(x, |r| rotate_back(&orientation(kinematics, r), x));
-            out.copy_from_slice(&x);
-        },
-    )
+                let arm = |r: &SensorFrame<R::Scalar>| sub(self.position(object), self.position(r));
+                let x = match what {
+                    F::Pos => reference.map_or_else(|| self.position(object), arm),
+                    F::XAxis => column(&self.orientation(object), 0),
+                    F::YAxis => column(&self.orientation(object), 1),
+                    F::ZAxis => column(&self.orientation(object), 2),
+                    F::AngVel => {
+                        let [w, _] = self.velocity(object);
+                        reference.map_or(w, |r| sub(w, self.velocity(r)[0]))
+                    }
+                    F::LinVel => {
+                        let [_, v] = self.velocity(object);
+                        reference.map_or(v, |r| {
+                            // Velocity as seen in the rotating frame of the reference.
+                            let [w, u] = self.velocity(r);
+                            sub(sub(v, u), cross(w, arm(r)))
+                        })
+                    }
+                    F::AngAcc => self.acceleration(object)[0],
+                    F::LinAcc => self.acceleration(object)[1],
+                    F::Quat => unreachable!("returned above"),
+                };
+                let x = reference.map_or(x, |r| rotate_back(&self.orientation(r), x));
+                out.copy_from_slice(&x);
+            },
+        )
+    }
 }

@@ -4,7 +4,8 @@ use stepper_real::Real;
 
 use crate::actuation::forces::ActuatorForces;
 use crate::collision::contact_set::Contacts;
-use crate::compile::ModelStructure;
+use crate::compile::{LaneModel, ModelStructure};
+use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::contact_list::SensedContacts;
 
@@ -29,6 +30,26 @@ pub struct SensorInput<'a, R: Real> {
     pub scalar_impulse: &'a [R],
     /// Contacts of the step with their impulses.
     pub contacts: &'a Contacts<R>,
+}
+
+/// State and results of a step from which sensors read, in all lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct SensorView<'a, R: Real> {
+    /// Compiled model.
+    pub compiled: &'a LaneModel<R>,
+    /// Poses of the frames after the step.
+    pub kinematics: &'a Kinematics<R>,
+    /// Inputs of the sensors.
+    pub input: &'a SensorInput<'a, R>,
+    /// Orientation of every frame, see [`SensorWorkspace::orientation`].
+    pub orientations: &'a [[R; 4]],
+    /// Spatial velocity of every link, see [`SensorWorkspace::velocity`].
+    pub velocities: &'a [V6<R>],
+    /// Spatial acceleration of every link, see [`SensorWorkspace::acceleration`].
+    pub accelerations: &'a [V6<R>],
+    /// Force and torque on every subtree with a force or torque sensor, see [`SensorWorkspace::carried`].
+    pub carried: &'a [[V3<R>; 2]],
+    pub(crate) sensed_contacts: &'a SensedContacts,
 }
 
 /// Workspace that all sensors share. The caller writes the poses of mocap frames to `kinematics` and `orientation`.

@@ -4,12 +4,11 @@ use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
 use crate::compile::ModelStructure;
-use crate::math::lanes::MAX_LANES;
+use crate::math::lane_arrays::{clear_column, lane_arrays};
 use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_lane_bits};
-use crate::sensing::errors::Keys;
 
 /// Memory of the sensors of a group of environments: random number state, results of the last step, and values of the transfer functions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
     /// Lanes (bits) whose state was set by the user after the last step. Results of the last step do not apply to them.
     pub fresh: u32,
@@ -39,14 +38,14 @@ pub struct Memory<S> {
     pub faults: Vec<u32>,
 }
 
+lane_arrays!(Memory: seed stream episode step acceleration ctrl xfrc numbers observation faults);
+
 impl<S: Scalar> Memory<S> {
     /// Creates the memory for ideal sensors (without errors). `first` is the index of the first environment of the group.
     pub fn new(compiled: &ModelStructure<S>, lanes: usize, first: usize) -> Self {
         let needs = compiled.sensing.needs;
         let zeros = |there: bool, n: usize| vec![S::default(); if there { n * lanes } else { 0 }];
         Self {
-            fresh: 0,
-            waiting: 0,
             seed: vec![0; lanes],
             stream: (0..lanes).map(|l| (first + l) as u32).collect(),
             episode: vec![0; lanes],
@@ -54,10 +53,7 @@ impl<S: Scalar> Memory<S> {
             acceleration: zeros(true, compiled.nv),
             ctrl: zeros(needs.step || needs.actuators, compiled.actuators.len()),
             xfrc: zeros(needs.wrenches, 6 * compiled.bodies.len()),
-            numbers: vec![],
-            cursors: vec![],
-            observation: vec![],
-            faults: vec![],
+            ..Self::default()
         }
     }
 
@@ -71,10 +67,6 @@ impl<S: Scalar> Memory<S> {
         self.observation = vec![S::default(); readings * lanes];
     }
 
-    fn arrays(&self) -> [&Vec<S>; 5] {
-        [&self.acceleration, &self.ctrl, &self.xfrc, &self.numbers, &self.observation]
-    }
-
     /// Marks the state of a lane as set by the user, so that sensors do not read the results of the last step. Nothing is cleared.
     pub fn refresh(&mut self, lane: usize) {
         self.fresh |= 1 << lane;
@@ -83,10 +75,8 @@ impl<S: Scalar> Memory<S> {
     /// Clears the results of the last step in a lane. The sensors' transfer functions begin again with the next observation of the lane.
     pub fn forget(&mut self, lane: usize) {
         let lanes = self.seed.len();
-        for numbers in [&mut self.acceleration, &mut self.xfrc] {
-            numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
-        }
-        self.faults.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
+        [&mut self.acceleration, &mut self.xfrc].into_iter().for_each(|numbers| clear_column(numbers, lanes, lane));
+        clear_column(&mut self.faults, lanes, lane);
         self.refresh(lane);
         self.waiting |= 1 << lane;
     }
@@ -98,97 +88,46 @@ impl<S: Scalar> Memory<S> {
         self.episode[lane] = if counts { self.episode[lane].wrapping_add(1) } else { 0 };
         self.seed[lane] = seed.unwrap_or(self.seed[lane]);
         self.step[lane] = 0;
-        self.ctrl.iter_mut().skip(lane).step_by(self.seed.len()).for_each(|x| *x = S::default());
+        clear_column(&mut self.ctrl, self.seed.len(), lane);
         self.forget(lane);
     }
 
     /// Clears the entries of an unused lane, so that equal states have equal bytes.
     pub fn clear(&mut self, lane: usize) {
         let lanes = self.seed.len();
-        let all = [&mut self.acceleration, &mut self.ctrl, &mut self.xfrc, &mut self.numbers, &mut self.observation];
-        for numbers in all {
-            numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
-        }
-        self.faults.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
-        (self.seed[lane], self.stream[lane], self.episode[lane], self.step[lane]) = (0, 0, 0, 0);
+        self.begin(lane, Some(0));
+        self.stream[lane] = 0;
+        [&mut self.numbers, &mut self.observation].into_iter().for_each(|numbers| clear_column(numbers, lanes, lane));
         self.fresh &= !(1 << lane);
         self.waiting &= !(1 << lane);
     }
 
     /// Copy of the sensor memory of `n` lanes, from the lane with index `first` on.
     pub fn part(&self, first: usize, n: usize) -> Self {
-        let lanes = self.seed.len();
-        let numbers = |x: &[S]| columns(x, lanes, first, n);
-        let words = |x: &[u32]| columns(x, lanes, first, n);
         Self {
             fresh: lane_bits(self.fresh, first, n),
             waiting: lane_bits(self.waiting, first, n),
-            seed: columns(&self.seed, lanes, first, n),
-            stream: words(&self.stream),
-            episode: words(&self.episode),
-            step: words(&self.step),
-            acceleration: numbers(&self.acceleration),
-            ctrl: numbers(&self.ctrl),
-            xfrc: numbers(&self.xfrc),
-            numbers: numbers(&self.numbers),
             cursors: self.cursors.clone(),
-            observation: numbers(&self.observation),
-            faults: words(&self.faults),
+            ..self.part_of_arrays(self.seed.len(), first, n)
         }
     }
 
     /// Copies `part`, the memory of `n` lanes, to the lanes `target`.
     pub(crate) fn set_part(&mut self, target: DestinationLanes, n: usize, part: &Self) {
-        let lanes = self.seed.len();
         set_lane_bits(&mut self.fresh, target, n, part.fresh);
         set_lane_bits(&mut self.waiting, target, n, part.waiting);
-        set_columns(&mut self.seed, lanes, target, n, &part.seed);
-        for (to, from) in [
-            (&mut self.stream, &part.stream),
-            (&mut self.episode, &part.episode),
-            (&mut self.step, &part.step),
-            (&mut self.faults, &part.faults),
-        ] {
-            set_columns(to, lanes, target, n, from);
-        }
-        for (to, from) in [
-            (&mut self.acceleration, &part.acceleration),
-            (&mut self.ctrl, &part.ctrl),
-            (&mut self.xfrc, &part.xfrc),
-            (&mut self.numbers, &part.numbers),
-            (&mut self.observation, &part.observation),
-        ] {
-            set_columns(to, lanes, target, n, from);
-        }
+        self.set_arrays(self.seed.len(), target, n, part);
         // All environments step together, and share the positions of the delay lines.
         self.cursors.copy_from_slice(&part.cursors);
     }
 
     /// Size of the buffers, bytes.
     pub fn bytes(&self) -> usize {
-        let scalars: usize = self.arrays().into_iter().map(|x| size_of_val(&x[..])).sum();
-        scalars + self.seed.len() * 20 + (self.cursors.len() + self.faults.len()) * 4
+        self.bytes_of_arrays() + size_of_val(&self.cursors[..])
     }
 
     /// Whether another memory has buffers of the same sizes.
     pub fn fits(&self, other: &Self) -> bool {
-        let words = |m: &Self| [&m.stream, &m.episode, &m.step, &m.cursors, &m.faults].map(Vec::len);
-        let sizes = |m: &Self| (m.arrays().map(Vec::len), m.seed.len(), words(m));
-        sizes(self) == sizes(other)
-    }
-
-    /// Inputs of the random number generator for the next step.
-    #[inline(always)]
-    pub fn keys(&self) -> Keys {
-        let lane = |x: &[u32]| {
-            let mut word = [0; MAX_LANES];
-            word[..x.len()].copy_from_slice(x);
-            word
-        };
-        let mut seed = [[0; MAX_LANES]; 2];
-        for (l, &s) in self.seed.iter().enumerate() {
-            (seed[0][l], seed[1][l]) = (s as u32, (s >> 32) as u32);
-        }
-        Keys { seed, stream: lane(&self.stream), episode: lane(&self.episode), step: lane(&self.step) }
+        self.lengths() == other.lengths() && self.cursors.len() == other.cursors.len()
     }
 }

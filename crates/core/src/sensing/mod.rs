@@ -11,10 +11,7 @@ pub mod proximity;
 pub mod rays;
 pub mod touching;
 
-pub use frames::{frame, motion_of, orientations, site_motion};
+pub use frames::{motion_of, orientations};
 pub use inputs::*;
-pub use masses::{angular_momentum, com, com_velocity, kinetic, potential};
-pub use proximity::proximity;
 pub(crate) use rays::{Placed, nearest};
-pub use rays::{inside, range};
-pub use touching::{contact_wrenches, contacts, touch};
+pub use touching::contact_wrenches;

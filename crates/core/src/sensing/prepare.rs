@@ -4,28 +4,38 @@ use stepper_real::Real;
 
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
-use crate::sensing::inputs::{SensorInput, SensorWorkspace};
-use crate::sensing::{frames, masses};
+use crate::sensing::frames::{accelerations, orientations};
+use crate::sensing::inputs::{SensorInput, SensorView, SensorWorkspace};
 
 impl<R: Real> SensorWorkspace<R> {
-    /// Computes the intermediate results of all sensors: velocities, accelerations, contacts, and forces on subtrees.
-    pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, input: &SensorInput<'_, R>) {
-        if !self.orientation.is_empty() {
-            frames::orientations(compiled, input.q, &mut self.orientation);
+    /// Computes the intermediate results of all sensors: velocities, accelerations, contacts, and forces on subtrees. Returns the view from
+    /// which sensors read, the true readings, and a buffer for contacts.
+    pub fn prepare<'a>(
+        &'a mut self,
+        compiled: &'a LaneModel<R>,
+        kinematics: &'a Kinematics<R>,
+        input: &'a SensorInput<'a, R>,
+    ) -> (SensorView<'a, R>, &'a mut [R], &'a mut Vec<(f64, usize)>) {
+        let Self { truth, orientation, velocity, acceleration, carried, sensed_contacts, order } = self;
+        if !orientation.is_empty() {
+            orientations(compiled, input.q, orientation);
         }
         if compiled.sensing.needs.acceleration {
-            frames::accelerations(compiled, kinematics, input, &mut self.velocity, &mut self.acceleration);
+            accelerations(compiled, kinematics, input, velocity, acceleration);
         } else if compiled.sensing.needs.velocities {
             R::vectorize(
                 #[inline(always)]
-                || kinematics.velocities(compiled, input.v, &mut self.velocity),
+                || kinematics.velocities(compiled, input.v, velocity),
             );
         }
         if compiled.sensing.needs.contacts {
-            self.sensed_contacts.load_contacts(compiled, input);
+            sensed_contacts.load_contacts(compiled, input);
         }
-        for (k, (site, subtree)) in compiled.sensing.carried.iter().enumerate() {
-            self.carried[k] = masses::parent_force(compiled, kinematics, self, input, site, &compiled.sensing.subtrees[*subtree]);
+        let (orientations, velocities, accelerations) = (&orientation[..], &velocity[..], &acceleration[..]);
+        let view = SensorView { compiled, kinematics, input, orientations, velocities, accelerations, carried: &[], sensed_contacts };
+        for (carried, (site, subtree)) in carried.iter_mut().zip(&compiled.sensing.carried) {
+            *carried = view.parent_force(site, &compiled.sensing.subtrees[*subtree]);
         }
+        (SensorView { carried, ..view }, truth, order)
     }
 }

@@ -13,7 +13,7 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::RayField;
-use crate::sensing::frames::{orientation, position};
+use crate::sensing::SensorView;
 
 /// Distance from the origin `o` to a simple shape along the unit direction `d`, both in the shape's frame, m. Infinite without a hit.
 pub(super) fn ray<R: Real>(form: Form, size: V3<R>, o: V3<R>, d: V3<R>) -> R {
@@ -139,39 +139,23 @@ fn cuboid<R: Real>(half: V3<R>, o: V3<R>, d: V3<R>) -> R {
 }
 
 /// Lanes in which the point `p`, in the shape's frame, is inside the shape.
+#[inline(always)]
 pub(super) fn holds<R: Real>(form: Form, size: V3<R>, p: V3<R>) -> R::Mask {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let across = p[0] * p[0] + p[1] * p[1];
-            match form {
-                Form::Plane => p[2].le(R::zero()),
-                Form::Sphere => dot(p, p).lt(size[0].square()),
-                Form::Capsule => {
-                    let beyond = (p[2].abs() - size[1]).max(R::zero());
-                    (across + beyond.square()).lt(size[0].square())
-                }
-                Form::Cylinder => across.lt(size[0].square()).and(p[2].abs().lt(size[1])),
-                Form::Ellipsoid => {
-                    let u: V3<R> = std::array::from_fn(|k| p[k] / size[k]);
-                    dot(u, u).lt(R::one())
-                }
-                Form::Box => p[0].abs().lt(size[0]).and(p[1].abs().lt(size[1])).and(p[2].abs().lt(size[2])),
-            }
-        },
-    )
-}
-
-/// 1 in the lanes in which the origin of a sensor frame is inside a volume, otherwise 0.
-pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let offset = sub(position(compiled, kinematics, place), position(compiled, kinematics, &zone.place));
-            let local = rotate_back(&orientation(kinematics, &zone.place), offset);
-            R::select(holds(zone.form, compiled.params.size(zone.index), local), R::one(), R::zero())
-        },
-    )
+    let across = p[0] * p[0] + p[1] * p[1];
+    match form {
+        Form::Plane => p[2].le(R::zero()),
+        Form::Sphere => dot(p, p).lt(size[0].square()),
+        Form::Capsule => {
+            let beyond = (p[2].abs() - size[1]).max(R::zero());
+            (across + beyond.square()).lt(size[0].square())
+        }
+        Form::Cylinder => across.lt(size[0].square()).and(p[2].abs().lt(size[1])),
+        Form::Ellipsoid => {
+            let u: V3<R> = std::array::from_fn(|k| p[k] / size[k]);
+            dot(u, u).lt(R::one())
+        }
+        Form::Box => p[0].abs().lt(size[0]).and(p[1].abs().lt(size[1])).and(p[2].abs().lt(size[2])),
+    }
 }
 
 /// Geom that rays can hit, with its pose in each lane.
@@ -185,7 +169,9 @@ impl<'a, R: Real> Placed<'a, R> {
     /// Places the geom `target` at its pose in `kinematics`.
     #[inline(always)]
     pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
-        Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }
+        let place = &target.place;
+        let centre = kinematics.point(place.frame, compiled.params.place(place.index));
+        Self { centre, mat: mat_mul(&kinematics.mat[place.frame], &splat(place.mat)), form: &target.form }
     }
 
     /// Distance from `origin` along the unit vector `direction` to the geom, in the lanes `lanes` (bits), m. Both are in the world frame.
@@ -256,41 +242,54 @@ pub(crate) fn nearest<R: Real>(
     )
 }
 
-/// Writes the readings of a rangefinder to `out`: the values of `fields` for every ray.
-pub fn range<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    place: &SensorFrame<R::Scalar>,
-    rays: &[[R::Scalar; 3]],
-    fields: &[RayField],
-    targets: &[Target<R::Scalar>],
-    out: &mut [R],
-) {
-    let every = (u64::MAX >> (64 - R::LANES)) as u32;
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (origin, axes) = (position(compiled, kinematics, place), orientation(kinematics, place));
-            let mut at = 0;
-            for &direction in rays {
-                let direction = rotate(&axes, splat(direction));
-                let mut t = nothing::<R>();
-                for target in targets {
-                    t = t.min(Placed::new(compiled, kinematics, target).distance(compiled, every, origin, direction, t));
+impl<R: Real> SensorView<'_, R> {
+    /// 1 in the lanes in which the origin of a sensor frame is inside a volume, otherwise 0.
+    pub fn inside(&self, place: &SensorFrame<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let offset = sub(self.position(place), self.position(&zone.place));
+                let local = rotate_back(&self.orientation(&zone.place), offset);
+                R::select(holds(zone.form, self.compiled.params.size(zone.index), local), R::one(), R::zero())
+            },
+        )
+    }
+
+    /// Writes the readings of a rangefinder to `out`: the values of `fields` for every ray.
+    pub fn range(
+        &self,
+        place: &SensorFrame<R::Scalar>,
+        rays: &[[R::Scalar; 3]],
+        fields: &[RayField],
+        targets: &[Target<R::Scalar>],
+        out: &mut [R],
+    ) {
+        let every = (u64::MAX >> (64 - R::LANES)) as u32;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let (origin, axes) = (self.position(place), self.orientation(place));
+                let mut at = 0;
+                for &direction in rays {
+                    let direction = rotate(&axes, splat(direction));
+                    let mut t = nothing::<R>();
+                    for target in targets {
+                        t = t.min(Placed::new(self.compiled, self.kinematics, target).distance(self.compiled, every, origin, direction, t));
+                    }
+                    let hit = t.lt(nothing());
+                    let reach = R::select(hit, t, R::zero());
+                    for &field in fields {
+                        let x = match field {
+                            RayField::Distance => [R::select(hit, t, -R::one()), R::zero(), R::zero()],
+                            RayField::Direction => select(hit, direction, zero()),
+                            RayField::Origin => origin,
+                            RayField::Point => select(hit, add_scaled(origin, direction, reach), zero()),
+                        };
+                        out[at..at + field.dim()].copy_from_slice(&x[..field.dim()]);
+                        at += field.dim();
+                    }
                 }
-                let hit = t.lt(nothing());
-                let reach = R::select(hit, t, R::zero());
-                for &field in fields {
-                    let x = match field {
-                        RayField::Distance => [R::select(hit, t, -R::one()), R::zero(), R::zero()],
-                        RayField::Direction => select(hit, direction, zero()),
-                        RayField::Origin => origin,
-                        RayField::Point => select(hit, add_scaled(origin, direction, reach), zero()),
-                    };
-                    out[at..at + field.dim()].copy_from_slice(&x[..field.dim()]);
-                    at += field.dim();
-                }
-            }
-        },
-    )
+            },
+        )
+    }
 }

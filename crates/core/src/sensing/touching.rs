@@ -5,34 +5,26 @@ use stepper_real::{Real, Scalar};
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::compile::sensing::{Side, Solid};
-use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::{ContactField, ContactReduction};
 use crate::sensing::contact_list::{Contact, SensedContacts};
-use crate::sensing::frames::{orientation, position};
-use crate::sensing::inputs::{SensorInput, SensorWorkspace};
+use crate::sensing::inputs::{SensorInput, SensorView};
 use crate::sensing::rays::{holds, ray};
-
-/// Geoms of a contact, as indices in the model, and their bodies.
-fn parties<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
-    let pair = compiled.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
-    let geoms = pair.map(|g| compiled.geoms[g].index);
-    [geoms, geoms.map(|g| compiled.sensing.geom_body[g])]
-}
 
 impl Contact {
     fn of<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
-        let [geoms, bodies] = parties(compiled, contacts, slot, lane);
+        let pair = compiled.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
+        let geoms = pair.map(|g| compiled.geoms[g].index);
         let data = &contacts.data[slot];
         let h = h.lane(lane).to_f64();
         Self {
             geoms,
-            bodies,
+            bodies: geoms.map(|g| compiled.sensing.geom_body[g]),
             distance: data.point.distance.lane(lane).to_f64(),
             pos: of_lane(&data.point.pos, lane),
             axes: contact_frame(of_lane(&data.point.normal, lane)),
-            force: over(of_lane(&data.impulse, lane), h),
-            torque: contacts.torque.get(slot).map_or([0.0; 3], |x| over(of_lane(x, lane), h)),
+            force: of_lane(&data.impulse, lane).map(|x| x / h),
+            torque: contacts.torque.get(slot).map_or([0.0; 3], |x| of_lane(x, lane).map(|x| x / h)),
         }
     }
 
@@ -47,49 +39,23 @@ impl Contact {
     }
 }
 
-/// Volume of a site in all lanes: position in the world, m, orientation, and size, m.
-struct Volume<R: Real> {
+/// Volume of a site: position in the world, m, orientation, and size, m.
+struct Volume<R> {
     origin: V3<R>,
     axes: M3<R>,
     size: V3<R>,
 }
 
 impl<R: Real> Volume<R> {
-    fn of(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>) -> Self {
-        R::vectorize(
-            #[inline(always)]
-            || Self {
-                origin: position(compiled, kinematics, &solid.place),
-                axes: orientation(kinematics, &solid.place),
-                size: compiled.params.size(solid.index),
-            },
-        )
-    }
-
-    /// Volume of the site in lane `lane`, with its pose.
-    #[inline(always)]
-    fn zone(&self, lane: usize) -> Zone {
-        Zone { origin: of_lane(&self.origin, lane), axes: of_lane(&self.axes, lane), size: of_lane(&self.size, lane) }
+    fn of_lane(&self, lane: usize) -> Volume<f64> {
+        Volume { origin: of_lane(&self.origin, lane), axes: of_lane(&self.axes, lane), size: of_lane(&self.size, lane) }
     }
 }
 
-/// Volume of a site in one lane: position in the world, m, orientation, and size, m.
-struct Zone {
-    origin: [f64; 3],
-    axes: [f64; 9],
-    size: [f64; 3],
-}
-
-impl Zone {
+impl Volume<f64> {
     fn local(&self, p: [f64; 3]) -> [f64; 3] {
         rotate_back(&self.axes, sub(p, self.origin))
     }
-}
-
-/// Quotient of a vector and `h`, each component rounded once.
-#[inline(always)]
-fn over([x, y, z]: [f64; 3], h: f64) -> [f64; 3] {
-    [x / h, y / h, z / h]
 }
 
 impl SensedContacts {
@@ -156,133 +122,6 @@ pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>
     }
 }
 
-/// Reading of a touch sensor: sum of the normal forces on a body, N. Only forces whose lines of action intersect a volume count.
-pub fn touch<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    workspace: &SensorWorkspace<R>,
-    body: usize,
-    solid: &Solid<R::Scalar>,
-) -> R {
-    let mut reading = R::default();
-    let mut volume = None;
-    for lane in 0..R::LANES {
-        let mut sum = 0.0;
-        for contact in workspace.sensed_contacts.lane(lane) {
-            if !contact.bodies.contains(&body) || contact.force[0] <= 0.0 {
-                continue;
-            }
-            let zone = volume.get_or_insert_with(|| Volume::of(compiled, kinematics, solid)).zone(lane);
-            // Direction of the force on the other body, away from this one.
-            let away = scale(contact.axes[0], if contact.bodies[1] == body { -1.0 } else { 1.0 });
-            let direction = rotate_back(&zone.axes, away);
-            if ray(solid.form, zone.size, zone.local(contact.pos), direction) < f64::INFINITY {
-                sum += contact.force[0];
-            }
-        }
-        reading.set_lane(lane, Scalar::from_f64(sum));
-    }
-    reading
-}
-
-/// Writes the readings of a contact sensor, which begin at address `at`.
-pub fn contacts<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    workspace: &mut SensorWorkspace<R>,
-    sides: &[Side<R::Scalar>; 2],
-    fields: &[ContactField],
-    (reduction, slots): (ContactReduction, usize),
-    at: usize,
-) {
-    let width: usize = fields.iter().map(|f| f.dim()).sum();
-    for lane in 0..R::LANES {
-        let mut put = |k: usize, x: f64| workspace.truth[at + k].set_lane(lane, Scalar::from_f64(x));
-        (0..width * slots).for_each(|k| put(k, 0.0));
-        let order = &mut workspace.order;
-        order.clear();
-        for (slot, contact) in workspace.sensed_contacts.lane(lane).iter().enumerate() {
-            if matches(compiled, kinematics, sides, contact, lane).is_some() {
-                let key = match reduction {
-                    ContactReduction::MinDistance => contact.distance,
-                    ContactReduction::MaxForce => -dot(contact.force, contact.force),
-                    ContactReduction::None | ContactReduction::NetForce => 0.0,
-                };
-                order.push((key, slot));
-            }
-        }
-        // Insertion sort: the list is short and nearly in order, and nothing is allocated.
-        for i in 1..order.len() {
-            let mut j = i;
-            while j > 0 && order[j].0 < order[j - 1].0 {
-                order.swap(j, j - 1);
-                j -= 1;
-            }
-        }
-        let found = order.len();
-        if found > 0 && reduction == ContactReduction::NetForce {
-            let all = order.iter().map(|&(_, slot)| seen(compiled, kinematics, sides, workspace.sensed_contacts.lane(lane)[slot], lane));
-            let net = net_force(all);
-            let mut put = |k: usize, x: f64| workspace.truth[at + k].set_lane(lane, Scalar::from_f64(x));
-            report(&net, fields, found, &mut put);
-            continue;
-        }
-        for k in 0..found.min(slots) {
-            let contact = seen(compiled, kinematics, sides, workspace.sensed_contacts.lane(lane)[workspace.order[k].1], lane);
-            let mut put = |i: usize, x: f64| workspace.truth[at + k * width + i].set_lane(lane, Scalar::from_f64(x));
-            report(&contact, fields, found, &mut put);
-        }
-    }
-}
-
-/// Tests whether one geom of a contact is on the first side of a contact sensor, and the other geom on its second side. A side is a set of
-/// geoms or a volume.
-///
-/// The result is `None` if they are not. Otherwise it is true if the contact's second geom is on the first side.
-fn matches<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    sides: &[Side<R::Scalar>; 2],
-    contact: &Contact,
-    lane: usize,
-) -> Option<bool> {
-    let fits = |side: &Side<R::Scalar>, geom: usize| match side {
-        Side::Geoms(which) => which[geom],
-        Side::Zone(solid) => {
-            let zone = Volume::of(compiled, kinematics, solid).zone(lane);
-            holds(solid.form, zone.size, zone.local(contact.pos))
-        }
-    };
-    let [a, b] = contact.geoms;
-    if fits(&sides[0], a) && fits(&sides[1], b) {
-        Some(false)
-    } else if fits(&sides[0], b) && fits(&sides[1], a) {
-        Some(true)
-    } else {
-        None
-    }
-}
-
-/// Contact with its normal from the first to the second of the contact sensor's two sides. A side is a set of geoms or a volume.
-///
-/// If the contact's second geom is on the first side, the result has the opposite normal and the opposite force.
-fn seen<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    sides: &[Side<R::Scalar>; 2],
-    mut contact: Contact,
-    lane: usize,
-) -> Contact {
-    if matches(compiled, kinematics, sides, &contact, lane) == Some(true) {
-        // Swapping reverses normal and first tangent, and the force. The components of the force along both are therefore unchanged.
-        let [n, t, s] = contact.axes;
-        contact.axes = [scale(n, -1.0), scale(t, -1.0), s];
-        contact.force[2] = -contact.force[2];
-        contact.torque[2] = -contact.torque[2];
-    }
-    contact
-}
-
 /// Sum of several contacts as one contact in world axes. Its position is the mean of their positions, weighted by force. Its torque is
 /// about this position.
 fn net_force(all: impl Iterator<Item = Contact> + Clone) -> Contact {
@@ -303,8 +142,9 @@ fn net_force(all: impl Iterator<Item = Contact> + Clone) -> Contact {
     Contact { geoms: [0; 2], bodies: [0; 2], distance: nearest, pos, axes, force, torque }
 }
 
-fn report(contact: &Contact, fields: &[ContactField], found: usize, put: &mut impl FnMut(usize, f64)) {
-    let mut at = 0;
+/// Writes the fields of a contact to lane `lane` of `out`. `found` is the number of contacts that the sensor found.
+fn report<R: Real>(contact: &Contact, fields: &[ContactField], found: usize, lane: usize, out: &mut [R]) {
+    let mut out = out.iter_mut();
     for &field in fields {
         let x = match field {
             ContactField::Found => [found as f64, 0.0, 0.0],
@@ -315,7 +155,123 @@ fn report(contact: &Contact, fields: &[ContactField], found: usize, put: &mut im
             ContactField::Normal => contact.axes[0],
             ContactField::Tangent => contact.axes[1],
         };
-        (0..field.dim()).for_each(|k| put(at + k, x[k]));
-        at += field.dim();
+        out.by_ref().zip(&x[..field.dim()]).for_each(|(out, &x)| out.set_lane(lane, Scalar::from_f64(x)));
+    }
+}
+
+impl<R: Real> SensorView<'_, R> {
+    fn volume(&self, solid: &Solid<R::Scalar>) -> Volume<R> {
+        R::vectorize(
+            #[inline(always)]
+            || Volume {
+                origin: self.position(&solid.place),
+                axes: self.orientation(&solid.place),
+                size: self.compiled.params.size(solid.index),
+            },
+        )
+    }
+
+    /// Reading of a touch sensor: sum of the normal forces on a body, N. Only forces whose lines of action intersect a volume count.
+    pub fn touch(&self, body: usize, solid: &Solid<R::Scalar>) -> R {
+        let mut reading = R::default();
+        let mut volume = None;
+        for lane in 0..R::LANES {
+            let mut sum = 0.0;
+            for contact in self.sensed_contacts.lane(lane) {
+                if !contact.bodies.contains(&body) || contact.force[0] <= 0.0 {
+                    continue;
+                }
+                let zone = volume.get_or_insert_with(|| self.volume(solid)).of_lane(lane);
+                // Direction of the force on the other body, away from this one.
+                let away = scale(contact.axes[0], if contact.bodies[1] == body { -1.0 } else { 1.0 });
+                let direction = rotate_back(&zone.axes, away);
+                if ray(solid.form, zone.size, zone.local(contact.pos), direction) < f64::INFINITY {
+                    sum += contact.force[0];
+                }
+            }
+            reading.set_lane(lane, Scalar::from_f64(sum));
+        }
+        reading
+    }
+
+    /// Writes the readings of a contact sensor to `out`. `order` is a buffer for the contacts of a lane.
+    pub fn contacts(
+        &self,
+        sides: &[Side<R::Scalar>; 2],
+        fields: &[ContactField],
+        reduction: ContactReduction,
+        order: &mut Vec<(f64, usize)>,
+        out: &mut [R],
+    ) {
+        let width: usize = fields.iter().map(|f| f.dim()).sum();
+        for lane in 0..R::LANES {
+            out.iter_mut().for_each(|x| x.set_lane(lane, R::Scalar::ZERO));
+            let contacts = self.sensed_contacts.lane(lane);
+            order.clear();
+            for (slot, contact) in contacts.iter().enumerate() {
+                if self.matches(sides, contact, lane).is_some() {
+                    let key = match reduction {
+                        ContactReduction::MinDistance => contact.distance,
+                        ContactReduction::MaxForce => -dot(contact.force, contact.force),
+                        ContactReduction::None | ContactReduction::NetForce => 0.0,
+                    };
+                    order.push((key, slot));
+                }
+            }
+            // Insertion sort: the list is short and nearly in order, and nothing is allocated.
+            for i in 1..order.len() {
+                let mut j = i;
+                while j > 0 && order[j].0 < order[j - 1].0 {
+                    order.swap(j, j - 1);
+                    j -= 1;
+                }
+            }
+            let found = order.len();
+            let mut seen = order.iter().map(|&(_, slot)| self.seen(sides, contacts[slot], lane));
+            if found > 0 && reduction == ContactReduction::NetForce {
+                report(&net_force(seen), fields, found, lane, out);
+                continue;
+            }
+            for out in out.chunks_exact_mut(width.max(1)) {
+                let Some(contact) = seen.next() else { break };
+                report(&contact, fields, found, lane, out);
+            }
+        }
+    }
+
+    /// Tests whether one geom of a contact is on the first side of a contact sensor, and the other geom on its second side. A side is a set
+    /// of geoms or a volume.
+    ///
+    /// The result is `None` if they are not. Otherwise it is true if the contact's second geom is on the first side.
+    fn matches(&self, sides: &[Side<R::Scalar>; 2], contact: &Contact, lane: usize) -> Option<bool> {
+        let fits = |side: &Side<R::Scalar>, geom: usize| match side {
+            Side::Geoms(which) => which[geom],
+            Side::Zone(solid) => {
+                let zone = self.volume(solid).of_lane(lane);
+                holds(solid.form, zone.size, zone.local(contact.pos))
+            }
+        };
+        let [a, b] = contact.geoms;
+        if fits(&sides[0], a) && fits(&sides[1], b) {
+            Some(false)
+        } else if fits(&sides[0], b) && fits(&sides[1], a) {
+            Some(true)
+        } else {
+            None
+        }
+    }
+
+    /// Contact with its normal from the first to the second of the contact sensor's two sides. A side is a set of geoms or a volume.
+    ///
+    /// If the contact's second geom is on the first side, the result has the opposite normal and the opposite force.
+    fn seen(&self, sides: &[Side<R::Scalar>; 2], mut contact: Contact, lane: usize) -> Contact {
+        if self.matches(sides, &contact, lane) == Some(true) {
+            // Swapping reverses normal and first tangent, and the force. The components of the force along both are therefore unchanged.
+            let [n, t, s] = contact.axes;
+            contact.axes = [scale(n, -1.0), scale(t, -1.0), s];
+            contact.force[2] = -contact.force[2];
+            contact.torque[2] = -contact.torque[2];
+        }
+        contact
     }
 }

@@ -22,28 +22,23 @@ pub fn sense<R: Real>(
     if compiled.sensing.needs.poses {
         kinematics.update(compiled, input.q);
     }
-    workspace.prepare(compiled, kinematics, input);
+    let (view, truth, order) = workspace.prepare(compiled, kinematics, input);
     // This loop is no kernel. Each reading calls kernels, so that no single kernel contains the code of all sensors.
     for sensor in &compiled.sensing.sensors {
-        read(compiled, kinematics, workspace, input, sensor);
+        read(view, sensor, truth, order);
     }
 }
 
-/// Writes the true reading of one sensor to `workspace.truth`.
-fn read<R: Real>(
-    compiled: &LaneModel<R>,
-    kinematics: &Kinematics<R>,
-    workspace: &mut SensorWorkspace<R>,
-    input: &SensorInput<'_, R>,
-    sensor: &CompiledSensor<R::Scalar>,
-) {
+/// Writes the true reading of one sensor to `truth`. `order` is a buffer for contacts.
+fn read<R: Real>(view: SensorView<'_, R>, sensor: &CompiledSensor<R::Scalar>, truth: &mut [R], order: &mut Vec<(f64, usize)>) {
+    let SensorView { compiled, input, .. } = view;
     let (at, dim) = (sensor.at, sensor.dim);
     let place = at..at + dim;
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     let scalar = |x: R| [x, R::zero(), R::zero()];
     let reading = match &sensor.read {
-        Read::Position(q) => return workspace.truth[place].copy_from_slice(&input.q[*q..q + dim]),
-        Read::Velocity(v) => return workspace.truth[place].copy_from_slice(&input.v[*v..v + dim]),
+        Read::Position(q) => return truth[place].copy_from_slice(&input.q[*q..q + dim]),
+        Read::Velocity(v) => return truth[place].copy_from_slice(&input.v[*v..v + dim]),
         Read::Length(terms) => scalar(weighted(terms, input.q)),
         Read::Rate(terms) => scalar(weighted(terms, input.v)),
         Read::ActuatorForce(actuators) => scalar(total(actuators, &input.actuator_forces.force)),
@@ -57,36 +52,34 @@ fn read<R: Real>(
         Read::LimitForce(limit) => scalar(input.scalar_impulse[*limit] / input.h),
         Read::Nothing => scalar(R::zero()),
         Read::Clock => scalar(input.time),
-        Read::Potential(all) => scalar(potential(compiled, kinematics, input.q, tree(all))),
-        Read::Kinetic(all) => scalar(kinetic(compiled, kinematics, workspace, input.v, tree(all))),
-        Read::Inside(object, zone) => scalar(inside(compiled, kinematics, object, zone)),
-        Read::Touch(body, zone) => scalar(touch(compiled, kinematics, workspace, *body, zone)),
-        Read::Magnetometer(site) => magnetic_field(compiled, kinematics, site),
-        Read::Velocimeter(site) => site_motion(compiled, kinematics, workspace, site, false)[1],
-        Read::Gyro(site) => site_motion(compiled, kinematics, workspace, site, false)[0],
-        Read::Accelerometer(site) => site_motion(compiled, kinematics, workspace, site, true)[1],
-        Read::Force(carried) => workspace.carried[*carried][0],
-        Read::Torque(carried) => workspace.carried[*carried][1],
-        Read::Com(subtree) => com(compiled, kinematics, tree(subtree), zero()),
-        Read::ComVelocity(subtree) => com_velocity(compiled, kinematics, workspace, tree(subtree)),
-        Read::AngularMomentum(subtree) => angular_momentum(compiled, kinematics, workspace, tree(subtree)),
-        Read::Combination(terms) => return combine(terms, at, dim, &mut workspace.truth),
-        Read::Contact(sides, fields, reduction, slots) => {
-            return contacts(compiled, kinematics, workspace, sides, fields, (*reduction, *slots), at);
-        }
+        Read::Potential(all) => scalar(view.potential(tree(all))),
+        Read::Kinetic(all) => scalar(view.kinetic(tree(all))),
+        Read::Inside(object, zone) => scalar(view.inside(object, zone)),
+        Read::Touch(body, zone) => scalar(view.touch(*body, zone)),
+        Read::Magnetometer(site) => magnetic_field(compiled, view.kinematics, site),
+        Read::Velocimeter(site) => view.site_motion(site, false)[1],
+        Read::Gyro(site) => view.site_motion(site, false)[0],
+        Read::Accelerometer(site) => view.site_motion(site, true)[1],
+        Read::Force(carried) => view.carried[*carried][0],
+        Read::Torque(carried) => view.carried[*carried][1],
+        Read::Com(subtree) => view.com(tree(subtree), zero()),
+        Read::ComVelocity(subtree) => view.com_velocity(tree(subtree)),
+        Read::AngularMomentum(subtree) => view.angular_momentum(tree(subtree)),
+        Read::Combination(terms) => return combine(terms, at, dim, truth),
+        Read::Contact(sides, fields, reduction) => return view.contacts(sides, fields, *reduction, order, &mut truth[place]),
         Read::Frame(what, object, reference) => {
             let mut out = [R::zero(); 4];
-            frame(compiled, kinematics, workspace, *what, object, reference.as_ref(), &mut out[..dim]);
-            return workspace.truth[place].copy_from_slice(&out[..dim]);
+            view.frame(*what, object, reference.as_ref(), &mut out[..dim]);
+            return truth[place].copy_from_slice(&out[..dim]);
         }
         Read::Range(site, rays, fields, solids) => {
-            return range(compiled, kinematics, site, rays, fields, solids, &mut workspace.truth[place]);
+            return view.range(site, rays, fields, solids, &mut truth[place]);
         }
         Read::Proximity(what, pairs, cutoff) => {
-            return proximity(compiled, kinematics, *what, pairs, R::splat(*cutoff), &mut workspace.truth[place]);
+            return view.proximity(*what, pairs, R::splat(*cutoff), &mut truth[place]);
         }
     };
-    workspace.truth[place].copy_from_slice(&reading[..dim]);
+    truth[place].copy_from_slice(&reading[..dim]);
 }
 
 /// Magnetic flux density in a site's axes, T.

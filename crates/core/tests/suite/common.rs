@@ -219,7 +219,7 @@ pub(crate) fn run(
     let width = model.nsensordata();
     let mut readings = [vec![0.0; envs.len() * width], vec![0.0; envs.len() * width]];
     for (truth, out) in [true, false].into_iter().zip(&mut readings) {
-        sim.sense(&StepInputs::default(), truth, out).unwrap();
+        sim.sense(truth, out).unwrap();
     }
     let read = |e: usize| readings.iter().flat_map(move |r| r[e * width..(e + 1) * width].iter().map(|x| x.to_bits()));
     (0..envs.len()).map(|e| bits(&sim, e).into_iter().chain(read(e)).collect()).collect()

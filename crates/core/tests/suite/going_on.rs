@@ -142,7 +142,7 @@ impl Scene {
                 Deed::Restore => sim.restore_state(&kept).unwrap(),
                 Deed::Sense { truth } => {
                     let mut out = vec![0.0; n * model.nsensordata()];
-                    sim.sense(&StepInputs::default(), truth, &mut out).unwrap();
+                    sim.sense(truth, &mut out).unwrap();
                 }
                 Deed::Randomize { own } => {
                     let all = model.field("body_mass").unwrap().1.repeat(n);

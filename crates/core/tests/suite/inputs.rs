@@ -88,7 +88,7 @@ fn calls() -> Vec<(&'static str, Call, Vec<usize>)> {
             },
             vec![1, n],
         ),
-        ("readings", |sim, x| sim.sense(&StepInputs::default(), true, &mut x.to_vec()), vec![n]),
+        ("readings", |sim, x| sim.sense(true, &mut x.to_vec()), vec![n]),
         ("derived", |sim, x| sim.derive(DerivedQuantity::Acceleration, &mut x.to_vec()), vec![n * nv]),
         ("parameters", |sim, x| sim.randomize(&[(Parameter::DofDamping, Some(x))], &[0, 3]), vec![n * nv]),
         ("snapshot", |sim, x| sim.snapshot(1, &StepInputs { qfrc: x, ..StepInputs::default() }).map(|_| ()), vec![0, nv]),

@@ -3,7 +3,6 @@
 use numpy::{PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use stepper_core::StepInputs;
 
 use crate::array::{array, check_shape, described, read_only};
 use crate::error::value_error;
@@ -16,7 +15,7 @@ impl Stepper {
         self.apply(py)?;
         let mut out = vec![0.0; self.n() * self.simulation.model().nsensordata()];
         let simulation = &mut self.simulation;
-        py.detach(|| simulation.sense(&StepInputs::default(), truth, &mut out)).map_err(value_error)?;
+        py.detach(|| simulation.sense(truth, &mut out)).map_err(value_error)?;
         Ok(out)
     }
 

@@ -138,13 +138,10 @@ impl<R: Real> SlidingContacts<R> {
     /// If fewer than three degrees of freedom move the contact, some impulse changes no velocity. If the cone contains this impulse, the
     /// impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot produce then have no solution.
     pub fn is_self_locking(&self) -> R::Mask {
-        kernel!(
-            R,
-            || match self.rows.items.last() {
-                Some(contact) => contact.active.and(contact.local.is_self_locking(contact.mu, contact.g)),
-                None => R::Mask::splat(false),
-            }
-        )
+        kernel!(R, || match self.rows.items.last() {
+            Some(contact) => contact.active.and(contact.local.is_self_locking(contact.mu, contact.g)),
+            None => R::Mask::splat(false),
+        })
     }
 }
 

@@ -1,9 +1,10 @@
 //! Calls for all environments of a simulation: steps, rollouts, sensor readings, and the inputs for them.
 
 use crate::batch::call::Schedule;
+use crate::batch::engine::with_batch;
 use crate::batch::inputs::{AppliedInput, StepInputs};
 use crate::batch::rollout::Recording;
-use crate::batch::simulation::{Error, Simulation};
+use crate::batch::simulation::{Error, Simulation, TrueReadings};
 use crate::batch::stepping::Watch;
 use crate::error::check_length;
 
@@ -72,7 +73,7 @@ impl Simulation {
 
     /// Whether `nstep` steps take at most two or three microseconds, so that releasing Python's interpreter lock costs more than it gains.
     pub fn is_brief(&self, nstep: usize) -> bool {
-        self.engine.is_brief(nstep)
+        with_batch!(&self.engine, batch => batch.is_brief(nstep))
     }
 
     /// Makes `nstep` steps in every environment. For an empty slice in `inputs`, the present input remains in force.
@@ -104,7 +105,7 @@ impl Simulation {
         }
         self.note_change();
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(inputs) };
-        self.engine.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch)
+        with_batch!(&mut self.engine, batch => batch.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch))
     }
 
     /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and records quantities after each
@@ -156,9 +157,10 @@ impl Simulation {
         let (ctrl, inputs) = (inputs.ctrl, self.applied.complete(inputs));
         if ctrl.is_empty() {
             let held = self.ctrl.repeat(controls);
-            return self.engine.make_steps(&StepInputs { ctrl: &held, ..inputs }, schedule, Some(recording), watch);
+            let inputs = StepInputs { ctrl: &held, ..inputs };
+            return with_batch!(&mut self.engine, batch => batch.make_steps(&inputs, schedule, Some(recording), watch));
         }
-        let steps = self.engine.make_steps(&inputs, schedule, Some(recording), watch)?;
+        let steps = with_batch!(&mut self.engine, batch => batch.make_steps(&inputs, schedule, Some(recording), watch))?;
         if let Some(last) = steps.checked_sub(1) {
             let row = ctrl.len() / controls;
             self.set_ctrl(&ctrl[last / nstep * row..][..row], steps)?;
@@ -166,32 +168,26 @@ impl Simulation {
         Ok(steps)
     }
 
-    /// Reads all sensors of all environments, (num_envs, nsensordata).
+    /// Reads all sensors of all environments, (num_envs, nsensordata), with the inputs in force.
     ///
     /// If `truth` is true, `out` gets the ideal readings of the present state. Otherwise it gets the readings of the last step after the
-    /// transfer functions, the same at every call. The function ignores controls in `inputs`, and uses those in force.
+    /// transfer functions, the same at every call.
     ///
     /// # Errors
-    /// The errors of [`Simulation::step`], and [`Error::Length`] for `out`.
-    pub fn sense(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error> {
-        self.check_inputs(inputs, 1)?;
-        let must = self.num_envs * self.model.nsensordata();
-        check_length("out", out.len(), must)?;
-        let inputs = self.applied.complete(inputs);
+    /// [`Error::Length`] for `out`, and [`Error::Threads`] when threads cannot be started.
+    pub fn sense(&mut self, truth: bool, out: &mut [f64]) -> Result<(), Error> {
+        check_length("out", out.len(), self.num_envs * self.model.nsensordata())?;
+        let inputs = self.applied.complete(&StepInputs::default());
         if !truth {
-            return self.engine.read_sensors(&inputs, false, out);
+            return with_batch!(&mut self.engine, batch => batch.read_sensors(&inputs, false, out));
         }
-        let same = self.truth.is_cached && self.truth.applied.iter().zip(inputs.applied()).all(|(then, now)| then == now);
-        if !same {
-            self.truth.readings.resize(must, 0.0);
-            self.engine.read_sensors(&inputs, true, &mut self.truth.readings)?;
-            for (then, now) in self.truth.applied.iter_mut().zip(inputs.applied()) {
-                then.clear();
-                then.extend_from_slice(now);
-            }
-            self.truth.is_cached = true;
+        let TrueReadings { revision, readings } = &mut self.truth;
+        if *revision != Some(self.revision) {
+            readings.resize(out.len(), 0.0);
+            with_batch!(&mut self.engine, batch => batch.read_sensors(&inputs, true, readings))?;
+            *revision = Some(self.revision);
         }
-        out.copy_from_slice(&self.truth.readings);
+        out.copy_from_slice(readings);
         Ok(())
     }
 }

@@ -1,11 +1,11 @@
 //! Checks of user input to a simulation. They run before anything is changed.
 
-use crate::batch::inputs::{Field, StepInputs};
-use crate::batch::rollout::Recording;
+use crate::analysis::configurations::quaternions;
+use crate::batch::inputs::{AppliedInput, Field, StepInputs};
+use crate::batch::rollout::{Numbers, Recording};
 use crate::batch::simulation::{Error, Simulation};
 use crate::error::check_length;
 use crate::math::precision::Precision;
-use crate::model::JointKind;
 
 impl Simulation {
     /// Panics if there is no environment `env`. Without this check, an index could select an unused lane.
@@ -35,18 +35,42 @@ impl Simulation {
         self.check_env(env)?;
         self.check_width(field, values.len())?;
         let name = field.name();
-        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
-            return Err(Error::NotFinite { place: format!("{name}[{i}]"), env, value: values[i] });
-        }
-        let beyond = |x: &f64| self.precision == Precision::F32 && !(*x as f32).is_finite();
-        if let Some(i) = values.iter().position(beyond) {
-            return Err(Error::TooLarge { place: format!("{name}[{i}]"), env, value: values[i] });
-        }
+        self.check_numbers(values, |i| (format!("{name}[{i}]"), env))?;
         let mut values = values.to_vec();
         if field == Field::Qpos {
             self.normalize_quaternions(env, &mut values)?;
         }
         Ok(values)
+    }
+
+    /// Checks that all numbers are finite in the precision of the simulation. `place` returns the name of a number and its environment, for
+    /// the message.
+    pub(super) fn check_numbers(&self, values: &[f64], place: impl Fn(usize) -> (String, usize)) -> Result<(), Error> {
+        let find = |wrong: &dyn Fn(f64) -> bool| {
+            let i = values.iter().position(|&x| wrong(x))?;
+            Some((place(i), values[i]))
+        };
+        if let Some(((place, env), value)) = find(&|x| !x.is_finite()) {
+            return Err(Error::NotFinite { place, env, value });
+        }
+        match find(&|x| self.is_too_large(x)) {
+            Some(((place, env), value)) => Err(Error::TooLarge { place, env, value }),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether a number is too large for the precision of the simulation.
+    pub(super) fn is_too_large(&self, x: f64) -> bool {
+        self.precision == Precision::F32 && !(x as f32).is_finite()
+    }
+
+    /// Checks the length of an array in the precision of the simulation, and this precision.
+    pub(super) fn check_array(&self, name: &'static str, array: &Numbers<'_>, must: usize) -> Result<(), Error> {
+        check_length(name, array.len(), must)?;
+        match array.precision() == self.precision {
+            true => Ok(()),
+            false => Err(Error::ArrayPrecision { name, found: array.precision(), must: self.precision }),
+        }
     }
 
     pub(super) fn check_width(&self, field: Field, found: usize) -> Result<(), Error> {
@@ -59,16 +83,11 @@ impl Simulation {
     }
 
     fn normalize_quaternions(&self, env: usize, q: &mut [f64]) -> Result<(), Error> {
-        for (j, (joint, (at, _))) in self.model.joints.iter().zip(self.model.joint_addresses()).enumerate() {
-            let at = match joint.kind {
-                JointKind::Free => at + 3,
-                JointKind::Ball => at,
-                _ => continue,
-            };
+        for (joint, [at, _]) in quaternions(&self.model) {
             let norm = q[at..at + 4].iter().map(|x| x * x).sum::<f64>().sqrt();
             if norm < 1e-10 || !norm.is_finite() {
                 let found = q[at..at + 4].try_into().expect("four numbers");
-                return Err(Error::Quaternion { env, joint: self.model.joint_label(j), address: at, found, norm });
+                return Err(Error::Quaternion { env, joint: self.model.joint_label(joint), address: at, found, norm });
             }
             // A quaternion whose length is 1 within rounding is not changed.
             if (norm - 1.0).abs() > 1e-15 {
@@ -92,9 +111,6 @@ impl Simulation {
     /// follow one another in the call.
     #[cold]
     pub(super) fn check_each_input(&self, inputs: &StepInputs<'_>, controls: usize, n: usize) -> Result<(), Error> {
-        let (nv, nu, nbody) = (self.model.nv(), self.model.nu(), self.model.bodies.len());
-        let poses = !(inputs.mocap_pos.is_empty() && inputs.mocap_quat.is_empty());
-        let nmocap = if poses { self.model.bodies.iter().filter(|b| b.mocap).count() } else { 0 };
         let check = |name: &'static str, given: &[f64], controls: usize, row: usize, shared: bool| {
             let must = controls.saturating_mul(n * row);
             let fits = given.is_empty() || given.len() == must || (shared && given.len() == controls.saturating_mul(row));
@@ -102,12 +118,10 @@ impl Simulation {
             let detail = || format!(" ({times}{n} environments x {row})");
             if fits { Ok(()) } else { Err(Error::Length { name, found: given.len(), must, detail: detail() }) }
         };
-        check("ctrl", inputs.ctrl, controls, nu, true)?;
-        check("qfrc_applied", inputs.qfrc, 1, nv, false)?;
-        check("xfrc_applied", inputs.xfrc, 1, 6 * nbody, false)?;
-        check("mocap_pos", inputs.mocap_pos, 1, 3 * nmocap, false)?;
-        check("mocap_quat", inputs.mocap_quat, 1, 4 * nmocap, false)?;
-        check("eq_active", inputs.eq_active, 1, self.model.equalities.len(), false)?;
+        check("ctrl", inputs.ctrl, controls, self.model.nu(), true)?;
+        for (input, given) in AppliedInput::ALL.into_iter().zip(inputs.applied()).filter(|(_, given)| !given.is_empty()) {
+            check(input.name(), given, 1, input.shape(&self.model).iter().product(), false)?;
+        }
         self.check_eq_active(inputs.eq_active)?;
         if inputs.mocap_pos.is_empty() != inputs.mocap_quat.is_empty() {
             return Err(Error::MocapPoses);
@@ -128,10 +142,7 @@ impl Simulation {
         check_length("status", recording.status.len(), rows)?;
         check_length("residual", recording.residual.len(), rows)?;
         for (quantity, numbers) in &recording.quantities {
-            check_length(quantity.name(), numbers.len(), rows.saturating_mul(quantity.width(&self.model)))?;
-            if numbers.precision() != self.precision {
-                return Err(Error::ArrayPrecision { name: quantity.name(), found: numbers.precision(), must: self.precision });
-            }
+            self.check_array(quantity.name(), numbers, rows.saturating_mul(quantity.width(&self.model)))?;
         }
         Ok(())
     }

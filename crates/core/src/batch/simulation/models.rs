@@ -3,7 +3,9 @@
 use std::sync::OnceLock;
 
 use crate::actuation::{ActuatorModels, ActuatorSpec};
+use crate::batch::engine::with_batch;
 use crate::batch::simulation::{Error, Simulation};
+use crate::error::check_count;
 use crate::sensing::errors::Transfer;
 
 impl Simulation {
@@ -13,12 +15,9 @@ impl Simulation {
     /// [`Error::Count`] when `transfers` does not have one entry for every sensor, [`Error::Sensor`] for a number out of its
     /// range, with the sensor's name. [`Error::Memory`] when there is not enough memory for the sensors of all environments.
     pub fn set_sensor_models(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
-        let (found, must) = (transfers.len(), self.model.sensors.len());
-        if found != must {
-            return Err(Error::Count { name: "transfers", found, must, element: "sensor" });
-        }
+        check_count("transfers", transfers.len(), self.model.sensors.len(), "sensor")?;
         self.note_change();
-        self.engine.set_sensor_models(&self.model, transfers)
+        with_batch!(&mut self.engine, batch => batch.set_sensor_models(&self.model, transfers))
     }
 
     /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. All environments are reset.
@@ -28,15 +27,12 @@ impl Simulation {
     /// per-environment parameters. [`Error::Actuator`] for a number out of its range or an unsupported setting, with the
     /// actuator's name. [`Error::Memory`] when there is not enough memory for the actuators of all environments.
     pub fn set_actuator_models(&mut self, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
-        let (found, must) = (specs.len(), self.model.nu());
-        if found != must {
-            return Err(Error::Count { name: "drives", found, must, element: "actuator" });
-        }
+        check_count("drives", specs.len(), self.model.nu(), "actuator")?;
         if !self.randomization.is_empty() {
             return Err(Error::DrivesAfterParameters);
         }
         let actuator_models = ActuatorModels::new(&self.model, specs, self.num_envs, self.timestep())?;
-        self.engine.set_actuator_models(&actuator_models.model, &actuator_models.specs)?;
+        with_batch!(&mut self.engine, batch => batch.set_actuator_models(&actuator_models.model, &actuator_models.specs))?;
         (self.compiled, self.actuator_models) = (OnceLock::new(), Some(actuator_models));
         (0..self.num_envs).for_each(|env| self.reset(env));
         Ok(())

@@ -3,10 +3,11 @@
 use std::borrow::Cow;
 
 use crate::actuation::{ActuatorModels, ActuatorSpec, ResampledActuators};
+use crate::batch::engine::with_batch;
 use crate::batch::randomization::{Assignment, Differences, Randomization};
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::LaneModel;
-use crate::math::precision::Precision;
+use crate::error::{check_count, check_length};
 use crate::model::{Model, ModelError, Parameter};
 
 /// Change to the parameters of actuator models in a call of [`Simulation::randomize_all`].
@@ -54,7 +55,7 @@ impl Simulation {
             self.assign_parameters(assigned, envs)?;
         }
         if let (Some(actuator_models), Some(resampled)) = (&mut self.actuator_models, resampled) {
-            self.engine.resample_actuators(&resampled.specs, &resampled.envs);
+            with_batch!(&mut self.engine, batch => batch.resample_actuators(&resampled.specs, &resampled.envs));
             actuator_models.take(resampled);
             self.note_change();
         }
@@ -75,12 +76,12 @@ impl Simulation {
         let assigned = assigned.iter().map(|&(parameter, values)| self.assignment(parameter, values)).collect::<Result<Vec<_>, _>>()?;
         if self.randomization.leaves_no_fields(&assigned, envs.len() == self.num_envs) {
             self.randomization = Randomization::default();
-            self.engine_mut().clear_overrides();
+            with_batch!(self.engine_mut(), batch => batch.clear_overrides());
             return Ok(());
         }
         let differences = self.parameter_differences(&assigned, envs)?;
         self.randomization.store_fields(&self.model, self.num_envs, &assigned, envs);
-        self.engine_mut().override_parameters(envs, &differences);
+        with_batch!(self.engine_mut(), batch => batch.override_parameters(envs, &differences));
         Ok(())
     }
 
@@ -92,9 +93,7 @@ impl Simulation {
             ActuatorNumbers::Original => None,
             ActuatorNumbers::Given(specs) => Some(specs),
         };
-        if let Some(found) = specs.map(<[_]>::len).filter(|found| *found != self.model.nu()) {
-            return Err(Error::Count { name: "drives", found, must: self.model.nu(), element: "actuator" });
-        }
+        specs.map_or(Ok(()), |specs| check_count("drives", specs.len(), self.model.nu(), "actuator"))?;
         let h = self.timestep();
         match (&self.actuator_models, specs) {
             (Some(actuator_models), _) => Ok(Some(actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h)?)),
@@ -131,14 +130,11 @@ impl Simulation {
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
         let name = parameter.name();
         let must = self.num_envs * self.model.field(name).expect("a field of the model").1.len();
-        let beyond = |x: &&f64| self.precision == Precision::F32 && x.is_finite() && !(**x as f32).is_finite();
-        if let Some(&value) = values.and_then(|values| values.iter().find(beyond)) {
+        if let Some(&value) = values.and_then(|values| values.iter().find(|&&x| x.is_finite() && self.is_too_large(x))) {
             return Err(Error::ParameterTooLarge { parameter, value });
         }
-        match values.map_or(must, <[f64]>::len) {
-            found if found == must => Ok((name, values)),
-            found => Err(Error::Length { name, found, must, detail: String::new() }),
-        }
+        check_length(name, values.map_or(must, <[f64]>::len), must)?;
+        Ok((name, values))
     }
 
     /// Names and values of the per-environment parameters. Each array has one row per environment, with all values of the parameter.
@@ -148,7 +144,9 @@ impl Simulation {
 
     /// Memory of per-environment parameters, including those of actuator models, bytes.
     pub fn parameter_bytes(&self) -> usize {
-        self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
+        self.randomization.bytes()
+            + with_batch!(&self.engine, batch => batch.parameter_bytes())
+            + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }
 
     /// Compiled model of environment `env` with its parameters, in f64.

@@ -2,10 +2,10 @@
 
 use crate::analysis::derived::DerivedQuantity;
 use crate::analysis::quantities::Snapshot;
+use crate::batch::engine::with_batch;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::rollout::Numbers;
 use crate::batch::simulation::{Error, Simulation};
-use crate::error::check_length;
 use crate::integrators::inputs::Inputs;
 use crate::math::precision::Precision;
 
@@ -23,7 +23,7 @@ impl Simulation {
         let inputs = self.applied.complete_one(env, self.num_envs, inputs);
         let nu = self.model.nu();
         let in_force = || (self.ctrl[env * nu..(env + 1) * nu].to_vec(), vec![]);
-        let (mut ctrl, actuator_dynamics) = self.engine.actuator_outputs(env).unwrap_or_else(in_force);
+        let (mut ctrl, actuator_dynamics) = with_batch!(&self.engine, batch => batch.actuator_outputs(env)).unwrap_or_else(in_force);
         if !inputs.ctrl.is_empty() {
             ctrl = inputs.ctrl.to_vec();
         }
@@ -33,7 +33,7 @@ impl Simulation {
             v: self.values(Field::Qvel, env),
             act: self.values(Field::Act, env),
             inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec(), mocap_trajectories: vec![] },
-            mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
+            mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat),
         })
     }
 
@@ -66,7 +66,7 @@ impl Simulation {
             self.check_derived(*quantity, out)?;
         }
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
-        self.engine.derive(&inputs, quantities)
+        with_batch!(&mut self.engine, batch => batch.derive(&inputs, quantities))
     }
 
     fn check_derived(&self, quantity: DerivedQuantity, out: &Numbers<'_>) -> Result<(), Error> {
@@ -78,17 +78,13 @@ impl Simulation {
         if let Some((element, found, count)) = element.filter(|(_, found, count)| found >= count) {
             return Err(Error::Element { element, found, count });
         }
-        check_length(quantity.name(), out.len(), self.num_envs * quantity.shape(&self.model).iter().product::<usize>())?;
-        if out.precision() != self.precision {
-            return Err(Error::ArrayPrecision { name: quantity.name(), found: out.precision(), must: self.precision });
-        }
-        Ok(())
+        self.check_array(quantity.name(), out, self.num_envs * quantity.shape(&self.model).iter().product::<usize>())
     }
 
     /// Poses of the mocap bodies of one environment: position, m, and quaternion. `pos` and `quat` are the inputs of this environment; if
     /// `pos` is empty, the result is the poses in the model.
-    pub(super) fn mocap_poses<'a>(&'a self, pos: &'a [f64], quat: &'a [f64]) -> impl Iterator<Item = ([f64; 3], [f64; 4])> + 'a {
+    pub(super) fn mocap_poses(&self, pos: &[f64], quat: &[f64]) -> Vec<([f64; 3], [f64; 4])> {
         let (pos, quat) = (pos.as_chunks::<3>().0, quat.as_chunks::<4>().0);
-        self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })
+        self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) }).collect()
     }
 }

@@ -1,12 +1,12 @@
 //! Ray casting in all environments of a simulation.
 
+use crate::batch::engine::with_batch;
 use crate::batch::inputs::StepInputs;
 use crate::batch::ray_query::RayCast;
 use crate::batch::rollout::Numbers;
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::sensing::{Form, TargetForm};
 use crate::error::check_length;
-use crate::math::precision::Precision;
 
 impl Simulation {
     /// Casts rays in all environments. Writes the distance to the first hit, m, and the index of the geom, (num_envs, count) each; -1
@@ -22,17 +22,14 @@ impl Simulation {
     /// invalid direction, [`Error::Threads`] when threads cannot be started.
     pub fn cast_rays(&mut self, rays: &RayCast<'_>, distances: Numbers<'_>, geoms: &mut [i32]) -> Result<(), Error> {
         let (n, count) = (self.num_envs, rays.count);
-        check_length("distances", distances.len(), n * count)?;
+        self.check_array("distances", &distances, n * count)?;
         check_length("geoms", geoms.len(), n * count)?;
-        if distances.precision() != self.precision {
-            return Err(Error::ArrayPrecision { name: "distances", found: distances.precision(), must: self.precision });
-        }
         for (name, given) in [("points", rays.points), ("directions", rays.directions)] {
             if given.len() != 3 * count {
                 check_length(name, given.len(), 3 * n * count)?;
             }
         }
-        self.check_points(rays)?;
+        self.check_numbers(rays.points, |i| (format!("points[{}]", i / 3 % count), i / 3 / count))?;
         let directions = directions(rays)?;
         let mut surfaces = Vec::with_capacity(rays.geoms.len());
         for &geom in rays.geoms {
@@ -45,40 +42,21 @@ impl Simulation {
             surfaces.push(surface.map(TargetForm::Surface));
         }
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
-        self.engine.cast_rays(&inputs, &RayCast { directions: &directions, ..*rays }, surfaces, distances, geoms)
-    }
-
-    fn check_points(&self, rays: &RayCast<'_>) -> Result<(), Error> {
-        let at = |i: usize| (format!("points[{}]", i / 3 % rays.count), i / 3 / rays.count);
-        if let Some(i) = rays.points.iter().position(|x| !x.is_finite()) {
-            let (place, env) = at(i);
-            return Err(Error::NotFinite { place, env, value: rays.points[i] });
-        }
-        let beyond = |x: &f64| self.precision == Precision::F32 && !(*x as f32).is_finite();
-        match rays.points.iter().position(beyond) {
-            Some(i) => {
-                let (place, env) = at(i);
-                Err(Error::TooLarge { place, env, value: rays.points[i] })
-            }
-            None => Ok(()),
-        }
+        let rays = RayCast { directions: &directions, ..*rays };
+        with_batch!(&mut self.engine, batch => batch.cast_rays(&inputs, &rays, surfaces, distances, geoms))
     }
 }
 
 /// Directions of the rays, normalised to unit length.
 fn directions(rays: &RayCast<'_>) -> Result<Vec<f64>, Error> {
     let mut all = Vec::with_capacity(rays.directions.len());
-    for (i, &d) in rays.directions.as_chunks::<3>().0.iter().enumerate() {
+    for (i, &found) in rays.directions.as_chunks::<3>().0.iter().enumerate() {
         // Divide by the largest component first, so that no square overflows or underflows.
-        let most = d.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-        let d = d.map(|x| x / most);
+        let most = found.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let d = found.map(|x| x / most);
         let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
         if !length.is_finite() {
-            return Err(Error::Direction {
-                ray: i % rays.count,
-                env: i / rays.count,
-                found: rays.directions[3 * i..3 * i + 3].try_into().expect("three"),
-            });
+            return Err(Error::Direction { ray: i % rays.count, env: i / rays.count, found });
         }
         all.extend(d.map(|x| x / length));
     }

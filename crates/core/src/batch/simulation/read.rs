@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use crate::analysis::quantities::BodyPoses;
+use crate::analysis::quantities::body_poses;
+use crate::batch::engine::with_batch;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{Error, Simulation};
 use crate::batch::state::StoredContact;
@@ -70,13 +71,13 @@ impl Simulation {
     pub fn get(&self, field: Field, env: usize, out: &mut [f64]) -> Result<(), Error> {
         self.check_env(env)?;
         self.check_width(field, out.len())?;
-        self.engine.read(field, env, out);
+        with_batch!(&self.engine, batch => batch.read(field, env, out));
         Ok(())
     }
 
     pub(super) fn values(&self, field: Field, env: usize) -> Vec<f64> {
         let mut out = vec![0.0; field.width(&self.model)];
-        self.engine.read(field, env, &mut out);
+        with_batch!(&self.engine, batch => batch.read(field, env, &mut out));
         out
     }
 
@@ -107,7 +108,7 @@ impl Simulation {
     #[track_caller]
     pub fn time(&self, env: usize) -> f64 {
         self.assert_env(env);
-        self.engine.time(env)
+        with_batch!(&self.engine, batch => batch.time(env))
     }
 
     /// Status flags of all steps of the last call, combined.
@@ -117,7 +118,7 @@ impl Simulation {
     #[track_caller]
     pub fn status(&self, env: usize) -> Status {
         self.assert_env(env);
-        self.engine.outcome(env).status
+        with_batch!(&self.engine, batch => batch.outcome(env)).status
     }
 
     /// Largest overlap of a contact during the last call, beyond its margin, m. Each step measures it at the configuration where it
@@ -128,7 +129,7 @@ impl Simulation {
     #[track_caller]
     pub fn depth(&self, env: usize) -> f64 {
         self.assert_env(env);
-        self.engine.outcome(env).depth
+        with_batch!(&self.engine, batch => batch.outcome(env)).depth
     }
 
     /// Largest distance of a joint or tendon beyond its range, over all steps of the last call, rad or m.
@@ -138,7 +139,7 @@ impl Simulation {
     #[track_caller]
     pub fn limit_overshoot(&self, env: usize) -> f64 {
         self.assert_env(env);
-        self.engine.outcome(env).overshoot
+        with_batch!(&self.engine, batch => batch.outcome(env)).overshoot
     }
 
     /// Largest position error of an equality, over all steps of the last call, m or rad; 0 without equalities.
@@ -148,7 +149,7 @@ impl Simulation {
     #[track_caller]
     pub fn max_equality_violation(&self, env: usize) -> f64 {
         self.assert_env(env);
-        self.engine.outcome(env).equality_violation
+        with_batch!(&self.engine, batch => batch.outcome(env)).equality_violation
     }
 
     /// Number of clipped readings and number of lost samples in the last call, for every sensor of the model.
@@ -158,9 +159,7 @@ impl Simulation {
     #[track_caller]
     pub fn sensor_faults(&self, env: usize) -> Vec<[u32; 2]> {
         self.assert_env(env);
-        let mut out = vec![[0; 2]; self.model.sensors.len()];
-        self.engine.sensor_faults(env, &mut out);
-        out
+        with_batch!(&self.engine, batch => batch.sensor_faults(env))
     }
 
     /// Number of steps of the last call in which the effort of each actuator reached its bounds, (nu,).
@@ -170,9 +169,7 @@ impl Simulation {
     #[track_caller]
     pub fn actuator_saturation(&self, env: usize) -> Vec<u32> {
         self.assert_env(env);
-        let mut out = vec![0; self.model.nu()];
-        self.engine.actuator_saturation(env, &mut out);
-        out
+        with_batch!(&self.engine, batch => batch.actuator_saturation(env))
     }
 
     /// Certificate of the last step: residual and number of solver iterations.
@@ -182,7 +179,7 @@ impl Simulation {
     #[track_caller]
     pub fn certificate(&self, env: usize) -> Certificate {
         self.assert_env(env);
-        let outcome = self.engine.outcome(env);
+        let outcome = with_batch!(&self.engine, batch => batch.outcome(env));
         Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
@@ -195,7 +192,7 @@ impl Simulation {
     #[track_caller]
     pub fn worst_row(&self, env: usize) -> Option<WorstRow> {
         self.assert_env(env);
-        self.engine.worst_row(&self.model, env)
+        with_batch!(&self.engine, batch => batch.worst_row(&self.model, env))
     }
 
     /// Constraint problem of the next step of environment `env`, as bytes for `stepper_solve::Problem::from_bytes`. The state does not
@@ -214,7 +211,7 @@ impl Simulation {
             // A single row of controls is for all environments.
             ctrl.chunks_exact_mut(inputs.ctrl.len()).for_each(|rows| rows.copy_from_slice(inputs.ctrl));
         }
-        Ok(self.engine.problem(&StepInputs { ctrl: &ctrl, ..self.applied.complete(inputs) }, env))
+        Ok(with_batch!(&self.engine, batch => batch.problem(&StepInputs { ctrl: &ctrl, ..self.applied.complete(inputs) }, env)))
     }
 
     /// Writes [`Simulation::problem`] to a file atomically. A test of the solver loads it with `stepper_solve::Problem::load`.
@@ -245,7 +242,7 @@ impl Simulation {
             force: force(c.impulse),
             torque: force(c.torque),
         };
-        self.engine.contacts(env).into_iter().map(contact).collect()
+        with_batch!(&self.engine, batch => batch.contacts(env)).into_iter().map(contact).collect()
     }
 
     /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world.
@@ -259,12 +256,12 @@ impl Simulation {
         self.check_inputs(inputs, 1)?;
         let inputs = &self.applied.complete(inputs);
         let compiled = self.lane_model();
-        let (mut poses, mocap) = (BodyPoses::new(compiled), compiled.mocap.len());
+        let mocap = compiled.mocap.len();
         let (pos, quat) = match inputs.mocap_pos.is_empty() {
             true => (&[][..], &[][..]),
             false => (&inputs.mocap_pos[3 * env * mocap..][..3 * mocap], &inputs.mocap_quat[4 * env * mocap..][..4 * mocap]),
         };
-        let q = self.values(Field::Qpos, env);
-        Ok(poses.at(&q, self.mocap_poses(pos, quat)).map(|(pos, quat)| BodyPose { pos, quat }).collect())
+        let poses = body_poses(compiled, &self.values(Field::Qpos, env), &self.mocap_poses(pos, quat));
+        Ok(poses.into_iter().map(|(pos, quat)| BodyPose { pos, quat }).collect())
     }
 }

@@ -1,5 +1,6 @@
 //! Saved states of a simulation.
 
+use crate::batch::engine::with_batch;
 use crate::batch::saved_state::SavedState;
 use crate::batch::simulation::{Error, Simulation};
 
@@ -7,7 +8,7 @@ impl Simulation {
     /// Saved state of all environments: everything that a step hands over to the next, and the controls in force. Applied inputs are not
     /// included.
     pub fn save_state(&self) -> SavedState {
-        self.sealed(self.engine.save(None, &self.ctrl))
+        self.sealed(with_batch!(&self.engine, batch => batch.save(None, &self.ctrl)))
     }
 
     /// Saved state of one environment. It equals the saved state of a simulation of that environment alone.
@@ -18,7 +19,7 @@ impl Simulation {
     pub fn save_state_of(&self, env: usize) -> SavedState {
         self.assert_env(env);
         let nu = self.model.nu();
-        self.sealed(self.engine.save(Some(env), &self.ctrl[env * nu..(env + 1) * nu]))
+        self.sealed(with_batch!(&self.engine, batch => batch.save(Some(env), &self.ctrl[env * nu..(env + 1) * nu])))
     }
 
     /// Saved state of this model and precision with the payload `payload`.
@@ -55,7 +56,7 @@ impl Simulation {
         if state.precision() != self.precision {
             return Err(Error::StatePrecision { found: state.precision(), must: self.precision });
         }
-        let ctrl = self.engine_mut().restore(state.payload(), envs).map_err(Error::StateMisfit)?;
+        let ctrl = with_batch!(self.engine_mut(), batch => batch.restore(state.payload(), envs)).map_err(Error::StateMisfit)?;
         let nu = self.model.nu();
         for &env in envs {
             let from = if ctrl.len() == nu { 0 } else { env };

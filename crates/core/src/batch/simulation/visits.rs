@@ -2,12 +2,12 @@
 
 use stepper_real::{Real, at_avx512, at_level};
 
+use crate::batch::engine::{Engine, with_batch};
 use crate::batch::inputs::StepInputs;
 use crate::batch::simulation::{Error, Simulation};
 use crate::batch::stepping::LentStep;
 use crate::error::check_length;
 use crate::group_step::{GroupStep, GroupVisitor, StepSettings};
-use crate::math::precision::Precision;
 
 impl Simulation {
     /// Calls `visitor` for every group of environments, with the group's step from the present state.
@@ -22,15 +22,15 @@ impl Simulation {
     /// threads cannot be started.
     pub fn visit_groups<V: GroupVisitor>(&mut self, ctrl: &[f64], tolerance: f64, visitor: &V) -> Result<(), Error> {
         let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
-        if self.precision == Precision::F32 {
+        let Engine::F64(batch) = &mut self.engine else {
             return wrong("precision", "f32", "f64 for Simulation::visit_groups");
-        }
+        };
         if self.actuator_models.is_some() {
             return wrong("actuators", "drives with a memory", "none for Simulation::visit_groups; finite differences take all");
         }
         check_length("ctrl", ctrl.len(), self.num_envs * self.model.nu())?;
         let inputs = StepInputs { ctrl, ..self.applied.complete(&StepInputs::default()) };
-        self.engine.lend_steps(&inputs, tolerance, &|lent| match lent.lanes {
+        batch.lend_steps(&inputs, tolerance, &|lent| match lent.lanes {
             1 => at_level!(lent.level, F64x1, visit(lent, visitor)),
             16 => at_avx512!(F64x16, visit(lent, visitor)),
             _ => at_level!(lent.level, F64Lanes, visit(lent, visitor)),
@@ -39,7 +39,7 @@ impl Simulation {
 
     /// Step settings in force.
     pub fn settings(&self) -> &StepSettings {
-        self.engine.settings()
+        with_batch!(&self.engine, batch => &batch.settings)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Setters of a simulation: state of environments, new episodes, and random streams.
 
+use crate::batch::engine::with_batch;
 use crate::batch::inputs::{Episode, Field, StateRows};
 use crate::batch::simulation::{Error, Simulation};
 use crate::error::check_length;
@@ -20,13 +21,14 @@ impl Simulation {
     pub fn reset(&mut self, env: usize) {
         self.assert_env(env);
         let model = self.model.clone();
-        let engine = self.engine_mut();
-        engine.write(Field::Qpos, env, &model.qpos0);
-        engine.write(Field::Qvel, env, &vec![0.0; model.nv()]);
-        engine.write(Field::Act, env, &vec![0.0; model.na()]);
-        engine.set_time(env, 0.0);
-        engine.clear_memory(env);
-        engine.begin_episode(env, None);
+        with_batch!(self.engine_mut(), batch => {
+            batch.write(Field::Qpos, env, &model.qpos0);
+            batch.write(Field::Qvel, env, &vec![0.0; model.nv()]);
+            batch.write(Field::Act, env, &vec![0.0; model.na()]);
+            batch.set_time(env, 0.0);
+            batch.clear_memory(env);
+            batch.begin_episode(env, None);
+        });
         self.ctrl_mut(env).fill(0.0);
         self.applied.reset(env, &model);
     }
@@ -68,7 +70,7 @@ impl Simulation {
             self.set(field, env, values)?;
         }
         self.ctrl_mut(env).copy_from_slice(&keyframe.ctrl);
-        self.engine_mut().set_initial_ctrl(env, &keyframe.ctrl);
+        with_batch!(self.engine_mut(), batch => batch.set_initial_ctrl(env, &keyframe.ctrl));
         Ok(())
     }
 
@@ -153,18 +155,19 @@ impl Simulation {
         for (field, rows) in &fields {
             envs.iter().zip(rows).for_each(|(&env, row)| self.write_field(*field, env, row, cold));
         }
-        envs.iter().zip(times).for_each(|(&env, time)| self.engine_mut().set_time(env, time));
+        envs.iter().zip(times).for_each(|(&env, time)| with_batch!(self.engine_mut(), batch => batch.set_time(env, time)));
     }
 
     /// Writes checked values to a state field. If `cold` is true, the memory of earlier steps is cleared too.
     fn write_field(&mut self, field: Field, env: usize, values: &[f64], cold: bool) {
-        let engine = self.engine_mut();
-        engine.write(field, env, values);
-        if cold {
-            engine.clear_memory(env);
-        } else {
-            engine.discard_last_step(env);
-        }
+        with_batch!(self.engine_mut(), batch => {
+            batch.write(field, env, values);
+            if cold {
+                batch.clear_memory(env);
+            } else {
+                batch.discard_last_step(env);
+            }
+        });
     }
 
     /// Sets the simulated time of one environment, s.
@@ -173,7 +176,7 @@ impl Simulation {
     /// [`Error::Environment`] when there is no such environment, [`Error::NotFinite`] for a time that is not finite.
     pub fn set_time(&mut self, env: usize, time: f64) -> Result<(), Error> {
         let time = self.check_time(env, time)?;
-        self.engine_mut().set_time(env, time);
+        with_batch!(self.engine_mut(), batch => batch.set_time(env, time));
         Ok(())
     }
 
@@ -191,7 +194,7 @@ impl Simulation {
     #[track_caller]
     pub fn set_random_stream(&mut self, env: usize, stream: u32) {
         self.assert_env(env);
-        self.engine_mut().set_random_stream(env, stream);
+        with_batch!(self.engine_mut(), batch => batch.set_random_stream(env, stream));
     }
 
     /// Begins a new episode in one environment: the next one of the present seed, or the first one of the seed `seed`.
@@ -204,7 +207,7 @@ impl Simulation {
     #[track_caller]
     pub fn begin_episode(&mut self, env: usize, seed: Option<u64>) {
         self.assert_env(env);
-        self.engine_mut().begin_episode(env, seed);
+        with_batch!(self.engine_mut(), batch => batch.begin_episode(env, seed));
     }
 }
 

@@ -184,7 +184,7 @@ impl<R: Real> Acceleration<'_, R> {
 
 /// Adds the forces of springs and dampers of fixed tendons at the configuration `q` and the velocity `v` to the generalized forces
 /// `forces`.
-fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
+pub(crate) fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
     kernel!(R, || {
         for tendon in &compiled.tendons {
             let Some((spring, rest)) = &tendon.spring else { continue };

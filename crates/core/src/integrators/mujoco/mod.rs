@@ -10,7 +10,7 @@
 //! * discrete: springs, dampers, servos and constraint rows at the end of the step, in one problem.
 //! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.
 
-mod acceleration;
+pub(crate) mod acceleration;
 mod discrete;
 mod implicit;
 mod runge_kutta;

@@ -4,8 +4,9 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::math::lanes::MAX_LANES;
 use crate::model::Quantity;
-use crate::sensing::errors::observe::{Slots, get, put};
+use crate::sensing::errors::observe::{get, put};
 use crate::sensing::errors::{Imperfect, Number, Numbers};
+use crate::sensing::memory::Memory;
 
 impl<S: Scalar> Imperfect<S> {
     /// Advances the delay line's position by one step, the same in all lanes. Returns the addresses of the previous and of the new sample
@@ -34,14 +35,14 @@ impl<S: Scalar> Imperfect<S> {
         chance: R,
         lanes: R::Mask,
         start: bool,
-        slots: &mut Slots<'_, S>,
+        memory: &mut Memory<S>,
         index: usize,
     ) {
-        let (dim, line, cursor) = (self.dim, self.line, slots.cursors[index] as usize);
+        let (dim, line, cursor) = (self.dim, self.line, memory.cursors[index] as usize);
         if start {
             for k in 0..dim * line {
-                let first: R = get(slots.numbers, self.line_at() + cursor * dim + k % dim);
-                put(slots.numbers, self.line_at() + k, lanes, first);
+                let first: R = get(&memory.numbers, self.line_at() + cursor * dim + k % dim);
+                put(&mut memory.numbers, self.line_at() + k, lanes, first);
             }
         }
         let mut delay: R = table.number(Number::Delay);
@@ -67,16 +68,16 @@ impl<S: Scalar> Imperfect<S> {
             let steps = steps.to_f64() as u32 as usize;
             let (new, old) = (place(steps), place(steps + 1));
             for k in 0..dim {
-                let mut x: R = get(slots.numbers, new + k);
+                let mut x: R = get(&memory.numbers, new + k);
                 if self.smooth {
-                    let before: R = get(slots.numbers, old + k);
+                    let before: R = get(&memory.numbers, old + k);
                     x = R::select(between, x + (before - x) * part, x);
                 }
-                put(slots.observation, self.at + k, lanes.and(same), x);
+                put(&mut memory.observation, self.at + k, lanes.and(same), x);
             }
         }
         if self.smooth && matches!(self.quantity, Quantity::Axis | Quantity::Quaternion) {
-            self.normalise::<R>(lanes, slots.observation);
+            self.normalise::<R>(lanes, &mut memory.observation);
         }
     }
 

@@ -4,6 +4,7 @@ use stepper_real::Real;
 
 use crate::math::lanes::MAX_LANES;
 use crate::math::random::{Word, normals, philox4x32_10, uniform};
+use crate::sensing::memory::Memory;
 
 /// Purpose of a random number, which is part of the generator's counter.
 #[derive(Clone, Copy)]
@@ -18,18 +19,33 @@ pub(super) enum Purpose {
 
 /// Seed, environment, episode and step: inputs of the random number generator, for one environment in each lane.
 #[derive(Clone, Copy, Debug)]
-pub struct Keys {
+pub(super) struct Keys {
     /// Low and high half of the seed, 32 bits each.
-    pub seed: [Word; 2],
+    seed: [Word; 2],
     /// Index of the environment's random stream.
-    pub stream: Word,
+    stream: Word,
     /// Number of earlier episodes of the environment.
-    pub episode: Word,
+    episode: Word,
     /// Number of steps since the beginning of the episode, at which the numbers are drawn.
-    pub step: Word,
+    step: Word,
 }
 
 impl Keys {
+    /// Inputs of the random number generator for the next step of a group.
+    #[inline(always)]
+    pub(super) fn of<S>(memory: &Memory<S>) -> Self {
+        let lane = |x: &[u32]| {
+            let mut word = [0; MAX_LANES];
+            word[..x.len()].copy_from_slice(x);
+            word
+        };
+        let mut seed = [[0; MAX_LANES]; 2];
+        for (l, &s) in memory.seed.iter().enumerate() {
+            (seed[0][l], seed[1][l]) = (s as u32, (s >> 32) as u32);
+        }
+        Self { seed, stream: lane(&memory.stream), episode: lane(&memory.episode), step: lane(&memory.step) }
+    }
+
     /// Draws random numbers for a purpose and a sensor into `out`: first `normal` standard normal numbers, then uniform ones in (0, 1).
     ///
     /// Normal numbers are made in pairs from pairs of random words.

@@ -7,6 +7,7 @@ use crate::math::spatial::*;
 use crate::model::Quantity;
 use crate::sensing::errors::draws::{Keys, Purpose};
 use crate::sensing::errors::{Errors, Imperfect, Number, Numbers};
+use crate::sensing::memory::Memory;
 
 /// Workspace of the transfer functions of all sensors.
 #[derive(Clone, Debug)]
@@ -15,19 +16,6 @@ pub struct Work<R: Real> {
     due: Vec<R::Mask>,
     /// Random numbers of this step, of all sensors.
     drawn: Vec<R>,
-}
-
-/// Stored values of the sensors that have error models, lane-interleaved, and the readings of all sensors.
-#[derive(Debug)]
-pub struct Slots<'a, S> {
-    /// Values of the transfer functions that persist between steps, such as biases and delay lines.
-    pub numbers: &'a mut [S],
-    /// Position of the newest sample in each delay line.
-    pub cursors: &'a mut [u32],
-    /// Numbers of clipped readings and of lost samples, for each sensor with errors.
-    pub faults: &'a mut [u32],
-    /// Readings of all sensors after the transfer functions.
-    pub observation: &'a mut [S],
 }
 
 impl<S: Scalar> Errors<S> {
@@ -46,17 +34,16 @@ impl<S: Scalar> Errors<S> {
         &self,
         group: usize,
         truth: &[R],
-        keys: &Keys,
         lanes: R::Mask,
         start: bool,
         h: f64,
         work: &mut Work<R>,
-        slots: &mut Slots<'_, S>,
+        memory: &mut Memory<S>,
     ) {
-        let table = self.table(group);
+        let (table, keys) = (self.table(group), Keys::of(memory));
         if start {
             for (k, sensor) in self.sensors.iter().enumerate() {
-                sensor.begin(&table.of(k), keys, lanes, work, slots.numbers);
+                sensor.begin(&table.of(k), &keys, lanes, work, &mut memory.numbers);
             }
         }
         // One kernel computes all sensors, stage by stage, so that the processor overlaps their latencies.
@@ -64,15 +51,15 @@ impl<S: Scalar> Errors<S> {
             #[inline(always)]
             || {
                 for &i in &self.ideal {
-                    put(slots.observation, i, lanes, truth[i]);
+                    put(&mut memory.observation, i, lanes, truth[i]);
                 }
                 for (k, sensor) in self.sensors.iter().enumerate() {
-                    work.due[k] = sensor.due::<R>(&table.of(k), lanes, start, h, slots.numbers);
+                    work.due[k] = sensor.due::<R>(&table.of(k), lanes, start, h, &mut memory.numbers);
                     let (normal, count) = sensor.draws_of(work.due[k].any());
                     keys.draw(Purpose::Step, sensor.sensor, normal, &mut work.drawn[sensor.draws..sensor.draws + count]);
                 }
                 for (k, sensor) in self.sensors.iter().enumerate() {
-                    sensor.observe(&table.of(k), truth, lanes, start, work, slots, k);
+                    sensor.observe(&table.of(k), truth, lanes, start, work, memory, k);
                 }
             },
         )
@@ -101,7 +88,7 @@ impl<S: Scalar> Imperfect<S> {
         lanes: R::Mask,
         start: bool,
         work: &Work<R>,
-        slots: &mut Slots<'_, S>,
+        memory: &mut Memory<S>,
         index: usize,
     ) {
         let due = work.due[index];
@@ -113,18 +100,19 @@ impl<S: Scalar> Imperfect<S> {
         }
         let taken = due.and_not(lost);
         if self.drifts && !start {
-            self.drift(table, lanes, drawn, slots.numbers);
+            self.drift(table, lanes, drawn, &mut memory.numbers);
         }
-        let (held, kept) = self.advance_delay_line(start, slots.cursors, index);
+        let (held, kept) = self.advance_delay_line(start, &mut memory.cursors, index);
         let mut clipped = R::Mask::splat(false);
         if taken.any() {
-            clipped = self.sample(table, &truth[self.at..], [taken, lanes], drawn, [held, kept], slots.numbers);
+            clipped = self.sample(table, &truth[self.at..], [taken, lanes], drawn, [held, kept], &mut memory.numbers);
         } else {
             for k in 0..self.dim {
-                put(slots.numbers, kept + k, lanes, get::<R>(slots.numbers, held + k));
+                let old: R = get(&memory.numbers, held + k);
+                put(&mut memory.numbers, kept + k, lanes, old);
             }
         }
-        let faults = &mut slots.faults[2 * index * R::LANES..];
+        let faults = &mut memory.faults[2 * index * R::LANES..];
         count(lost.bits(), &mut faults[R::LANES..]);
         // The first reading of an episode belongs to no step, and is not counted.
         if !start {
@@ -132,10 +120,10 @@ impl<S: Scalar> Imperfect<S> {
         }
         if self.line > 0 {
             let chance = if self.jittery { drawn[self.timing_at() + 1] } else { R::zero() };
-            self.delay(table, chance, lanes, start, slots, index);
+            self.delay(table, chance, lanes, start, memory, index);
         } else {
             for k in 0..self.dim {
-                put(slots.observation, self.at + k, lanes, get::<R>(slots.numbers, kept + k));
+                put(&mut memory.observation, self.at + k, lanes, get::<R>(&memory.numbers, kept + k));
             }
         }
     }

@@ -62,9 +62,9 @@ pub(crate) struct Scratch<R: Real> {
 }
 
 impl<R: Real> Scratch<R> {
-    /// Buffers of length `nv` that contain `value`.
-    pub(crate) fn filled(nv: usize, value: R) -> Self {
-        let v = || vec![value; nv];
+    /// Buffers of length `nv`.
+    fn new(nv: usize) -> Self {
+        let v = || vec![R::zero(); nv];
         Self {
             velocity_by_impulses: v(),
             velocity_change: v(),
@@ -80,7 +80,16 @@ impl<R: Real> Scratch<R> {
 
     /// Fills all buffers with NaN, for tests.
     pub(crate) fn poison(&mut self) {
-        *self = Self::filled(self.impulse.len(), R::of(f64::NAN));
+        let nan = R::of(f64::NAN);
+        self.velocity_by_impulses.fill(nan);
+        self.velocity_change.fill(nan);
+        self.impulse.fill(nan);
+        self.force_velocity.fill(nan);
+        self.actuator_velocity.fill(nan);
+        self.v_free_corrected.fill(nan);
+        self.free_change.fill(nan);
+        self.v_half.fill(nan);
+        self.before_impact.fill(nan);
     }
 }
 
@@ -97,7 +106,7 @@ impl<R: Real> FreeMotion<R> {
             impulse: v(),
             unresolved: none,
             may_gain: none,
-            scratch: Scratch::filled(compiled.nv, R::zero()),
+            scratch: Scratch::new(compiled.nv),
         }
     }
 

@@ -4,7 +4,7 @@ use std::sync::MutexGuard;
 
 use stepper_core::ContactLaw;
 use stepper_core::group_step::{Gap, GroupStep, Recomputed, StatePart};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::newton::{Switch, SwitchDistance};
 
 use crate::kink::*;
@@ -111,19 +111,16 @@ impl<R: Real> StepDerivative<R> {
         let sound = self.evaluate(step, Recomputed::Configuration, sound, &mut |_| {});
         step.change(&mut self.changes[0]);
         let [_, v, _] = step.outcome();
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let (mut apart, mut speed) = (R::zero(), R::one());
-                for &change in &self.changes[0] {
-                    apart = apart.max_or_nan(change.abs());
-                }
-                for &v in v {
-                    speed = speed.max(v.abs());
-                }
-                sound & apart.le(speed * R::of(FAITHFUL)).bits()
-            },
-        )
+        kernel!(R, || {
+            let (mut apart, mut speed) = (R::zero(), R::one());
+            for &change in &self.changes[0] {
+                apart = apart.max_or_nan(change.abs());
+            }
+            for &v in v {
+                speed = speed.max(v.abs());
+            }
+            sound & apart.le(speed * R::of(FAITHFUL)).bits()
+        })
     }
 
     /// Evaluates the step at the displaced state in the lanes `lanes` (bits).
@@ -158,31 +155,28 @@ impl<R: Real> StepDerivative<R> {
     ) {
         let (n, nv, noise) = (self.changes[0].len(), step.width(StatePart::Qvel), step.settings().tolerance);
         let [first, second] = &mut self.changes;
-        let kinked = R::vectorize(
-            #[inline(always)]
-            || {
-                let a = offsets[0];
-                let Some(&b) = offsets.get(1) else {
-                    first.iter_mut().for_each(|change| *change /= a);
-                    return 0;
-                };
-                // Weights of a parabola through both displaced states and the nominal one.
-                let weights = [b / (a * (b - a)), a / (b * (a - b))];
-                let floor = R::of(4.0 * noise) / a.abs();
-                let limit = (R::of(CURVATURE) * a.abs()).min(R::of(LARGEST_BEND));
-                let mut kinked = 0;
-                for group in [0..nv, nv..2 * nv, 2 * nv..n] {
-                    let (mut size, mut bend) = (R::of(LEAST_SLOPE), R::zero());
-                    for (x, &y) in first[group.clone()].iter_mut().zip(&second[group]) {
-                        bend = bend.max((*x / a - y / b).abs());
-                        *x = weights[0] * *x + weights[1] * y;
-                        size = size.max(x.abs());
-                    }
-                    kinked |= bend.gt(limit * size + floor).bits();
+        let kinked = kernel!(R, || {
+            let a = offsets[0];
+            let Some(&b) = offsets.get(1) else {
+                first.iter_mut().for_each(|change| *change /= a);
+                return 0;
+            };
+            // Weights of a parabola through both displaced states and the nominal one.
+            let weights = [b / (a * (b - a)), a / (b * (a - b))];
+            let floor = R::of(4.0 * noise) / a.abs();
+            let limit = (R::of(CURVATURE) * a.abs()).min(R::of(LARGEST_BEND));
+            let mut kinked = 0;
+            for group in [0..nv, nv..2 * nv, 2 * nv..n] {
+                let (mut size, mut bend) = (R::of(LEAST_SLOPE), R::zero());
+                for (x, &y) in first[group.clone()].iter_mut().zip(&second[group]) {
+                    bend = bend.max((*x / a - y / b).abs());
+                    *x = weights[0] * *x + weights[1] * y;
+                    size = size.max(x.abs());
                 }
-                kinked
-            },
-        );
+                kinked |= bend.gt(limit * size + floor).bits();
+            }
+            kinked
+        });
         for (l, rows) in rows.iter_mut().enumerate() {
             for (i, slope) in first.iter().enumerate() {
                 rows.slopes[i * columns + c] = slope.lane(l).to_f64();

@@ -1,6 +1,6 @@
 //! Derived quantities: computed from the states of many environments and from their last step, for a group of lanes.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::analysis::smooth_dynamics::SmoothDynamics;
 use crate::compile::LaneModel;
@@ -181,10 +181,7 @@ impl<R: Real> Derivation<R> {
         quantity: DerivedQuantity,
         out: &mut [R::Scalar],
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || self.evaluate(compiled, options, s, quantity),
-        );
+        kernel!(R, || self.evaluate(compiled, options, s, quantity));
         let n = self.values.len();
         self.interleaved.resize(n * R::LANES, R::Scalar::default());
         R::store_all(&self.values, &mut self.interleaved);
@@ -203,10 +200,7 @@ impl<R: Real> Derivation<R> {
         for (mocap, trajectory) in compiled.mocap.iter().zip(&s.inputs.mocap_trajectories) {
             let [x, y, z, quat @ ..] = trajectory.end();
             kinematics.pos[mocap.frame] = [x, y, z];
-            kinematics.mat[mocap.frame] = R::vectorize(
-                #[inline(always)]
-                || quat_to_mat(quat),
-            );
+            kinematics.mat[mocap.frame] = kernel!(R, || quat_to_mat(quat));
             self.orientation[mocap.frame] = quat;
         }
     }

@@ -1,7 +1,7 @@
 //! Mass matrix, bias force and smooth acceleration outside a step, over lanes.
 
 use nalgebra::{DMatrix, DVector};
-use stepper_real::{Real, Scalar};
+use stepper_real::{Real, Scalar, kernel};
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::LaneModel;
@@ -31,10 +31,7 @@ impl<R: Real> SmoothDynamics<R> {
     /// Computes Coriolis, centrifugal and gravitational forces, (nv,), into `out`.
     pub(crate) fn bias_force(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], out: &mut [R]) {
         let work = self.newton_euler.get_or_insert_with(|| NewtonEuler::new(compiled));
-        R::vectorize(
-            #[inline(always)]
-            || bias_force(compiled, kinematics, v, work, out),
-        );
+        kernel!(R, || bias_force(compiled, kinematics, v, work, out));
     }
 
     /// Acceleration without constraints at the state [q, v, act], (nv,).
@@ -87,28 +84,25 @@ impl<R: Real> FullMass<R> {
     /// Computes the dense mass matrix, (nv, nv), row-major.
     fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) -> &[R] {
         let Self { mass, composite, full } = self;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                mass.assemble(compiled, kinematics, composite);
-                full.fill(R::zero());
-                for i in 0..compiled.nv {
-                    let dof = &compiled.dofs[i];
-                    for (&a, &m) in compiled.chain_of(i).iter().zip(&mass.entries[dof.chain..]) {
-                        full[i * compiled.nv + a as usize] = m;
-                        full[a as usize * compiled.nv + i] = m;
+        kernel!(R, || {
+            mass.assemble(compiled, kinematics, composite);
+            full.fill(R::zero());
+            for i in 0..compiled.nv {
+                let dof = &compiled.dofs[i];
+                for (&a, &m) in compiled.chain_of(i).iter().zip(&mass.entries[dof.chain..]) {
+                    full[i * compiled.nv + a as usize] = m;
+                    full[a as usize * compiled.nv + i] = m;
+                }
+            }
+            for tendon in &compiled.tendons {
+                let Some((spring, _)) = &tendon.spring else { continue };
+                for &(_, i, a) in &tendon.length.terms {
+                    for &(_, j, b) in &tendon.length.terms {
+                        full[i * compiled.nv + j] += R::splat(spring.inertia) * R::splat(a) * R::splat(b);
                     }
                 }
-                for tendon in &compiled.tendons {
-                    let Some((spring, _)) = &tendon.spring else { continue };
-                    for &(_, i, a) in &tendon.length.terms {
-                        for &(_, j, b) in &tendon.length.terms {
-                            full[i * compiled.nv + j] += R::splat(spring.inertia) * R::splat(a) * R::splat(b);
-                        }
-                    }
-                }
-            },
-        );
+            }
+        });
         full
     }
 }

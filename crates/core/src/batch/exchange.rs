@@ -1,6 +1,6 @@
 //! Copies between the input arrays of a call, the state of a group, and the workspace of a worker.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::batch::call::Call;
 use crate::batch::state::Group;
@@ -10,19 +10,16 @@ use crate::math::spatial::*;
 
 /// Copies the state after the steps of a call from the workspace to the group.
 pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            // There is one call per field. A loop over an array of (source, target) pairs would copy the references through memory.
-            R::store_all(&s.state.q, &mut group.q);
-            R::store_all(&s.state.v, &mut group.v);
-            R::store_all(&s.state.act, &mut group.act);
-            R::store_all(&s.velocity.scalar_impulse, &mut group.scalar_impulse);
-            R::store_all(&s.state.impulse, &mut group.impulse);
-            group.time.copy_from_slice(&s.state.time);
-            group.store_contacts(&s.state.contacts);
-        },
-    )
+    kernel!(R, || {
+        // There is one call per field. A loop over an array of (source, target) pairs would copy the references through memory.
+        R::store_all(&s.state.q, &mut group.q);
+        R::store_all(&s.state.v, &mut group.v);
+        R::store_all(&s.state.act, &mut group.act);
+        R::store_all(&s.velocity.scalar_impulse, &mut group.scalar_impulse);
+        R::store_all(&s.state.impulse, &mut group.impulse);
+        group.time.copy_from_slice(&s.state.time);
+        group.store_contacts(&s.state.contacts);
+    })
 }
 
 /// Stores the poses of the mocap bodies at the end of the call in the group. If the call stopped early, these are the poses that the mocap
@@ -32,34 +29,28 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
         return;
     }
     let arrived = call.part.to == call.schedule.steps();
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (trajectory, out) in s.inputs.mocap_trajectories.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
-                R::store_all(&if arrived { trajectory.end() } else { trajectory.pose_at(R::of(s.state.elapsed)) }, out);
-            }
-        },
-    )
+    kernel!(R, || {
+        for (trajectory, out) in s.inputs.mocap_trajectories.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
+            R::store_all(&if arrived { trajectory.end() } else { trajectory.pose_at(R::of(s.state.elapsed)) }, out);
+        }
+    })
 }
 
 /// Loads positions, velocities, activations and constraint impulses of a group into the workspace. If `contacts` is true, it also loads
 /// times and contacts.
 pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>, contacts: bool) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            s.alive = R::Mask::from_bits(group.alive);
-            R::load_all(&group.q, &mut s.state.q);
-            R::load_all(&group.v, &mut s.state.v);
-            R::load_all(&group.act, &mut s.state.act);
-            R::load_all(&group.scalar_impulse, &mut s.velocity.scalar_impulse);
-            R::load_all(&group.impulse, &mut s.state.impulse);
-            if contacts {
-                s.state.time.copy_from_slice(&group.time);
-                group.load_contacts(&mut s.state.contacts);
-            }
-        },
-    )
+    kernel!(R, || {
+        s.alive = R::Mask::from_bits(group.alive);
+        R::load_all(&group.q, &mut s.state.q);
+        R::load_all(&group.v, &mut s.state.v);
+        R::load_all(&group.act, &mut s.state.act);
+        R::load_all(&group.scalar_impulse, &mut s.velocity.scalar_impulse);
+        R::load_all(&group.impulse, &mut s.state.impulse);
+        if contacts {
+            s.state.time.copy_from_slice(&group.time);
+            group.load_contacts(&mut s.state.contacts);
+        }
+    })
 }
 
 /// Loads the inputs that are constant during a call, except the controls: applied forces, active equalities, mocap bodies and actuator
@@ -88,25 +79,22 @@ pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::
 
 /// Computes the trajectories of the mocap bodies during the call: from their last poses to those that the user gives.
 fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let seconds = R::of(call.schedule.steps().max(1) as f64 * call.settings.timestep);
-            let given = !call.inputs.mocap_pos.is_empty();
-            s.state.elapsed = call.part.elapsed;
-            for (k, m) in call.compiled.mocap.iter().enumerate() {
-                let n = call.compiled.mocap.len();
-                let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
-                for l in 0..if given { used } else { 0 } {
-                    let at = (first + l) * n + k;
-                    (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.inputs.mocap_pos[3 * at + i])));
-                    (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.inputs.mocap_quat[4 * at + i])));
-                }
-                let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
-                s.inputs.mocap_trajectories[k] = MocapTrajectory::new(last, pos, quat, seconds);
+    kernel!(R, || {
+        let seconds = R::of(call.schedule.steps().max(1) as f64 * call.settings.timestep);
+        let given = !call.inputs.mocap_pos.is_empty();
+        s.state.elapsed = call.part.elapsed;
+        for (k, m) in call.compiled.mocap.iter().enumerate() {
+            let n = call.compiled.mocap.len();
+            let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
+            for l in 0..if given { used } else { 0 } {
+                let at = (first + l) * n + k;
+                (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.inputs.mocap_pos[3 * at + i])));
+                (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.inputs.mocap_quat[4 * at + i])));
             }
-        },
-    )
+            let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
+            s.inputs.mocap_trajectories[k] = MocapTrajectory::new(last, pos, quat, seconds);
+        }
+    })
 }
 
 /// Loads control number `control` of the call for the group whose first environment is `first`.
@@ -121,23 +109,20 @@ pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, 
 /// Gathers the rows `first..first + used` of an array with `n` columns in `out`, one row per lane. A single row is used in all lanes; an
 /// empty array gives zeros.
 fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            if n == 0 || out.is_empty() {
-                return;
+    kernel!(R, || {
+        if n == 0 || out.is_empty() {
+            return;
+        }
+        let shared = rows.len() == n;
+        for (i, x) in out.iter_mut().enumerate() {
+            *x = R::zero();
+            if rows.is_empty() {
+                continue;
             }
-            let shared = rows.len() == n;
-            for (i, x) in out.iter_mut().enumerate() {
-                *x = R::zero();
-                if rows.is_empty() {
-                    continue;
-                }
-                for l in 0..used {
-                    let row = if shared { 0 } else { first + l };
-                    x.set_lane(l, Scalar::from_f64(rows[row * n + i]));
-                }
+            for l in 0..used {
+                let row = if shared { 0 } else { first + l };
+                x.set_lane(l, Scalar::from_f64(rows[row * n + i]));
             }
-        },
-    )
+        }
+    })
 }

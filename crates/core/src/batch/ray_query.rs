@@ -1,6 +1,6 @@
 //! Ray queries for many environments in one call.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::{Real, Scalar, kernel};
 
 use crate::compile::LaneModel;
 use crate::compile::sensing::Target;
@@ -47,10 +47,8 @@ impl<S: Scalar> RayQuery<'_, S> {
         let count = self.rays.count;
         let used = distances.len() / count;
         let lanes = (u64::MAX >> (64 - used)) as u32;
-        let placed: Vec<_> = R::vectorize(
-            #[inline(always)]
-            || self.targets.iter().map(|(geom, target)| (*geom, Placed::new(compiled, kinematics, target))).collect(),
-        );
+        let placed: Vec<_> =
+            kernel!(R, || self.targets.iter().map(|(geom, target)| (*geom, Placed::new(compiled, kinematics, target))).collect());
         for ray in 0..count {
             let (origin, direction) =
                 (self.gather(self.rays.points, ray, first, used), self.gather(self.rays.directions, ray, first, used));

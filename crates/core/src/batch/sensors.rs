@@ -1,7 +1,7 @@
 //! Sensor readings of a worker: first observations of an episode, readings of a whole group, and results of the last step that sensors
 //! need.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::batch::call::Call;
 use crate::batch::exchange::{load_control, load_inputs, load_state};
@@ -169,17 +169,14 @@ pub(super) fn store_sensor_inputs<R: Real>(group: &mut Group<R::Scalar>, s: &Wor
     if memory.acceleration.is_empty() && memory.ctrl.is_empty() && memory.xfrc.is_empty() {
         return;
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (x, out) in [(&s.sensors.acceleration, &mut memory.acceleration), (&s.inputs.ctrl, &mut memory.ctrl)] {
-                R::store_all(x, out);
-            }
-            for (i, out) in memory.xfrc.chunks_exact_mut(R::LANES).enumerate() {
-                s.inputs.xfrc.get(i).copied().unwrap_or(R::zero()).store(out);
-            }
-        },
-    );
+    kernel!(R, || {
+        for (x, out) in [(&s.sensors.acceleration, &mut memory.acceleration), (&s.inputs.ctrl, &mut memory.ctrl)] {
+            R::store_all(x, out);
+        }
+        for (i, out) in memory.xfrc.chunks_exact_mut(R::LANES).enumerate() {
+            s.inputs.xfrc.get(i).copied().unwrap_or(R::zero()).store(out);
+        }
+    });
 }
 
 /// Loads the values `from` into those lanes of `out` that are not in `kept`.
@@ -191,15 +188,12 @@ fn load_other_lanes<R: Real>(from: &[R::Scalar], out: &mut [R], kept: R::Mask) {
 
 /// Loads the values `from` into `out`, or zeros if `from` is empty.
 fn load_or_zero<R: Real>(from: &[R::Scalar], out: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            if from.is_empty() {
-                out.fill(R::zero());
-            }
-            R::load_all(from, out);
-        },
-    )
+    kernel!(R, || {
+        if from.is_empty() {
+            out.fill(R::zero());
+        }
+        R::load_all(from, out);
+    })
 }
 
 /// Loads the stored contacts of lane `lane` into `out`.

@@ -5,7 +5,7 @@ use std::any::Any;
 use serde::{Serialize, de::DeserializeOwned};
 #[cfg(not(test))]
 use stepper_real::at_avx512;
-use stepper_real::{Level, Mask, Real, Scalar, at_level};
+use stepper_real::{Level, Mask, Real, Scalar, at_level, kernel};
 
 use crate::analysis::derived::{Derivation, DerivedQuantity};
 use crate::batch::call::Call;
@@ -228,10 +228,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
                 residual = recording.resume(control, first - chunk_first, self.step.workspace.alive, &mut self.flags);
             }
             let observed = recording.as_ref().is_some_and(|recording| recording.has(Quantity::Observation));
-            let residual = R::vectorize(
-                #[inline(always)]
-                || self.run_control(call, group, first, (steps.len(), observed), residual),
-            );
+            let residual = kernel!(R, || self.run_control(call, group, first, (steps.len(), observed), residual));
             let Self { step: GroupStep { workspace: s, compiled, .. }, flags, .. } = self;
             if let Some(recording) = &mut recording {
                 if observed {
@@ -413,14 +410,11 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
 
 /// Adds one to the count of every actuator if the last step clamped its force, or a sum of forces that contains it.
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-                count(s.free_motion.actuator_forces.is_saturated(compiled, actuator).and(s.alive).bits(), counts);
-            }
-        },
-    )
+    kernel!(R, || {
+        for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
+            count(s.free_motion.actuator_forces.is_saturated(compiled, actuator).and(s.alive).bits(), counts);
+        }
+    })
 }
 
 /// Clears the status flags and maxima of the last call in the group.

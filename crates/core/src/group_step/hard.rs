@@ -1,6 +1,6 @@
 //! Evaluation of stages 1 to 8 with hard contact. A rule sets the impulses instead of the solver.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Settings;
 use stepper_solve::newton::Newton;
 
@@ -105,16 +105,13 @@ impl<R: Real> HardNominal<R> {
     /// Largest difference between `v_expected`, the velocity predicted in an evaluation, and the velocity predicted in the solved step, m/s
     /// or rad/s. NaN if any difference is NaN.
     fn prediction_difference(&self, v_expected: &[R]) -> R {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut apart = R::zero();
-                for (&kept, &now) in self.v_expected.iter().zip(v_expected) {
-                    apart = apart.max_or_nan((kept - now).abs());
-                }
-                apart
-            },
-        )
+        kernel!(R, || {
+            let mut apart = R::zero();
+            for (&kept, &now) in self.v_expected.iter().zip(v_expected) {
+                apart = apart.max_or_nan((kept - now).abs());
+            }
+            apart
+        })
     }
 
     /// Calls `see` for each contact or limit that has an impulse in the solved step, in the lanes `lanes` (bits).
@@ -133,10 +130,7 @@ impl<R: Real> HardNominal<R> {
             }
         }
         for (i, &gap) in self.limits.iter().enumerate() {
-            let pushing = R::vectorize(
-                #[inline(always)]
-                || gap.eq(gap).bits(),
-            );
+            let pushing = kernel!(R, || gap.eq(gap).bits());
             // Usually few limits push.
             if lanes & pushing != 0 {
                 see(true, gap, limit_gap(compiled, i, &s.evaluation.q), lanes & pushing);
@@ -225,14 +219,11 @@ impl<R: Real> HardNominal<R> {
         let ratio = find_correction(&rows, velocity, position);
         self.correction = R::select(corrected, ratio, R::zero());
         displace(compiled, &position.q, &position.correction, h, &mut position.q_corrected);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (q, &new) in position.q.iter_mut().zip(&position.q_corrected) {
-                    *q = R::select(corrected, new, *q);
-                }
-            },
-        );
+        kernel!(R, || {
+            for (q, &new) in position.q.iter_mut().zip(&position.q_corrected) {
+                *q = R::select(corrected, new, *q);
+            }
+        });
     }
 
     /// Returns which part of the constraint rows must be recomputed if the part `recomputed` of the state is displaced.

@@ -1,6 +1,6 @@
 //! Nominal step of a group (a solved step), and evaluations of steps near it.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::compile::LaneModel;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
@@ -181,31 +181,28 @@ impl<R: Real> Nominal<R> {
     pub(super) fn change(&self, compiled: &LaneModel<R>, s: &Workspace<R>, out: &mut [R]) {
         let after = &self.after;
         assert_eq!(out.len(), 2 * compiled.nv + compiled.na, "a change has the coordinates of the state");
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let (moved, rates) = out.split_at_mut(compiled.nv);
-                for joint in &compiled.joints {
-                    let turn = match joint.kind {
-                        JointKind::Free => Some(3),
-                        JointKind::Ball => Some(0),
-                        JointKind::Slide | JointKind::Hinge => None,
-                    };
-                    for k in 0..turn.unwrap_or(1) {
-                        moved[joint.v + k] = s.position.q[joint.q + k] - after[0][joint.q + k];
-                    }
-                    if let Some(k) = turn {
-                        let [w, x, y, z] = quat_at(&after[0], joint.q + k);
-                        let turned = quat_log(quat_mul([w, -x, -y, -z], quat_at(&s.position.q, joint.q + k)));
-                        moved[joint.v + k..joint.v + k + 3].copy_from_slice(&turned);
-                    }
+        kernel!(R, || {
+            let (moved, rates) = out.split_at_mut(compiled.nv);
+            for joint in &compiled.joints {
+                let turn = match joint.kind {
+                    JointKind::Free => Some(3),
+                    JointKind::Ball => Some(0),
+                    JointKind::Slide | JointKind::Hinge => None,
+                };
+                for k in 0..turn.unwrap_or(1) {
+                    moved[joint.v + k] = s.position.q[joint.q + k] - after[0][joint.q + k];
                 }
-                let pairs = s.velocity.v.iter().chain(&s.position.act).zip(after[1].iter().chain(&after[2]));
-                for (rate, (&next, &after)) in rates.iter_mut().zip(pairs) {
-                    *rate = next - after;
+                if let Some(k) = turn {
+                    let [w, x, y, z] = quat_at(&after[0], joint.q + k);
+                    let turned = quat_log(quat_mul([w, -x, -y, -z], quat_at(&s.position.q, joint.q + k)));
+                    moved[joint.v + k..joint.v + k + 3].copy_from_slice(&turned);
                 }
-            },
-        )
+            }
+            let pairs = s.velocity.v.iter().chain(&s.position.act).zip(after[1].iter().chain(&after[2]));
+            for (rate, (&next, &after)) in rates.iter_mut().zip(pairs) {
+                *rate = next - after;
+            }
+        })
     }
 
     /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits).

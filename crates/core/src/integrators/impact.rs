@@ -157,6 +157,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// earlier call already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual
     /// exceeds the tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the
     /// next solve.
+    #[inline(always)]
     pub(crate) fn drop_restitution(&mut self, residual: R, inelastic: R::Mask) -> R::Mask {
         if self.problem.impacts.is_empty() {
             return R::Mask::splat(false);
@@ -181,6 +182,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should
     /// therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead.
     /// If the velocity jumps, this is an error of first order in momentum and energy. `first` is true in the first call of a step.
+    #[inline(always)]
     pub(crate) fn correct_impact_forces(&mut self, first: bool) -> R::Mask {
         let lanes = self.lanes_with_impacts(first);
         if lanes.any() {

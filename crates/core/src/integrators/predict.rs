@@ -21,6 +21,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. In
     /// lanes whose bodies move, the impulses of the last step are at most the first guess of the prediction (`ImpulsePredictor` in stage
     /// 5).
+    #[inline(always)]
     pub(crate) fn predict(&mut self, probe: impl Probe) {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         if !scheme.predicts() {
@@ -51,6 +52,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     ///
     /// One such correction suffices for the second order of the midpoint rule. The offsets g of the rows of `problem` contain the free
     /// velocity and change with it.
+    #[inline(always)]
     pub(crate) fn correct_free_velocity(&mut self, probe: impl Probe) {
         let Self { context, free, problem, velocity, .. } = self;
         let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = *context;

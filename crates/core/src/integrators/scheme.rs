@@ -46,6 +46,7 @@ impl<R: Real> Scheme<R> {
     ///
     /// `Rk4` uses the midpoint rule in environments with an active constraint. `ImplicitFast` and `Discrete`, which the options allow only
     /// with MuJoCo's law, count as `Implicit` here.
+    #[inline(always)]
     pub(crate) fn new(options: &StepSettings) -> Self {
         let (h, none) = (R::of(options.timestep), R::zero());
         let half = h * R::of(0.5);

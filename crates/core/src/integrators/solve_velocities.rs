@@ -87,6 +87,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// solution. Returns the lanes in which any of them changed.
     ///
     /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
+    #[inline(always)]
     fn assume_bounds_of_solution(&mut self, may_change: bool) -> R::Mask {
         let StepContext { input: StepInput { compiled, state, inputs, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         if !has_bounded_servos(compiled, scheme) {
@@ -105,6 +106,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     ///
     /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), it may not be able
     /// to reach these velocities, and the impulses of the first solve diverge. The second solve therefore starts from zero impulses.
+    #[inline(always)]
     fn solve_lanes(&mut self, lanes: R::Mask) -> Outcome<R> {
         let StepContext { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = self.context;
         let Self { problem, velocity, .. } = self;

@@ -1,6 +1,6 @@
 //! Poses, velocities and accelerations of sensor frames.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::compile::sensing::SensorFrame;
@@ -12,27 +12,24 @@ use crate::sensing::{SensorInput, SensorView};
 /// Computes the orientation of every link as a quaternion from the configuration `q`. The quaternion is a product along the kinematic tree,
 /// so that its sign follows the signs of the quaternions in `q`.
 pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (l, link) in compiled.links.iter().enumerate() {
-                let mut quat = quat_mul(out[link.parent], splat(link.quat));
-                for joint in &compiled.joints[link.joints.clone()] {
-                    match joint.kind {
-                        JointKind::Free => quat = quat_at(q, joint.q + 3),
-                        JointKind::Ball => quat = quat_mul(quat, quat_at(q, joint.q)),
-                        JointKind::Slide => {}
-                        JointKind::Hinge => {
-                            let (sin, cos) = ((q[joint.q] - R::splat(joint.reference)) * R::of(0.5)).sin_cos();
-                            let [x, y, z] = scale(splat(joint.axis), sin);
-                            quat = quat_mul(quat, [cos, x, y, z]);
-                        }
+    kernel!(R, || {
+        for (l, link) in compiled.links.iter().enumerate() {
+            let mut quat = quat_mul(out[link.parent], splat(link.quat));
+            for joint in &compiled.joints[link.joints.clone()] {
+                match joint.kind {
+                    JointKind::Free => quat = quat_at(q, joint.q + 3),
+                    JointKind::Ball => quat = quat_mul(quat, quat_at(q, joint.q)),
+                    JointKind::Slide => {}
+                    JointKind::Hinge => {
+                        let (sin, cos) = ((q[joint.q] - R::splat(joint.reference)) * R::of(0.5)).sin_cos();
+                        let [x, y, z] = scale(splat(joint.axis), sin);
+                        quat = quat_mul(quat, [cos, x, y, z]);
                     }
                 }
-                out[l + 1] = quat_normalize(quat);
             }
-        },
-    )
+            out[l + 1] = quat_normalize(quat);
+        }
+    })
 }
 
 /// Computes the velocities and accelerations of all links: forward pass of the recursive Newton-Euler algorithm (Featherstone 2008, section
@@ -44,36 +41,33 @@ pub(super) fn accelerations<R: Real>(
     velocity: &mut [V6<R>],
     acceleration: &mut [V6<R>],
 ) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let ground = ground(compiled);
-            for (l, link) in compiled.links.iter().enumerate() {
-                let (mut motion, mut change) =
-                    if link.is_root { (zero(), ground) } else { (velocity[link.parent - 1], acceleration[link.parent - 1]) };
-                for joint in &compiled.joints[link.joints.clone()] {
-                    let mut rotations = joint.v..joint.v + joint.kind.nv();
-                    if joint.kind == JointKind::Free {
-                        // The translation axes of a free joint are world axes, which do not rotate with the body.
-                        for d in joint.v..joint.v + 3 {
-                            motion = add_scaled(motion, kinematics.axes[d], input.v[d]);
-                            change = add_scaled(change, kinematics.axes[d], input.acceleration[d]);
-                        }
-                        rotations.start += 3;
-                    }
-                    let mut own = zero();
-                    for d in rotations {
-                        own = add_scaled(own, kinematics.axes[d], input.v[d]);
+    kernel!(R, || {
+        let ground = ground(compiled);
+        for (l, link) in compiled.links.iter().enumerate() {
+            let (mut motion, mut change) =
+                if link.is_root { (zero(), ground) } else { (velocity[link.parent - 1], acceleration[link.parent - 1]) };
+            for joint in &compiled.joints[link.joints.clone()] {
+                let mut rotations = joint.v..joint.v + joint.kind.nv();
+                if joint.kind == JointKind::Free {
+                    // The translation axes of a free joint are world axes, which do not rotate with the body.
+                    for d in joint.v..joint.v + 3 {
+                        motion = add_scaled(motion, kinematics.axes[d], input.v[d]);
                         change = add_scaled(change, kinematics.axes[d], input.acceleration[d]);
                     }
-                    change = add(change, cross_motion(&motion, &own));
-                    motion = add(motion, own);
+                    rotations.start += 3;
                 }
-                velocity[l] = motion;
-                acceleration[l] = change;
+                let mut own = zero();
+                for d in rotations {
+                    own = add_scaled(own, kinematics.axes[d], input.v[d]);
+                    change = add_scaled(change, kinematics.axes[d], input.acceleration[d]);
+                }
+                change = add(change, cross_motion(&motion, &own));
+                motion = add(motion, own);
             }
-        },
-    )
+            velocity[l] = motion;
+            acceleration[l] = change;
+        }
+    })
 }
 
 /// Spatial acceleration of the world in the Newton-Euler recursion: minus the gravitational acceleration. The recursion then needs no
@@ -132,56 +126,50 @@ impl<R: Real> SensorView<'_, R> {
     /// Angular and linear velocity of a site in the site's axes. If `accelerations` is true, the results are the angular acceleration, and
     /// the linear acceleration minus gravity.
     pub fn site_motion(&self, place: &SensorFrame<R::Scalar>, accelerations: bool) -> [V3<R>; 2] {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let [turning, moving] = if accelerations { self.acceleration(place) } else { self.velocity(place) };
-                let axes = self.orientation(place);
-                [rotate_back(&axes, turning), rotate_back(&axes, moving)]
-            },
-        )
+        kernel!(R, || {
+            let [turning, moving] = if accelerations { self.acceleration(place) } else { self.velocity(place) };
+            let axes = self.orientation(place);
+            [rotate_back(&axes, turning), rotate_back(&axes, moving)]
+        })
     }
 
     /// Writes the reading of a frame sensor to `out`: three values, or the four of a quaternion.
     pub fn frame(&self, what: FrameReading, object: &SensorFrame<R::Scalar>, reference: Option<&SensorFrame<R::Scalar>>, out: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                use FrameReading as F;
-                if what == F::Quat {
-                    let mut seen = quat_mul(self.orientations[object.frame], splat(object.quat));
-                    if let Some(r) = reference {
-                        let [w, x, y, z] = quat_mul(self.orientations[r.frame], splat(r.quat));
-                        seen = quat_mul([w, -x, -y, -z], seen);
-                    }
-                    out.copy_from_slice(&seen);
-                    return;
+        kernel!(R, || {
+            use FrameReading as F;
+            if what == F::Quat {
+                let mut seen = quat_mul(self.orientations[object.frame], splat(object.quat));
+                if let Some(r) = reference {
+                    let [w, x, y, z] = quat_mul(self.orientations[r.frame], splat(r.quat));
+                    seen = quat_mul([w, -x, -y, -z], seen);
                 }
-                let arm = |r: &SensorFrame<R::Scalar>| sub(self.position(object), self.position(r));
-                let x = match what {
-                    F::Pos => reference.map_or_else(|| self.position(object), arm),
-                    F::XAxis => column(&self.orientation(object), 0),
-                    F::YAxis => column(&self.orientation(object), 1),
-                    F::ZAxis => column(&self.orientation(object), 2),
-                    F::AngVel => {
-                        let [w, _] = self.velocity(object);
-                        reference.map_or(w, |r| sub(w, self.velocity(r)[0]))
-                    }
-                    F::LinVel => {
-                        let [_, v] = self.velocity(object);
-                        reference.map_or(v, |r| {
-                            // Velocity as seen in the rotating frame of the reference.
-                            let [w, u] = self.velocity(r);
-                            sub(sub(v, u), cross(w, arm(r)))
-                        })
-                    }
-                    F::AngAcc => self.acceleration(object)[0],
-                    F::LinAcc => self.acceleration(object)[1],
-                    F::Quat => unreachable!("returned above"),
-                };
-                let x = reference.map_or(x, |r| rotate_back(&self.orientation(r), x));
-                out.copy_from_slice(&x);
-            },
-        )
+                out.copy_from_slice(&seen);
+                return;
+            }
+            let arm = |r: &SensorFrame<R::Scalar>| sub(self.position(object), self.position(r));
+            let x = match what {
+                F::Pos => reference.map_or_else(|| self.position(object), arm),
+                F::XAxis => column(&self.orientation(object), 0),
+                F::YAxis => column(&self.orientation(object), 1),
+                F::ZAxis => column(&self.orientation(object), 2),
+                F::AngVel => {
+                    let [w, _] = self.velocity(object);
+                    reference.map_or(w, |r| sub(w, self.velocity(r)[0]))
+                }
+                F::LinVel => {
+                    let [_, v] = self.velocity(object);
+                    reference.map_or(v, |r| {
+                        // Velocity as seen in the rotating frame of the reference.
+                        let [w, u] = self.velocity(r);
+                        sub(sub(v, u), cross(w, arm(r)))
+                    })
+                }
+                F::AngAcc => self.acceleration(object)[0],
+                F::LinAcc => self.acceleration(object)[1],
+                F::Quat => unreachable!("returned above"),
+            };
+            let x = reference.map_or(x, |r| rotate_back(&self.orientation(r), x));
+            out.copy_from_slice(&x);
+        })
     }
 }

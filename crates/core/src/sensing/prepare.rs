@@ -1,6 +1,6 @@
 //! Intermediate results of a step that several sensors share, computed once.
 
-use stepper_real::Real;
+use stepper_real::{Real, kernel};
 
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
@@ -23,10 +23,7 @@ impl<R: Real> SensorWorkspace<R> {
         if compiled.sensing.needs.acceleration {
             accelerations(compiled, kinematics, input, velocity, acceleration);
         } else if compiled.sensing.needs.velocities {
-            R::vectorize(
-                #[inline(always)]
-                || kinematics.velocities(compiled, input.v, velocity),
-            );
+            kernel!(R, || kinematics.velocities(compiled, input.v, velocity));
         }
         if compiled.sensing.needs.contacts {
             sensed_contacts.load_contacts(compiled, input);

@@ -1,7 +1,7 @@
 //! Closest points of two shapes: of a plane and any simple shape, or of two shapes that are balls or capsules.
 
 use stepper_geometry::pairs::{Segment, segments};
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::sensing::{Form, Pair, Solid};
 use crate::math::spatial::*;
@@ -44,31 +44,28 @@ impl<R: Real> SensorView<'_, R> {
     ///
     /// If no pair is closer than `cutoff`, m, the distance is the cutoff.
     pub fn proximity(&self, what: ProximityReading, pairs: &[Pair<R::Scalar>], cutoff: R, out: &mut [R]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut best = Nearest { distance: R::of(f64::INFINITY), points: [zero(); 2], normal: zero() };
-                for (a, b) in pairs {
-                    let new = self.between(a, b);
-                    let nearer = new.distance.lt(best.distance);
-                    best.distance = R::select(nearer, new.distance, best.distance);
-                    best.points = [select(nearer, new.points[0], best.points[0]), select(nearer, new.points[1], best.points[1])];
-                    best.normal = select(nearer, new.normal, best.normal);
+        kernel!(R, || {
+            let mut best = Nearest { distance: R::of(f64::INFINITY), points: [zero(); 2], normal: zero() };
+            for (a, b) in pairs {
+                let new = self.between(a, b);
+                let nearer = new.distance.lt(best.distance);
+                best.distance = R::select(nearer, new.distance, best.distance);
+                best.points = [select(nearer, new.points[0], best.points[0]), select(nearer, new.points[1], best.points[1])];
+                best.normal = select(nearer, new.normal, best.normal);
+            }
+            let within = best.distance.lt(cutoff);
+            match what {
+                ProximityReading::Distance => out[0] = R::select(within, best.distance, cutoff),
+                ProximityReading::Normal => {
+                    let towards = scale(best.normal, R::one().copysign(best.distance));
+                    out.copy_from_slice(&select(within, towards, zero()));
                 }
-                let within = best.distance.lt(cutoff);
-                match what {
-                    ProximityReading::Distance => out[0] = R::select(within, best.distance, cutoff),
-                    ProximityReading::Normal => {
-                        let towards = scale(best.normal, R::one().copysign(best.distance));
-                        out.copy_from_slice(&select(within, towards, zero()));
-                    }
-                    ProximityReading::FromTo => {
-                        out[..3].copy_from_slice(&select(within, best.points[0], zero()));
-                        out[3..].copy_from_slice(&select(within, best.points[1], zero()));
-                    }
+                ProximityReading::FromTo => {
+                    out[..3].copy_from_slice(&select(within, best.points[0], zero()));
+                    out[3..].copy_from_slice(&select(within, best.points[1], zero()));
                 }
-            },
-        )
+            }
+        })
     }
 
     #[inline(always)]

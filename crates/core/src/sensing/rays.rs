@@ -5,7 +5,7 @@
 //! inside hits the point where it leaves. For meshes and height fields, the rays are cast lane by lane.
 
 use stepper_geometry::{Pose, RaySurface};
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::compile::LaneModel;
 use crate::compile::sensing::{Form, SensorFrame, Solid, Target, TargetForm};
@@ -17,21 +17,18 @@ use crate::sensing::SensorView;
 
 /// Distance from the origin `o` to a simple shape along the unit direction `d`, both in the shape's frame, m. Infinite without a hit.
 pub(super) fn ray<R: Real>(form: Form, size: V3<R>, o: V3<R>, d: V3<R>) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || match form {
-            Form::Plane => plane(o, d),
-            Form::Sphere => Roots::new(dot(d, d), dot(o, d), dot(o, o) - size[0].square()).nearest([R::Mask::splat(true); 2]),
-            Form::Ellipsoid => {
-                let inverse = [size[0].recip(), size[1].recip(), size[2].recip()];
-                let (o, d) = (times(o, inverse), times(d, inverse));
-                Roots::new(dot(d, d), dot(o, d), dot(o, o) - R::one()).nearest([R::Mask::splat(true); 2])
-            }
-            Form::Capsule => capsule(size, o, d),
-            Form::Cylinder => cylinder(size, o, d),
-            Form::Box => cuboid(size, o, d),
-        },
-    )
+    kernel!(R, || match form {
+        Form::Plane => plane(o, d),
+        Form::Sphere => Roots::new(dot(d, d), dot(o, d), dot(o, o) - size[0].square()).nearest([R::Mask::splat(true); 2]),
+        Form::Ellipsoid => {
+            let inverse = [size[0].recip(), size[1].recip(), size[2].recip()];
+            let (o, d) = (times(o, inverse), times(d, inverse));
+            Roots::new(dot(d, d), dot(o, d), dot(o, o) - R::one()).nearest([R::Mask::splat(true); 2])
+        }
+        Form::Capsule => capsule(size, o, d),
+        Form::Cylinder => cylinder(size, o, d),
+        Form::Box => cuboid(size, o, d),
+    })
 }
 
 #[inline(always)]
@@ -227,32 +224,26 @@ pub(crate) fn nearest<R: Real>(
     origin: V3<R>,
     direction: V3<R>,
 ) -> (R, R) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (mut nearest, mut which) = (nothing::<R>(), -R::one());
-            for (geom, target) in placed {
-                let t = target.distance(compiled, lanes, origin, direction, nearest);
-                let nearer = t.lt(nearest);
-                nearest = R::select(nearer, t, nearest);
-                which = R::select(nearer, R::of(*geom as f64), which);
-            }
-            (R::select(nearest.lt(nothing()), nearest, -R::one()), which)
-        },
-    )
+    kernel!(R, || {
+        let (mut nearest, mut which) = (nothing::<R>(), -R::one());
+        for (geom, target) in placed {
+            let t = target.distance(compiled, lanes, origin, direction, nearest);
+            let nearer = t.lt(nearest);
+            nearest = R::select(nearer, t, nearest);
+            which = R::select(nearer, R::of(*geom as f64), which);
+        }
+        (R::select(nearest.lt(nothing()), nearest, -R::one()), which)
+    })
 }
 
 impl<R: Real> SensorView<'_, R> {
     /// 1 in the lanes in which the origin of a sensor frame is inside a volume, otherwise 0.
     pub fn inside(&self, place: &SensorFrame<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let offset = sub(self.position(place), self.position(&zone.place));
-                let local = rotate_back(&self.orientation(&zone.place), offset);
-                R::select(holds(zone.form, self.compiled.params.size(zone.index), local), R::one(), R::zero())
-            },
-        )
+        kernel!(R, || {
+            let offset = sub(self.position(place), self.position(&zone.place));
+            let local = rotate_back(&self.orientation(&zone.place), offset);
+            R::select(holds(zone.form, self.compiled.params.size(zone.index), local), R::one(), R::zero())
+        })
     }
 
     /// Writes the readings of a rangefinder to `out`: the values of `fields` for every ray.
@@ -265,31 +256,28 @@ impl<R: Real> SensorView<'_, R> {
         out: &mut [R],
     ) {
         let every = (u64::MAX >> (64 - R::LANES)) as u32;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let (origin, axes) = (self.position(place), self.orientation(place));
-                let mut at = 0;
-                for &direction in rays {
-                    let direction = rotate(&axes, splat(direction));
-                    let mut t = nothing::<R>();
-                    for target in targets {
-                        t = t.min(Placed::new(self.compiled, self.kinematics, target).distance(self.compiled, every, origin, direction, t));
-                    }
-                    let hit = t.lt(nothing());
-                    let reach = R::select(hit, t, R::zero());
-                    for &field in fields {
-                        let x = match field {
-                            RayField::Distance => [R::select(hit, t, -R::one()), R::zero(), R::zero()],
-                            RayField::Direction => select(hit, direction, zero()),
-                            RayField::Origin => origin,
-                            RayField::Point => select(hit, add_scaled(origin, direction, reach), zero()),
-                        };
-                        out[at..at + field.dim()].copy_from_slice(&x[..field.dim()]);
-                        at += field.dim();
-                    }
+        kernel!(R, || {
+            let (origin, axes) = (self.position(place), self.orientation(place));
+            let mut at = 0;
+            for &direction in rays {
+                let direction = rotate(&axes, splat(direction));
+                let mut t = nothing::<R>();
+                for target in targets {
+                    t = t.min(Placed::new(self.compiled, self.kinematics, target).distance(self.compiled, every, origin, direction, t));
                 }
-            },
-        )
+                let hit = t.lt(nothing());
+                let reach = R::select(hit, t, R::zero());
+                for &field in fields {
+                    let x = match field {
+                        RayField::Distance => [R::select(hit, t, -R::one()), R::zero(), R::zero()],
+                        RayField::Direction => select(hit, direction, zero()),
+                        RayField::Origin => origin,
+                        RayField::Point => select(hit, add_scaled(origin, direction, reach), zero()),
+                    };
+                    out[at..at + field.dim()].copy_from_slice(&x[..field.dim()]);
+                    at += field.dim();
+                }
+            }
+        })
     }
 }

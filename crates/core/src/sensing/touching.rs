@@ -1,6 +1,6 @@
 //! Contact sensors. They are evaluated lane by lane, because contacts are few and differ between lanes.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::{Real, Scalar, kernel};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
@@ -161,14 +161,11 @@ fn report<R: Real>(contact: &Contact, fields: &[ContactField], found: usize, lan
 
 impl<R: Real> SensorView<'_, R> {
     fn volume(&self, solid: &Solid<R::Scalar>) -> Volume<R> {
-        R::vectorize(
-            #[inline(always)]
-            || Volume {
-                origin: self.position(&solid.place),
-                axes: self.orientation(&solid.place),
-                size: self.compiled.params.size(solid.index),
-            },
-        )
+        kernel!(R, || Volume {
+            origin: self.position(&solid.place),
+            axes: self.orientation(&solid.place),
+            size: self.compiled.params.size(solid.index),
+        })
     }
 
     /// Reading of a touch sensor: sum of the normal forces on a body, N. Only forces whose lines of action intersect a volume count.

@@ -173,6 +173,7 @@ pub fn limit_baumgarte<R: Real>(
 ///
 /// The function limits the speed of this correction and writes it to `position.correction`. It returns the lanes in which a proof shows
 /// that the position targets contradict each other.
+#[inline(always)]
 fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> R::Mask {
     let PositionInput { compiled, options, lanes, .. } = *input;
     damp_rows(input, &velocity.impulses, position);

@@ -1,6 +1,6 @@
 //! Application of the transfer functions of all sensors, for a group of lanes.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real, Scalar, kernel};
 
 use crate::math::lanes::count;
 use crate::math::spatial::*;
@@ -47,22 +47,19 @@ impl<S: Scalar> Errors<S> {
             }
         }
         // One kernel computes all sensors, stage by stage, so that the processor overlaps their latencies.
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for &i in &self.ideal {
-                    put(&mut memory.observation, i, lanes, truth[i]);
-                }
-                for (k, sensor) in self.sensors.iter().enumerate() {
-                    work.due[k] = sensor.due::<R>(&table.of(k), lanes, start, h, &mut memory.numbers);
-                    let (normal, count) = sensor.draws_of(work.due[k].any());
-                    keys.draw(Purpose::Step, sensor.sensor, normal, &mut work.drawn[sensor.draws..sensor.draws + count]);
-                }
-                for (k, sensor) in self.sensors.iter().enumerate() {
-                    sensor.observe(&table.of(k), truth, lanes, start, work, memory, k);
-                }
-            },
-        )
+        kernel!(R, || {
+            for &i in &self.ideal {
+                put(&mut memory.observation, i, lanes, truth[i]);
+            }
+            for (k, sensor) in self.sensors.iter().enumerate() {
+                work.due[k] = sensor.due::<R>(&table.of(k), lanes, start, h, &mut memory.numbers);
+                let (normal, count) = sensor.draws_of(work.due[k].any());
+                keys.draw(Purpose::Step, sensor.sensor, normal, &mut work.drawn[sensor.draws..sensor.draws + count]);
+            }
+            for (k, sensor) in self.sensors.iter().enumerate() {
+                sensor.observe(&table.of(k), truth, lanes, start, work, memory, k);
+            }
+        })
     }
 }
 
@@ -148,38 +145,35 @@ impl<S: Scalar> Imperfect<S> {
     /// Draws the random values that are constant in an episode, in the lanes `lanes`: scale errors, misalignment and bias. The function
     /// also sets the drift to zero.
     fn begin<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, keys: &Keys, lanes: R::Mask, work: &mut Work<R>, memory: &mut [S]) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                if self.mixed {
-                    let n = self.dim;
-                    keys.draw(Purpose::Mixing, self.sensor, n * n, &mut work.drawn[..n * n]);
-                    for i in 0..n {
-                        for j in 0..n {
-                            let given = match self.matrix.get(i * n + j) {
-                                Some(&x) => R::splat(x),
-                                None if i == j => R::one(),
-                                None => R::zero(),
-                            };
-                            let std: R = table.number(if i == j { Number::ScaleStd } else { Number::MisalignmentStd });
-                            put(memory, self.matrix_at() + i * n + j, lanes, given + std * work.drawn[i * n + j]);
-                        }
+        kernel!(R, || {
+            if self.mixed {
+                let n = self.dim;
+                keys.draw(Purpose::Mixing, self.sensor, n * n, &mut work.drawn[..n * n]);
+                for i in 0..n {
+                    for j in 0..n {
+                        let given = match self.matrix.get(i * n + j) {
+                            Some(&x) => R::splat(x),
+                            None if i == j => R::one(),
+                            None => R::zero(),
+                        };
+                        let std: R = table.number(if i == j { Number::ScaleStd } else { Number::MisalignmentStd });
+                        put(memory, self.matrix_at() + i * n + j, lanes, given + std * work.drawn[i * n + j]);
                     }
                 }
-                if self.biased {
-                    keys.draw(Purpose::Bias, self.sensor, self.freedom, &mut work.drawn[..self.freedom]);
-                    for k in 0..self.freedom {
-                        let (mean, std): (R, R) = (table.number(Number::Bias), table.number(Number::BiasStd));
-                        put(memory, self.bias_at() + k, lanes, mean + std * work.drawn[k]);
-                    }
+            }
+            if self.biased {
+                keys.draw(Purpose::Bias, self.sensor, self.freedom, &mut work.drawn[..self.freedom]);
+                for k in 0..self.freedom {
+                    let (mean, std): (R, R) = (table.number(Number::Bias), table.number(Number::BiasStd));
+                    put(memory, self.bias_at() + k, lanes, mean + std * work.drawn[k]);
                 }
-                if self.drifts {
-                    for k in 0..self.freedom {
-                        put(memory, self.drift_at() + k, lanes, R::zero());
-                    }
+            }
+            if self.drifts {
+                for k in 0..self.freedom {
+                    put(memory, self.drift_at() + k, lanes, R::zero());
                 }
-            },
-        )
+            }
+        })
     }
 
     /// Advances the drift of the sensor by one step, with the random numbers `drawn`.

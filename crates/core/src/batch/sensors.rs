@@ -63,8 +63,14 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         if truth || self.call.sensor_errors.is_none() {
             self.evaluate(group, s);
         } else {
+            // The first step makes the first observation again, because the user may change parameters or poses before it. A reading
+            // must not change later readings.
+            let unread = (group.sensing.waiting != 0).then(|| group.sensing.clone());
             self.begin_observations(group, s);
             load_or_zero(&group.sensing.observation, &mut s.sensors.workspace.truth);
+            if let Some(unread) = unread {
+                group.sensing = unread;
+            }
         }
         let readings = &s.sensors.workspace.truth;
         for (l, row) in out.chunks_exact_mut(readings.len()).enumerate() {

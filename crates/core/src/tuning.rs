@@ -85,7 +85,7 @@ pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
 /// Number of solves at the beginning of a step that activate only the earliest collision of each body. Later solves activate all pairs that
 /// collide within the step.
-pub(crate) const FIRST_COLLISION_PASSES: usize = 6;
+pub(crate) const FIRST_COLLISION_PASSES: f64 = 6.0;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
 /// find the collisions that remain.
@@ -137,7 +137,7 @@ pub(crate) const MAX_REBOUND_SPEED_RATIO: f64 = 2.0;
 ///
 /// Each solve evaluates inertial forces at the velocity of the previous solve. Its error is smaller than that of the previous solve by a
 /// factor of the time step.
-pub(crate) const IMPACT_PASSES: usize = 3;
+pub(crate) const IMPACT_PASSES: f64 = 3.0;
 
 /// Largest number of times that a step moves its evaluation point to the time of its first impact. The evaluation point is the time within
 /// the step at which forces and contacts are evaluated. Newton's method needs several moves, because bodies that pass each other obliquely

@@ -159,8 +159,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) margin: f64,
     /// Overlap that the error of the predicted motion may cause, m.
     pub(crate) error: R,
-    /// Whether all colliding pairs count, even those after an earlier collision of the same kinematic trees.
-    pub(crate) includes_later_collisions: bool,
+    /// Lanes in which all colliding pairs count, even those after an earlier collision of the same kinematic trees.
+    pub(crate) includes_later_collisions: R::Mask,
 }
 
 impl<'a, R: Real> CollisionQuery<'a, R> {
@@ -250,7 +250,7 @@ impl<R: Real> CollisionSearch<R> {
         !self.pairs.is_empty()
     }
 
-    /// Tests the path of each candidate pair, and reduces the lanes of the candidate to those in which it collides. Without
+    /// Tests the path of each candidate pair, and reduces the lanes of the candidate to those in which it collides. Outside
     /// `includes_later_collisions`, it also removes lanes in which another pair of the same trees collides earlier.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>) {
@@ -309,10 +309,11 @@ impl<R: Real> CollisionSearch<R> {
             several = several.or(once.and(candidate.lanes));
             once = once.or(candidate.lanes);
         }
-        if !query.includes_later_collisions {
+        let earliest_only = several.and_not(query.includes_later_collisions);
+        if earliest_only.any() {
             let window = problem.closing_time * R::of(SIMULTANEOUS_FRACTION);
-            self.narrow_times(query, several, window);
-            self.keep_earliest(compiled, window);
+            self.narrow_times(query, earliest_only, window);
+            self.keep_earliest(compiled, earliest_only, window);
         }
     }
 
@@ -381,16 +382,16 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Removes candidates from the lanes in which another pair of the same kinematic trees touches earlier.
+    /// Removes candidates from those of the lanes `lanes` in which another pair of the same kinematic trees touches earlier.
     ///
     /// That earlier impact changes the motion of these trees, so that the later collision may not occur.
     #[inline(always)]
-    fn keep_earliest(&mut self, compiled: &LaneModel<R>, window: R) {
+    fn keep_earliest(&mut self, compiled: &LaneModel<R>, lanes: R::Mask, window: R) {
         for i in 0..self.pairs.len() {
             let candidate = self.pairs[i];
             let mut later = R::Mask::splat(false);
             for other in &self.pairs {
-                let earlier = candidate.lanes.and(other.lanes).and(other.time.lt(candidate.time - window));
+                let earlier = lanes.and(candidate.lanes).and(other.lanes).and(other.time.lt(candidate.time - window));
                 if earlier.any() && share_trees(compiled, other.pair, candidate.pair) {
                     later = later.or(earlier);
                 }

@@ -19,13 +19,13 @@ use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 
 /// Motion of a step in which the collision search looks for colliding pairs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum SweptMotion {
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum SweptMotion<R: Real> {
     /// Motion with the predicted impulses, before the solve.
     Predicted,
-    /// Motion of the solver's solution. With `includes_later_collisions`, every colliding pair counts, even after an earlier collision of
-    /// the same bodies.
-    Solved { includes_later_collisions: bool },
+    /// Motion of the solver's solution. In the lanes `includes_later_collisions`, every colliding pair counts, even after an earlier
+    /// collision of the same bodies.
+    Solved { includes_later_collisions: R::Mask },
 }
 
 impl<R: Real> VelocitySolve<'_, R> {
@@ -45,17 +45,18 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// Activates the deferred contacts whose pairs collide in the given motion, so that the solver includes their rows. Returns the lanes
     /// with such a contact.
     #[inline(always)]
-    pub(crate) fn activate_colliding(&mut self, motion: SweptMotion) -> R::Mask {
+    pub(crate) fn activate_colliding(&mut self, motion: SweptMotion<R>) -> R::Mask {
         let StepContext { input: StepInput { compiled, options, alive: lanes, .. }, evaluation } = self.context;
         let Evaluation { kinematics, contacts, collision, .. } = evaluation;
         let Self { free, problem, velocity, collisions, .. } = self;
         if problem.deferred_lanes(lanes).none() {
             return R::Mask::splat(false);
         }
+        let predicted = matches!(motion, SweptMotion::Predicted);
         let (margin, error, includes_later_collisions) = match motion {
             SweptMotion::Predicted => {
                 let residual = kernel!(R, || residual(&problem.rows, &velocity.impulses));
-                (PREDICTED_MARGIN, residual * problem.closing_time * R::of(PREDICTED_ERROR_RATIO), false)
+                (PREDICTED_MARGIN, residual * problem.closing_time * R::of(PREDICTED_ERROR_RATIO), R::Mask::splat(false))
             }
             SweptMotion::Solved { includes_later_collisions } => (0.0, R::zero(), includes_later_collisions),
         };
@@ -66,10 +67,10 @@ impl<R: Real> VelocitySolve<'_, R> {
         }
         // The solved motion has the velocity `velocity.v`. The predicted motion has the free velocity plus the change by predicted
         // impulses.
-        if motion == SweptMotion::Predicted {
+        if predicted {
             velocity.velocity_after(compiled, &free.smooth.mass, &free.v, &mut collisions.v_predicted);
         }
-        let colliding = collisions.find(&query, motion == SweptMotion::Predicted, &velocity.v);
+        let colliding = collisions.find(&query, predicted, &velocity.v);
         if colliding.any() {
             problem.activate(velocity, contacts, colliding, |pair| collisions.lanes_of(pair));
         }

@@ -181,10 +181,11 @@ impl<R: Real> VelocitySolve<'_, R> {
     ///
     /// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should
     /// therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead.
-    /// If the velocity jumps, this is an error of first order in momentum and energy. `first` is true in the first call of a step.
+    /// If the velocity jumps, this is an error of first order in momentum and energy. The function checks the lanes `checked`; `first` are the lanes of
+    /// their first call in a step.
     #[inline(always)]
-    pub(crate) fn correct_impact_forces(&mut self, first: bool) -> R::Mask {
-        let lanes = self.lanes_with_impacts(first);
+    pub(crate) fn correct_impact_forces(&mut self, checked: R::Mask, first: R::Mask) -> R::Mask {
+        let lanes = if checked.any() { self.lanes_with_impacts(first).and(checked) } else { checked };
         if lanes.any() {
             self.compute_inertial_forces();
             self.update_free_velocity(lanes, first);
@@ -194,9 +195,9 @@ impl<R: Real> VelocitySolve<'_, R> {
 
     /// Lanes with an impact whose inertial forces must be recomputed, because they were computed with another velocity than the solved one.
     ///
-    /// If `first` is true, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
-    /// mean of the forces at these two velocities. Lanes in which constraints made the velocity jump then count too.
-    fn lanes_with_impacts(&self, first: bool) -> R::Mask {
+    /// In the lanes `first`, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
+    /// mean of the forces at these two velocities. There, lanes in which constraints made the velocity jump count too.
+    fn lanes_with_impacts(&self, first: R::Mask) -> R::Mask {
         let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let Self { free, problem, velocity, .. } = self;
         kernel!(R, || {
@@ -207,7 +208,7 @@ impl<R: Real> VelocitySolve<'_, R> {
                 jump = jump.max((next - expected).abs());
                 fastest = fastest.max(v.abs()).max(next.abs());
             }
-            let apart = if first { pushed * pushed * R::of(0.25) } else { R::zero() };
+            let apart = R::select(first, pushed * pushed * R::of(0.25), R::zero());
             let change = jump.max(pushed);
             let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
@@ -249,9 +250,9 @@ impl<R: Real> VelocitySolve<'_, R> {
 
     /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
     ///
-    /// The rows of impacts depend on the velocity before the impact. With `first`, this velocity has inertial forces at the velocity before
-    /// the step. Later calls do not change it.
-    fn update_free_velocity(&mut self, lanes: R::Mask, first: bool) {
+    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity gets inertial forces at the velocity
+    /// before the step. In other lanes, `before_impact` cancels `free_change` in it, so that it does not change.
+    fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;
         let FreeMotion { v, v_expected, smooth, scratch, .. } = &mut **free;
@@ -263,7 +264,7 @@ impl<R: Real> VelocitySolve<'_, R> {
                 v[i] = new;
                 v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
                 if problem.resolves_impacts {
-                    before_impact[i] = if first { before_impact[i] - new } else { -free_change[i] };
+                    before_impact[i] = R::select(first, before_impact[i] - new, -free_change[i]);
                 }
             }
         });

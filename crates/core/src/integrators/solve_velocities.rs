@@ -34,14 +34,17 @@ impl<R: Real> VelocitySolve<'_, R> {
         let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let none = R::Mask::splat(false);
         let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-        // Each assembly resets the variables of the next line.
-        let (mut lanes, mut inelastic, mut passes, mut impacts) = (none, none, 0, 0);
+        // Each assembly resets the variables of the next two lines. `unchecked` are the lanes that were solved after their last check for
+        // impacts. Numbers of passes are counted per lane, so that no result depends on how often other lanes are solved.
+        let (mut lanes, mut unchecked, mut inelastic) = (none, none, none);
+        let (mut passes, mut impact_passes) = (R::zero(), R::zero());
         let (mut must_assemble, mut reassemblies) = (true, 0);
         let disagrees = loop {
             if must_assemble {
                 self.assemble_problem(probe);
                 probe.span(Span::CorrectForces, || self.predict(probe));
-                (lanes, inelastic, passes, impacts) = (self.problem.constrained, none, 0, 0);
+                (lanes, unchecked, inelastic) = (self.problem.constrained, R::Mask::splat(true), none);
+                (passes, impact_passes) = (R::zero(), R::zero());
             }
             let solved = probe.span(Span::Solve, || self.solve_lanes(lanes));
             // After a new assembly all lanes are solved again, and their numbers of iterations start from zero. A sum over assemblies would
@@ -54,16 +57,22 @@ impl<R: Real> VelocitySolve<'_, R> {
             must_assemble = false;
             let Self { free, velocity, .. } = self;
             probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
-            let motion = SweptMotion::Solved { includes_later_collisions: passes >= FIRST_COLLISION_PASSES };
+            unchecked = unchecked.or(lanes);
+            let motion = SweptMotion::Solved { includes_later_collisions: passes.ge(R::of(FIRST_COLLISION_PASSES)) };
+            let solved_lanes = lanes;
             lanes = probe.span(Span::Solve, || self.activate_colliding(motion));
-            passes += 1;
-            if lanes.none() && scheme.in_the_middle && impacts < IMPACT_PASSES {
-                lanes = probe.span(Span::SolveImpacts, || self.correct_impact_forces(impacts == 0));
-                (passes, impacts) = (0, impacts + 1);
+            passes = R::select(solved_lanes, passes + R::one(), passes);
+            if lanes.none() && scheme.in_the_middle {
+                let checked = unchecked.and(impact_passes.lt(R::of(IMPACT_PASSES)));
+                let first = impact_passes.eq(R::zero());
+                lanes = probe.span(Span::SolveImpacts, || self.correct_impact_forces(checked, first));
+                impact_passes = R::select(checked, impact_passes + R::one(), impact_passes);
+                (passes, unchecked) = (R::select(unchecked, R::zero(), passes), none);
             }
             if lanes.none() {
                 lanes = self.drop_restitution(outcome.residual, inelastic);
-                (passes, inelastic) = (0, inelastic.or(lanes));
+                inelastic = inelastic.or(lanes);
+                passes = R::select(lanes, R::zero(), passes);
             }
             if lanes.none() {
                 let changed = self.assume_bounds_of_solution(reassemblies < SATURATION_PASSES);

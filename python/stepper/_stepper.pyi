@@ -556,7 +556,7 @@ class Model:
         """Dry friction, N: (ntendon,)."""
     @property
     def eq_active0(self) -> _Array:
-        """1 for an equality that acts, else 0: (neq,)."""
+        """1 for an active equality, 0 for an inactive one: (neq,)."""
     @property
     def eq_data(self) -> _Array:
         """Anchors, pose and torquescale, or polynomial, as MuJoCo lays them out: (neq, 11)."""

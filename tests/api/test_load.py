@@ -205,7 +205,7 @@ def test_what_is_not_simulated_is_named_or_left_out(named: str, parts: dict[str,
     assert named in str(error.value)
     assert "strict=False" in str(error.value)
     model = stepper.load(text, strict=False)
-    left_out = model.explain().split("Left out, and the motion is different for it:")[1].split("\n\n")[0]
+    left_out = model.explain().split("Left out, which changes the motion:")[1].split("\n\n")[0]
     assert named.split(":", maxsplit=1)[0] in left_out
     assert model.nu == sum(word in text for word in ("lead",))
 
@@ -340,12 +340,12 @@ def test_explain_tells_what_is_modelled_left_out_free_and_beyond() -> None:
         "nq 28, nv 27, nu 21",
         "17 bodies",
         "geom pairs can collide",
-        "belong to parent and child",
-        "rows a contact",
+        "belong to a body and its parent",
+        "rows per contact",
         "joint limits",
     ):
         assert part in text
-    absent = text.split("Costs nothing: this scene has no:")[1].split("\n\n")[0]
+    absent = text.split("Not in this scene, without cost:")[1].split("\n\n")[0]
     assert all(part in absent for part in ("ball joints", "slide joints", "dry friction in joints", "fixed tendons"))
     assert "deformation" in text.split("Beyond rigid bodies")[1]
 
@@ -383,7 +383,7 @@ def test_equalities_and_tendons_can_be_replaced() -> None:
     assert model.tendon_range == pytest.approx(np.array([[-1.0, 1.0]]))
     assert "hard equalities: grip (connect)" in model.explain()
     loose = model.replace(eq_active0=[0.0], tendon_stiffness=[3.0], tendon_range=[[-2.0, 2.0]])
-    assert "equalities that are switched off: grip" in loose.explain()
+    assert "inactive equalities: grip" in loose.explain()
     assert loose.tendon_stiffness == [3.0]
     with pytest.raises(stepper.ModelError, match="cannot hold"):
         model.replace(eq_data=np.ones((1, 11)))

@@ -43,7 +43,7 @@ def test_what_is_asked_for_expressly_and_does_not_run_is_one_warning(parts, word
     for word in [*words, '"robot" has settings that the default options do not use', "filterwarnings", "ModelWarning", "explain"]:
         assert word in text
     section = model.explain().split("\n\n")[1]
-    assert section.startswith("The source asks for it, and by default something else runs:")
+    assert section.startswith("Settings of the source that the default options replace:")
     assert all(word in section for word in words)
 
 

@@ -120,7 +120,7 @@ def test_what_the_model_says():
     assert not model.omitted
     text = model.explain()
     assert "noslip: the source asks for 7 sweeps" in text
-    assert "7 noslip sweeps at the most after MuJoCo's law; hard contact makes none" in text
+    assert "7 noslip iterations at most with MuJoCo's contact law; hard contact ignores them" in text
     other = model.replace(noslip_iterations=3, noslip_tolerance=1e-8)
     assert (other.noslip_iterations, other.noslip_tolerance) == (3, 1e-8)
     back = stepper.Model.from_bytes(other.to_bytes())

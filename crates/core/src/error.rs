@@ -243,10 +243,10 @@ pub(crate) fn check_count(name: &'static str, found: usize, must: usize, element
 #[non_exhaustive]
 pub enum StateMisfit {
     /// Saved state that this version cannot read. The field is the reason from the decoder.
-    #[error("not readable by this version, though undamaged: {0}")]
+    #[error("not readable by this version of stepper, although its SHA-256 is right: {0}")]
     Unreadable(String),
     /// Saved state with surplus bytes at its end. The field is the number of these bytes.
-    #[error("not readable by this version, though undamaged: {0} bytes too many")]
+    #[error("not readable by this version of stepper, although its SHA-256 is right: {0} bytes too many")]
     TooManyBytes(usize),
     /// Saved state with a number of environments that does not fit the simulation.
     #[error("a state of {found} environments, this simulation has {must}; give one of as many, or of one for all")]

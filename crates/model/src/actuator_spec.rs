@@ -118,6 +118,12 @@ impl ActuatorSpec {
         self.low.iter().chain(&self.high).any(|x| x.is_finite())
     }
 
+    /// Whether the control acts on later steps too: through a delay, a lag, a sampled servo, or the integral of a servo.
+    pub fn has_memory(&self) -> bool {
+        let servo_has_memory = self.servo.as_ref().is_some_and(|s| !s.period.is_empty() || any_nonzero(&s.ki));
+        servo_has_memory || [&self.delay, &self.delay_steps, &self.lag].into_iter().any(|numbers| any_nonzero(numbers))
+    }
+
     /// Whether dry friction or the gear's efficiency causes losses.
     pub fn loses(&self) -> bool {
         any_nonzero(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
@@ -131,9 +137,9 @@ impl ActuatorSpec {
     ///
     /// # Errors
     /// The first value out of range, or the first part of a spec that an actuator cannot have, with the actuator's name.
-    pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
-        let (mut folded, mut specs) = (model.clone(), specs.to_vec());
-        let model = folded.trusted_mut();
+    pub fn combine(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
+        let (mut combined, mut specs) = (model.clone(), specs.to_vec());
+        let model = combined.trusted_mut();
         for (i, spec) in specs.iter_mut().enumerate() {
             *spec = spec.take().filter(|t| *t != Self::ideal());
             let steps = model.actuators[i].delay_in_steps(h);
@@ -144,7 +150,7 @@ impl ActuatorSpec {
             let actuator = label(&model.actuators[i].name, i);
             spec.check(num_envs, h).and_then(|()| spec.give(model, i)).map_err(|error| ActuatorError { actuator, error })?;
         }
-        Ok((folded, specs))
+        Ok((combined, specs))
     }
 
     fn give(&mut self, model: &mut Description, i: usize) -> Result<(), DeviceError> {
@@ -249,7 +255,7 @@ impl Range {
             Self::AtLeastZero => (|x| x >= 0.0, "a number of at least 0"),
             Self::Finite => (|x| x >= 0.0 && x.is_finite(), "a finite number of at least 0"),
             Self::Positive => (|x| x > 0.0 && x.is_finite(), "a finite number above 0"),
-            Self::Share => (|x| x > 0.0 && x <= 1.0, "a share above 0 and at most 1"),
+            Self::Share => (|x| x > 0.0 && x <= 1.0, "a number above 0 and at most 1"),
         };
         x.iter().find(|&&x| !fits(x)).map_or(Ok(()), |x| Err(DeviceError::Range { name, found: *x, must }))
     }

@@ -227,7 +227,7 @@ impl ModelBuilder {
         for (body, geom) in &self.geoms {
             let count = bodies.len();
             let owner = bodies.get_mut(*body).ok_or_else(|| {
-                let what = format!("is fixed to body {body}, and the builder has {count}");
+                let what = format!("is fixed to body {body}, and the builder has {count} bodies");
                 ModelError::invalid(format!("geom {:?}", geom.geom.name), what, "give WORLD, or an index that the builder's body() gave")
             })?;
             owner.geoms.push(geom.clone());

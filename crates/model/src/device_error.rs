@@ -48,7 +48,7 @@ pub enum DeviceError {
         num_envs: usize,
     },
     /// Limits whose lower value is above their upper value.
-    #[error("limits are ({low}, {high}), must be (low, high)")]
+    #[error("limits are ({low}, {high}), must be (low, high) with low at most high")]
     Limits {
         /// Lower limit.
         low: f64,
@@ -76,22 +76,24 @@ pub enum DeviceError {
         dim: usize,
     },
     /// Error model with a scale or misalignment for a sensor that reads a unit vector or quaternion, whose norm must remain 1.
-    #[error("scale and misalignment of a unit vector or quaternion mean nothing; give it bias, drift and noise, in rad")]
+    #[error(
+        "scale and misalignment are set, but the sensor reads a unit vector or quaternion, whose length is 1; use bias, drift and noise, in rad"
+    )]
     ScaledDirection,
     /// Motor whose control is its voltage, but without a torque-speed curve.
-    #[error("a motor whose control is its voltage needs stall_torque and no_load_speed")]
+    #[error("the motor has control=\"voltage\", which needs stall_torque and no_load_speed; give both, or control=\"torque\"")]
     VoltageWithoutCurve,
     /// Servo on an actuator with activation dynamics.
-    #[error("a servo cannot take the place of a law with activation dynamics of its own; leave the servo out")]
+    #[error("servo is set, but the actuator has activation dynamics (dyntype), which a servo cannot replace; leave the servo out")]
     ServoWithActivation,
     /// Servo of an actuator on a site, which has no length that the servo could measure.
-    #[error("a servo needs a length of its own to measure: that of a joint or a tendon, not of a site")]
+    #[error("servo is set, but the actuator acts on a site, which has no length to measure; use an actuator on a joint or tendon")]
     ServoOnSite,
     /// Dry friction or gear losses of an actuator that does not act on a joint.
-    #[error("friction and efficiency act on an actuator's joint, and this one is on a tendon or site; leave them out")]
+    #[error("friction or efficiency is set, but the actuator acts on a tendon or site, and both need a joint; leave them out")]
     LossesWithoutJoint,
     /// Rotor inertia that is not finite after multiplication by the squared gears.
-    #[error("rotor_inertia {inertia} behind gears {gear:e} and {motor_gear:e} is not finite")]
+    #[error("rotor_inertia {inertia} times the squared gears {gear:e} and {motor_gear:e} is not finite; give smaller gears")]
     InfiniteInertia {
         /// Inertia of the rotor, kg m^2.
         inertia: f64,
@@ -101,29 +103,29 @@ pub enum DeviceError {
         motor_gear: f64,
     },
     /// Rotor inertia of an actuator on a site.
-    #[error("rotor_inertia cannot be reflected to a site; leave it out")]
+    #[error("rotor_inertia is set, but the actuator acts on a site, which has no inertia of a joint; leave rotor_inertia out")]
     RotorOnSite,
     /// Dynamics for an actuator of a simulation that was created without dynamics for it.
     #[error(
-        "the simulation was made without one; stages are compiled: give it to Simulation::set_actuator_models, if only to one environment"
+        "the simulation was created without a drive for this actuator; give one to Simulation::set_actuator_models, at least in one environment"
     )]
     MadeWithoutDynamics,
     /// Stage of the dynamics, such as a lag, for an actuator that was created without this stage.
     #[error(
-        "{name} is given, and it was made without; stages are compiled: give it to Simulation::set_actuator_models, if only to one environment"
+        "{name} is given, but the simulation was created without {name}; give {name} to Simulation::set_actuator_models, at least in one environment"
     )]
     MadeWithout {
         /// Name of the field with the stage, such as "lag".
         name: &'static str,
     },
     /// Actuator dynamics without a stage, such as a lag, for an actuator that was created with this stage.
-    #[error("{name} is not given, and it was made with one; give it here too")]
+    #[error("{name} is missing, but the simulation was created with {name}; give {name} here too")]
     MadeWith {
         /// Name of the field with the stage, such as "lag".
         name: &'static str,
     },
     /// Changed value of a property that all environments must share.
-    #[error("{name} is {found}, must be {must}, which all environments share; make a simulation with it")]
+    #[error("{name} is {found}, must be {must}, because all environments share it; create a simulation with the new value")]
     Shared {
         /// Name of the invalid field, such as "delay".
         name: &'static str,

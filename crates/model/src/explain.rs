@@ -10,12 +10,12 @@ use crate::{Activation, Actuator, Body, Equality, Joint, JointKind, Model, Pair,
 
 /// Phenomena that rigid-body simulation does not model, in any scene.
 const BEYOND: [&str; 7] = [
-    "deformation: bodies and contacts are rigid; a contact patch is a few points, and stress, vibration and sound inside bodies do not exist",
-    "impacts that take time: a collision is instantaneous, its loss of energy one coefficient of restitution",
+    "deformation: bodies and contacts are rigid; a contact area is represented by a few points, and stress, vibration and sound inside bodies do not exist",
+    "impacts of finite duration: a collision is instantaneous, and one coefficient of restitution gives its loss of energy",
     "friction beyond Coulomb's law: no static peak, no dependence on speed, temperature, humidity, wear or lubrication",
-    "joints with play, flexible gears and links, backlash, friction that depends on load",
+    "flexible gears and links, backlash and play in joints, friction that depends on load",
     "flow of air and water (drag and lift, if any, are formulas of each body's own velocity), cables, cloth, soil and other soft matter",
-    "motors and their electronics: heat, saturation, cogging, bus voltage, unless the actuator's numbers say so",
+    "motors and their electronics: heat, saturation, cogging, bus voltage, unless a parameter of the actuator includes them",
     "adhesion, magnetism, electrostatics",
 ];
 
@@ -39,12 +39,12 @@ impl Model {
         let (changing, harmless) = self.left_out();
         [
             sizes,
-            section("The source asks for it, and by default something else runs", &self.deviations(true)),
+            section("Settings of the source that the default options replace", &self.deviations(true)),
             section("Modelled", &text(modelled)),
-            section("Left out, and the motion is different for it", &changing),
-            section("Left out, not counted as a change of the motion", &harmless),
-            section("Costs nothing: this scene has no", &text(absent)),
-            section("Beyond rigid bodies, whatever the scene", &BEYOND.map(String::from)),
+            section("Left out, which changes the motion", &changing),
+            section("Left out, which does not change the motion", &harmless),
+            section("Not in this scene, without cost", &text(absent)),
+            section("Never simulated, because bodies are rigid", &BEYOND.map(String::from)),
         ]
         .join("\n\n")
     }
@@ -60,8 +60,8 @@ impl Model {
     fn noslip_line(&self) -> Deviation {
         let sweeps = self.soft.noslip.iterations;
         let line = format!(
-            "noslip: the source asks for {sweeps} sweeps at the most that take the slip out of friction; hard contact has no such slip and \
-             makes none. Options::from_model(&model) takes them"
+            "noslip: the source sets noslip_iterations={sweeps}, which reduce the slip of soft friction; hard contact has no such slip and \
+             ignores them. Options::from_model(&model) uses them"
         );
         (sweeps > 0).then_some((true, line))
     }
@@ -70,11 +70,11 @@ impl Model {
         let (group, moves) = weld_groups(self);
         let merged = (1..self.bodies.len()).filter(|&b| group[b] != b);
         let merged: Vec<String> = merged.map(|b| format!("{} into {}", self.body_label(b), self.body_label(group[b]))).collect();
-        let into = format!("bodies merged, as they cannot move against their parent: {}", short(&merged));
+        let into = format!("bodies merged, because they cannot move relative to their parent: {}", short(&merged));
         vec![
             Line::new(moves.iter().filter(|m| **m).count(), "moving links", "moving links"),
             Line::new(merged.len(), into, "bodies to merge"),
-            self.bodies_that("bodies posed by the user", |b| b.mocap),
+            self.bodies_that("mocap bodies", |b| b.mocap),
         ]
     }
 
@@ -95,20 +95,20 @@ impl Model {
         let count = |has: fn(&Pair) -> bool| kept.iter().filter(|p| has(p)).count();
         let (slick, turning) = (count(|p| p.condim == 1), count(|p| p.condim > 3));
         let [rough_text, turning_text] = [
-            "pairs with sliding friction: 3 rows a contact, the exact circular Coulomb cone",
-            "pairs with torsional or rolling friction too: 6 rows a contact, one elliptic cone",
+            "pairs with sliding friction: 3 rows per contact, the exact circular Coulomb cone",
+            "pairs also with torsional or rolling friction: 6 rows per contact, one elliptic cone",
         ];
-        let sweeps = "noslip sweeps at the most after MuJoCo's law; hard contact makes none";
-        let missing_text = "more would collide but for what is left out below";
+        let sweeps = "noslip iterations at most with MuJoCo's contact law; hard contact ignores them";
+        let missing_text = "more pairs would collide, but their shapes are left out (see below)";
         vec![
             Line::new(kept.len(), format!("of {total} geom pairs can collide{others}"), "pairs of geoms that can collide"),
             Line::new(missing.len(), missing_text, "collision pairs of shapes that are not simulated yet"),
             Line::new(kept.len() - slick - turning, rough_text, "friction"),
             Line::new(turning, turning_text, "torsional or rolling friction"),
-            Line::new(self.soft.noslip.iterations as usize, sweeps, "noslip sweeps"),
-            Line::new(slick, "frictionless pairs: 1 row a contact", "frictionless contacts"),
+            Line::new(self.soft.noslip.iterations as usize, sweeps, "noslip iterations"),
+            Line::new(slick, "frictionless pairs: 1 row per contact", "frictionless contacts"),
             Line::new(count(|p| p.restitution > 0.0), "pairs bounce (Newton's restitution)", "restitution"),
-            Line::new(count(|p| !p.spring.is_rigid()), "pairs give way by a spring and a damper (N/m, N s/m)", "contact stiffness"),
+            Line::new(count(|p| !p.spring.is_rigid()), "compliant pairs, with a spring and a damper (N/m, N s/m)", "contact stiffness"),
         ]
     }
 
@@ -120,9 +120,9 @@ impl Model {
             joints("joint damping", |j| j.damping != 0.0),
             joints("rotor inertia", |j| j.armature != 0.0),
             joints("dry friction in joints", |j| j.frictionloss != 0.0),
-            joints("bounds of the sum of actuator forces", |j| j.actuator_force_range.is_some()),
+            joints("limits of the sum of actuator forces on a joint (actuatorfrcrange)", |j| j.actuator_force_range.is_some()),
             self.surroundings(),
-            self.bodies_that("bodies whose weight is held up", |b| b.gravcomp != 0.0),
+            self.bodies_that("bodies with gravity compensation", |b| b.gravcomp != 0.0),
             Line::list("geoms with a moving surface", labels(&self.geoms, |g| &g.name, |g| g.surface_velocity != [0.0; 6])),
         ]
     }
@@ -139,7 +139,7 @@ impl Model {
         vec![
             named("hard equalities", |e| e.active && e.stiffness.is_infinite()),
             named("soft equalities", |e| e.active && !e.stiffness.is_infinite()),
-            named("equalities that are switched off", |e| !e.active),
+            named("inactive equalities", |e| !e.active),
         ]
     }
 
@@ -184,7 +184,7 @@ impl Model {
         let names = labels(&self.joints, |j| &j.name, |j| j.velocity_limit.is_some());
         let (count, some) = (names.len(), short(&names));
         let line =
-            format!("speed limits of {count} joints ({some}): model.jnt_velocity_limit has them, and the step does not enforce them");
+            format!("speed limits of {count} joints ({some}): the step does not enforce them; model.jnt_velocity_limit has their values");
         (count > 0).then_some(line)
     }
 
@@ -210,8 +210,10 @@ impl Requested {
     fn integrator_line(&self) -> Deviation {
         // A file without an integrator has MuJoCo's default, Euler's rule.
         let (express, name) = (self.integrator != "Euler", &self.integrator);
-        let asked = if express { "asks for" } else { "has the default," };
-        let line = format!("integrator: the source {asked} {name}, and midpoint runs. Options::from_model(&model) takes the source's");
+        let asked = if express { "sets" } else { "has the default," };
+        let line = format!(
+            "integrator: the source {asked} {name}, and the default options use midpoint. Options::from_model(&model) uses the source's"
+        );
         Some((express, line))
     }
 
@@ -219,18 +221,18 @@ impl Requested {
         if !self.constrained {
             return None;
         }
-        let hard = "contacts, limits, equalities and dry friction are hard here: solref, solimp and impratio are not read, bodies do not sink in, \
-                    limits do not give, and impacts stop at once; Options::from_model(&model) takes the source's law of contact";
+        let hard = "the default options make contacts, limits, equalities and dry friction hard: they ignore solref, solimp and impratio, bodies \
+                    do not sink in, limits do not yield, and impacts end at once; Options::from_model(&model) uses the source's contact law";
         Some(match &self.soft[..] {
             [] => (false, format!("softness: MuJoCo's default, and {hard}")),
-            soft => (true, format!("softness: the source gives solref or solimp to {}, and {hard}", soft.join("; "))),
+            soft => (true, format!("softness: the source sets solref or solimp of {}, and {hard}", soft.join("; "))),
         })
     }
 
     fn cone_line(&self) -> Deviation {
         let pyramid = self.cone.as_deref() == Some("pyramidal");
-        let line = "friction cone: MuJoCo's default, a pyramid, which gives less friction between its edges, by up to 29 %; the exact circular \
-                    cone runs by default";
+        let line = "friction cone: the source has MuJoCo's default, a pyramid, whose friction is up to 29 % smaller between its edges; the default \
+                    options use the exact circular cone";
         pyramid.then(|| (false, line.to_owned()))
     }
 }
@@ -301,11 +303,11 @@ mod tests {
         let modelled = lines(&text, "Modelled");
         for part in [
             "4 moving links",
-            "1 bodies merged, as they cannot move against their parent: plate into arm",
-            "1 bodies posed by the user: hand",
+            "1 bodies merged, because they cannot move relative to their parent: plate into arm",
+            "1 mocap bodies: hand",
             "1 free joints",
             "geom pairs can collide",
-            "belong to parent and child",
+            "belong to a body and its parent",
             "1 joint limits: shoulder",
             "1 joint springs: shoulder",
             "1 dry friction in joints: shoulder",
@@ -333,15 +335,15 @@ mod tests {
         let mut scene = Model::builder("ball");
         scene.body(WORLD, BodyBuilder::new("ball").joint(JointBuilder::free("")).geom(GeomBuilder::sphere("", 0.1)));
         let text = scene.finish().unwrap().explain();
-        let absent = lines(&text, "Costs nothing: this scene has no");
+        let absent = lines(&text, "Not in this scene, without cost");
         assert!(["joint limits", "hinge joints", "restitution", "fixed tendons"].iter().all(|p| absent.contains(p)), "{text}");
-        assert_eq!(lines(&text, "Left out, and the motion is different for it"), ["nothing"]);
-        assert_eq!(lines(&text, "Beyond rigid bodies, whatever the scene").len(), BEYOND.len());
+        assert_eq!(lines(&text, "Left out, which changes the motion"), ["nothing"]);
+        assert_eq!(lines(&text, "Never simulated, because bodies are rigid").len(), BEYOND.len());
     }
 
     #[test]
     fn what_the_source_asks_for_and_does_not_get_comes_first() {
-        const TITLE: &str = "The source asks for it, and by default something else runs";
+        const TITLE: &str = "Settings of the source that the default options replace";
         let mut model = rich_model();
         assert_eq!(lines(&model.explain(), TITLE), ["nothing"]);
         let cone = Some("pyramidal".to_owned());
@@ -365,7 +367,7 @@ mod tests {
         };
         model.omitted = vec![sensor("left"), sensor("right")];
         let text = model.finish(false).unwrap().explain();
-        assert!(has(&lines(&text, "Left out, and the motion is different for it"), "collision rivet: "), "{text}");
-        assert_eq!(lines(&text, "Left out, not counted as a change of the motion"), ["sensor gyro left, right: not read yet"]);
+        assert!(has(&lines(&text, "Left out, which changes the motion"), "collision rivet: "), "{text}");
+        assert_eq!(lines(&text, "Left out, which does not change the motion"), ["sensor gyro left, right: not read yet"]);
     }
 }

@@ -214,7 +214,10 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
             model.soft.noslip = noslip;
             model.check(Source::Kept(&surfaces))
         }
-        _ => refuse("not readable by this version, though undamaged".into(), "save the model again with this version of stepper"),
+        _ => refuse(
+            "not readable by this version of stepper, although its SHA-256 is right".into(),
+            "save the model again with this version of stepper",
+        ),
     }
 }
 

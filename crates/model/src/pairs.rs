@@ -45,10 +45,10 @@ impl Verdict {
             Self::Explicit => "collide by an explicit pair",
             Self::SameGroup => "are fixed to the same rigid group",
             Self::BothStill => "cannot move",
-            Self::Overlap => "are excluded as overlaps at the reference pose",
-            Self::ParentAndChild => "belong to parent and child",
+            Self::Overlap => "overlap at the reference pose and are excluded",
+            Self::ParentAndChild => "belong to a body and its parent",
             Self::Excluded => "are excluded",
-            Self::Masks => "have contype and conaffinity that do not meet",
+            Self::Masks => "have contype and conaffinity without a common bit",
             Self::NoShapes => "are both planes or height fields",
         }
     }

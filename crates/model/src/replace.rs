@@ -133,7 +133,7 @@ pub const REPLACEABLE: &[Field] = &[
     scalar("density", "density of the medium", "kg/m^3", only!(medium.density)),
     scalar("viscosity", "viscosity of the medium", "Pa s", only!(medium.viscosity)),
     rows("wind", 1, "velocity of the medium", "m/s", only!(medium.wind)),
-    rows("body_gravcomp", 1, "share of its weight that is held up", "", each!(bodies, gravcomp)),
+    rows("body_gravcomp", 1, "fraction of the body's weight that is compensated", "", each!(bodies, gravcomp)),
     rows("geom_surfacevel", 6, "velocity of the surface", "m/s and rad/s", each!(geoms, surface_velocity)),
     rows("body_mass", 1, "mass", "kg", each!(bodies, mass)),
     rows("body_inertia", 3, "principal moments of inertia", "kg m^2", each!(bodies, inertia)),
@@ -143,11 +143,11 @@ pub const REPLACEABLE: &[Field] = &[
     rows("body_quat", 4, "orientation in the parent's frame", "", each!(bodies, quat)),
     rows("geom_friction", 3, "sliding (1), torsional (m), rolling (m) friction", "1, m, m", each!(geoms, friction)),
     rows("geom_restitution", 1, "coefficient of restitution", "", each!(geoms, restitution)),
-    rows("geom_margin", 1, "distance at which a contact pushes", "m", each!(geoms, margin)),
-    rows("geom_gap", 1, "distance beyond the margin that is reported", "m", each!(geoms, gap)),
+    rows("geom_margin", 1, "distance below which a contact pushes", "m", each!(geoms, margin)),
+    rows("geom_gap", 1, "additional distance up to which contacts without force are listed", "m", each!(geoms, gap)),
     rows("geom_solref", 2, "reference acceleration of contacts by MuJoCo's law", "", each!(geoms, softness.solref)),
     rows("geom_solimp", 5, "impedance of contacts by MuJoCo's law", "", each!(geoms, softness.solimp)),
-    rows("geom_solmix", 1, "weight of a geom's softness in a pair", "", each!(geoms, solmix)),
+    rows("geom_solmix", 1, "weight of the geom's solref and solimp in a pair", "", each!(geoms, solmix)),
     rows("geom_stiffness", 1, "stiffness of the surface; infinity is rigid", "N/m", each!(geoms, spring.stiffness)),
     rows("geom_damping", 1, "damping of the surface", "N s/m", each!(geoms, spring.damping)),
     rows("pair_dim", 1, "rows of an explicit pair's contacts", "", each!(pairs, condim)),
@@ -155,18 +155,18 @@ pub const REPLACEABLE: &[Field] = &[
     rows(
         "pair_anisotropy",
         2,
-        "friction along the second tangent per that along the first, of sliding and rolling, by MuJoCo's law",
+        "ratio of the friction along the second tangent to that along the first, for sliding and rolling, by MuJoCo's law",
         "",
         each!(pairs, anisotropy),
     ),
     rows("pair_restitution", 1, "coefficient of restitution of an explicit pair", "", each!(pairs, restitution)),
-    rows("pair_margin", 1, "distance at which an explicit pair's contact pushes", "m", each!(pairs, margin)),
-    rows("pair_gap", 1, "distance beyond the margin of an explicit pair that is reported", "m", each!(pairs, gap)),
+    rows("pair_margin", 1, "distance below which a contact of an explicit pair pushes", "m", each!(pairs, margin)),
+    rows("pair_gap", 1, "additional distance up to which contacts of an explicit pair without force are listed", "m", each!(pairs, gap)),
     rows("pair_solref", 2, "reference acceleration of an explicit pair's contacts by MuJoCo's law", "", each!(pairs, softness.solref)),
     rows(
         "pair_solreffriction",
         2,
-        "stiffness and damping of an explicit pair's friction by MuJoCo's law; zeros where it is that of the normal",
+        "solreffriction of an explicit pair by MuJoCo's law; zeros use solref",
         "",
         each!(pairs, solref_friction),
     ),
@@ -187,11 +187,17 @@ pub const REPLACEABLE: &[Field] = &[
     }),
     rows("jnt_stiffness", 1, "spring stiffness", "N/m or N m/rad", each!(joints, stiffness)),
     rows("jnt_range", 2, "lowest and highest position", "m or rad", each!(joints, range)),
-    rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces", "N or N m", each!(joints, actuator_force_range)),
+    rows(
+        "jnt_actfrcrange",
+        2,
+        "limits of the sum of actuator forces on a joint (actuatorfrcrange)",
+        "N or N m",
+        each!(joints, actuator_force_range),
+    ),
     rows(
         "jnt_velocity_limit",
         1,
-        "highest speed that the source allows, not enforced; infinity is none",
+        "speed limit of the source, not enforced; infinity without a limit",
         "rad/s or m/s",
         each!(joints, velocity_limit),
     ),
@@ -208,18 +214,29 @@ pub const REPLACEABLE: &[Field] = &[
     rows("tendon_damping", 1, "viscous damping", "", each!(tendons, damping)),
     rows("tendon_armature", 1, "added inertia", "", each!(tendons, armature)),
     rows("tendon_frictionloss", 1, "dry friction", "N", each!(tendons, frictionloss)),
-    rows("eq_active0", 1, "1 for an equality that acts, else 0", "", each!(equalities, active)),
-    rows("eq_data", 11, "anchors, pose and torquescale, or polynomial, as MuJoCo lays them out", "", |m, f| {
+    rows("eq_active0", 1, "1 for an active equality, 0 for an inactive one", "", each!(equalities, active)),
+    rows("eq_data", 11, "anchors, relative pose and torquescale, or polynomial, in the layout of MuJoCo's eq_data", "", |m, f| {
         m.equalities.iter_mut().for_each(|equality| equality.visit_data(f))
     }),
     rows("eq_solref", 2, "reference acceleration of equalities by MuJoCo's law", "", each!(equalities, softness.solref)),
     rows("eq_solimp", 5, "impedance of equalities by MuJoCo's law", "", each!(equalities, softness.solimp)),
-    rows("eq_stiffness", 1, "infinity for a hard equality, else a spring's", "", each!(equalities, stiffness)),
-    rows("eq_damping", 1, "damping beside the spring of a soft equality", "", each!(equalities, damping)),
+    rows("eq_stiffness", 1, "stiffness of a soft equality; infinity for a hard one", "", each!(equalities, stiffness)),
+    rows("eq_damping", 1, "damping of a soft equality", "", each!(equalities, damping)),
     scalar("impratio", "ratio of the impedance of friction to that of normal forces by MuJoCo's law", "", only!(soft.impratio)),
-    scalar("noslip_iterations", "sweeps at the most that take the slip out of friction by MuJoCo's law", "", only!(soft.noslip.iterations)),
-    scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", "", only!(soft.noslip.tolerance)),
-    rows("actuator_gear", GEAR, "scale of length, velocity and force, in column 0; force and torque on a site", "", actuator_fields::gear),
+    scalar(
+        "noslip_iterations",
+        "largest number of noslip iterations of MuJoCo's law, which reduce the slip of friction",
+        "",
+        only!(soft.noslip.iterations),
+    ),
+    scalar("noslip_tolerance", "relative improvement at which the noslip iterations stop", "", only!(soft.noslip.tolerance)),
+    rows(
+        "actuator_gear",
+        GEAR,
+        "gear: scale of length, velocity and force in column 0; on a site, the direction of force and torque",
+        "",
+        actuator_fields::gear,
+    ),
     rows("actuator_gainprm", PARAMETERS, "parameters of the gain: constant, per length, per velocity; others are 0", "", |m, f| {
         actuator_fields::parameters(m, f, |a| &mut a.gain[..a.force_model.gain.width()])
     }),
@@ -331,8 +348,8 @@ impl Model {
         for field in REPLACEABLE {
             let values = field.read_in(&mut model);
             if let Some(k) = values.iter().position(|x| x.is_finite() && x.abs() > most) {
-                let what = format!("number {k} is {:e}, which 32 bits cannot hold", values[k]);
-                return Err(ModelError::invalid(field.place(), what, format!("give at most {most:e}, or choose 64 bits")));
+                let what = format!("number {k} is {:e}, which is too large for 32 bits", values[k]);
+                return Err(ModelError::invalid(field.place(), what, format!("give at most {most:e}, or use precision 64 bits")));
             }
         }
         Ok(())
@@ -393,7 +410,7 @@ pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> R
         "geom_size" => "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius",
         _ => "give whole numbers in range",
     };
-    let what = format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]);
+    let what = format!("number {k} is {}, which the model would store as {}", values[k], held[k]);
     let unread = actuator_fields::unread(model, field.name, k, values[k]);
     Err(unread.unwrap_or_else(|| ModelError::invalid(field.place(), what, remedy)))
 }

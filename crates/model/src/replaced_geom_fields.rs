@@ -79,7 +79,7 @@ impl<'a> ReplacedGeomFields<'a> {
             "{geom_field} has no effect on contacts of geoms {a:?} and {b:?}, which use the {pair_field} of explicit pair {:?} instead",
             label(&self.model.pairs[pair].name, pair)
         );
-        let remedy = format!("give {pair_field} too: new values, or the model's to keep these contacts as they are");
+        let remedy = format!("give {pair_field} too: new values, or those of the model, which keep these contacts unchanged");
         ModelError::invalid(format!("geom {:?}", self.model.geom_label(geom)), what, remedy)
     }
 }

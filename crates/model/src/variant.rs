@@ -151,23 +151,23 @@ type Checked = Result<(), ModelError>;
 /// `place` is the label of the element, and `new` the new value of its field `field`. `lack` describes the missing feature, such as "no
 /// spring there". `first` completes the remedy "give the model ... there first".
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
-    let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
+    let remedy = format!("first give the model {first}, with model.replace({field:?}, ..), and create the simulation of that model");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))
 }
 
 fn joint(i: usize, old: &Joint, new: &Joint) -> Checked {
     let place = || format!("joint {:?}", label(&new.name, i));
     if new.frictionloss > 0.0 && old.frictionloss == 0.0 {
-        return lacks(place(), "dof_frictionloss", &new.frictionloss.to_string(), "no dry friction there", "some");
+        return lacks(place(), "dof_frictionloss", &new.frictionloss.to_string(), "no dry friction there", "some dry friction");
     }
     if new.stiffness != 0.0 && old.stiffness == 0.0 {
-        return lacks(place(), "jnt_stiffness", &new.stiffness.to_string(), "no spring there", "one");
+        return lacks(place(), "jnt_stiffness", &new.stiffness.to_string(), "no spring there", "a spring");
     }
     match (old.range, new.range) {
-        (None, Some(range)) => lacks(place(), "jnt_range", &format!("{range:?}"), "no limit there", "one"),
+        (None, Some(range)) => lacks(place(), "jnt_range", &format!("{range:?}"), "no limit there", "a limit"),
         (Some(range), None) => {
-            let what = format!("jnt_range is no limit, and the model has one of {range:?} there");
-            Err(ModelError::invalid(place(), what, "give a range that is never reached"))
+            let what = format!("jnt_range is infinite, but the model limits this joint to {range:?}");
+            Err(ModelError::invalid(place(), what, "give a finite range that the joint never reaches"))
         }
         _ => Ok(()),
     }
@@ -177,8 +177,8 @@ fn body(i: usize, old: &Body, new: &Body) -> Checked {
     if (old.mass > 0.0) == (new.mass > 0.0) {
         return Ok(());
     }
-    let what = format!("body_mass is {} kg, and the model's is {} kg", new.mass, old.mass);
-    let remedy = "give every body that has mass in the model some, however little, and the others none";
+    let what = format!("body_mass is {} kg, and {} kg in the model", new.mass, old.mass);
+    let remedy = "give a mass above 0 to each body that has mass in the model, and 0 to all others";
     Err(ModelError::invalid(format!("body {:?}", label(&new.name, i)), what, remedy))
 }
 
@@ -186,8 +186,8 @@ fn geom(i: usize, old: &Geom, new: &Geom) -> Checked {
     if old.shape == new.shape || new.fluid.is_none() {
         return Ok(());
     }
-    let what = "geom_size differs from the model's, and the medium acts on the geom as an ellipsoid, whose forces would not follow";
-    let remedy = "leave its size as it is, or take fluidshape=\"ellipsoid\" from it";
+    let what = "geom_size differs from the model's, but the geom has fluidshape=\"ellipsoid\", and its fluid forces would not change";
+    let remedy = "keep its size, or remove fluidshape=\"ellipsoid\"";
     Err(ModelError::invalid(format!("geom {:?}", label(&new.name, i)), what, remedy))
 }
 

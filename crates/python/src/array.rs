@@ -70,10 +70,7 @@ pub(crate) fn seeds(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     check_shape("seed", &shape, &[&[count], &[]])?;
     if !matches!(kind.as_str(), "i" | "u") {
-        return Err(PyTypeError::new_err(format!(
-            "seed has type {}, must be of whole numbers, 0 or more, in 64 bits",
-            array.getattr("dtype")?
-        )));
+        return Err(PyTypeError::new_err(format!("seed has type {}, must be whole numbers from 0 to 2^64 - 1", array.getattr("dtype")?)));
     }
     if kind == "i"
         && let Some(env) = array.call_method1("tolist", ())?.extract::<Vec<i64>>()?.iter().position(|&seed| seed < 0)
@@ -193,7 +190,7 @@ pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usiz
     }
     let must: Vec<String> = allowed.iter().map(|s| shape_text(s)).collect();
     let must = must.join(" or ");
-    Err(PyValueError::new_err(format!("{name} is {}, a single number, must be an array of shape {must}", described(given))))
+    Err(PyValueError::new_err(format!("{name} is {}, must be an array of shape {must}", described(given))))
 }
 
 /// Value of the integer argument `name`, a Python or NumPy integer. A value below `least` is an error.
@@ -202,7 +199,10 @@ pub(crate) fn whole(given: &Bound<'_, PyAny>, name: &str, least: u64) -> PyResul
     let index = index.map_err(|_| PyTypeError::new_err(format!("{name} is {}, must be a whole number", described(given))))?;
     match index.extract::<u64>() {
         Ok(number) if number >= least && usize::try_from(number).is_ok() => Ok(number),
-        _ => Err(PyValueError::new_err(format!("{name} is {index}, must be a whole number, {least} or more, in {} bits", usize::BITS))),
+        _ => Err(PyValueError::new_err(format!(
+            "{name} is {index}, must be a whole number of at least {least}, and fit into {} bits",
+            usize::BITS
+        ))),
     }
 }
 

@@ -40,7 +40,7 @@ impl<'py> Rows<'py> {
             if let Some(joint) = joint_without_orientation(model, q).map_err(value_error)? {
                 let joint = model.joint_label(joint);
                 return Err(PyValueError::new_err(format!(
-                    "the orientation of joint \"{joint}\" in row {row} of {name} is a quaternion without length; (1, 0, 0, 0) is no rotation"
+                    "the orientation of joint \"{joint}\" in row {row} of {name} is a quaternion of length 0; give one of length 1, such as (1, 0, 0, 0)"
                 )));
             }
         }

@@ -478,6 +478,7 @@ impl Kind {
         let at = index.extract::<isize>().ok().map(|i| if i < 0 { i.saturating_add(n) } else { i });
         match at {
             Some(at) if (0..n).contains(&at) => Ok(at as usize),
+            _ if n == 0 => Err(PyIndexError::new_err(format!("{word} is {index}, and the model has no {word}"))),
             _ => Err(PyIndexError::new_err(format!("{word} is {index}, must be below {n}"))),
         }
     }

@@ -169,8 +169,7 @@ fn borrow<'py>(slf: &Bound<'py, Stepper>) -> PyResult<PyRefMut<'py, Stepper>> {
     slf.try_borrow_mut().map_err(|_| PyRuntimeError::new_err(BUSY))
 }
 
-const BUSY: &str =
-    "this Stepper is at work in another thread, which steps or reads it; wait for it, or give every thread a Stepper of its own";
+const BUSY: &str = "another thread uses this Stepper; wait until its call has returned, or use one Stepper per thread";
 
 #[pymethods]
 impl Stepper {
@@ -192,7 +191,7 @@ impl Stepper {
         let known = ["model", "num_envs", "options", "precision", "threads", "seed", "sensors", "actuators"];
         no_others("stepper.Stepper", others, &known)?;
         let Ok(model) = model.cast::<Model>().map(|model| model.clone().unbind()) else {
-            let message = format!("model is {}, must be a stepper.Model: stepper.load(...) makes one of it", described(&model));
+            let message = format!("model is {}, must be a stepper.Model: stepper.load(...) returns one", described(&model));
             return Err(PyTypeError::new_err(message));
         };
         let num_envs = num_envs.map(|n| whole(&n, "num_envs", 1)).transpose()?.map(|n| n as usize);

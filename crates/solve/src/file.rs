@@ -131,7 +131,7 @@ fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
     }
     match postcard::take_from_bytes::<Payload>(payload) {
         Ok((payload, [])) => payload.problem(),
-        _ => Err("not readable by this version, though undamaged: save the problem again with this version".into()),
+        _ => Err("not readable by this version of stepper, although its SHA-256 is right: save the problem again with this version".into()),
     }
 }
 

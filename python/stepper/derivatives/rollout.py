@@ -280,9 +280,14 @@ def rollout(
     Raises:
         TypeError: `parameters` is a string, or an entry is not a string.
         ValueError: A wrong shape, a number of steps below 1, or a parameter that is unknown, given twice, or a part of
-            the state or the controls.
+            the state or the controls. Also an actuator with a memory: a delay, a lag, a sampled servo or an integral.
     """
     check_kind("sim", sim, Stepper, "stepper.Stepper(model, num_envs)")
+    if names := sim._actuators_with_memory():
+        raise ValueError(
+            f"actuators {', '.join(names)} have a delay, a lag, a sampled servo or an integral: gradients of a rollout do not contain the "
+            "effect of a control on later steps through them; use actuators without them, or finite differences of Stepper.rollout"
+        )
     model, n = sim.model, sim.num_envs
     check_parameters(model, parameters)
     given = array_of("ctrl", ctrl)

@@ -38,11 +38,10 @@ impl<R: Real> BoundedForce<R> {
         (self.affine, self.before, self.effective_inertia) = (affine, before, effective_inertia);
     }
 
-    /// Sets the active bound with which the force enters the step's first guess of the velocity change.
+    /// Sets the active bound for the first guess of the velocity change in the step.
     ///
-    /// A force without added inertia gets the active bound at the velocity before the step; any other force gets none. With the resulting
-    /// forces, [`ActuatorForces::guess_active_bounds`] guesses the velocity change in the step. It then sets the active bound at the
-    /// guessed velocity.
+    /// A force without added inertia gets the active bound at the velocity before the step; any other force gets none. With these forces,
+    /// [`ActuatorForces::guess_active_bounds`] guesses the velocity change. It then sets the active bound at the guessed velocity.
     ///
     /// [`ActuatorForces::guess_active_bounds`]: crate::actuation::forces::ActuatorForces::guess_active_bounds
     #[inline(always)]

@@ -1,6 +1,5 @@
 //! Actuator pipelines: before every step they convert the user's controls to those of the step. A pipeline has up to three parts in this
-//! order: delay, servo, and first-order lag. Motor, force limits and friction act within the step instead (`actuation/force_limits.rs`,
-//! `actuation/losses.rs`).
+//! order: delay, servo, and first-order lag. Motor, force limits, friction, and the length and velocity terms of a continuous servo act within the step instead (`actuation/force_limits.rs`, `actuation/losses.rs`).
 //!
 //! The output of a servo is called its effort. It is a force, or the fraction of the voltage of a motor with voltage control.
 
@@ -83,7 +82,7 @@ pub struct ActuatorPipelines<S> {
 }
 
 impl<S: Scalar> ActuatorPipelines<S> {
-    /// Creates the pipelines of `specs`, the result of [`ActuatorSpec::fold`], with one entry for every actuator of the model. `h` is the
+    /// Creates the pipelines of `specs`, the result of [`ActuatorSpec::combine`], with one entry for every actuator of the model. `h` is the
     /// time step, s.
     pub fn new(specs: &[Option<ActuatorSpec>], num_envs: usize, lanes: usize, h: f64) -> Self {
         let mut all = Self { pipelines: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
@@ -441,9 +440,9 @@ impl ActuatorPipeline {
 
     /// Mean output of the lag over the step, for the input `u`.
     ///
-    /// The function also stores an output, from which the next call continues. Without a continuous servo, it is the output at the end of
-    /// this step. With one, it is the output at the beginning of this step, because the input depends on the motion within this step. `u`
-    /// and the result exclude terms of length and velocity.
+    /// The function also stores the output at the end of the step, from which the next call continues. With a continuous servo, this output
+    /// depends on the motion within the step, so that the function stores `u` instead, and the next call computes the output. `u` and the
+    /// result exclude the length and velocity terms of such a servo, which stage 1 adds.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

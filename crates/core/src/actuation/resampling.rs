@@ -32,17 +32,17 @@ pub struct ResampledActuators {
 }
 
 impl ActuatorModels {
-    /// Creates the actuator models of a simulation; see [`ActuatorSpec::fold`].
+    /// Creates the actuator models of a simulation; see [`ActuatorSpec::combine`].
     ///
     /// `given` has the spec of each actuator, or `None` for an actuator without an actuator model. `h` is the time step, s.
     ///
     /// # Errors
-    /// As [`ActuatorSpec::fold`].
+    /// As [`ActuatorSpec::combine`].
     pub fn new(model: &Model, given: &[Option<ActuatorSpec>], num_envs: usize, h: f64) -> Result<Self, ActuatorError> {
-        let (folded, specs) = ActuatorSpec::fold(model, given, num_envs, h)?;
+        let (combined, specs) = ActuatorSpec::combine(model, given, num_envs, h)?;
         let made =
             specs.iter().zip(given).map(|(spec, given)| Some(given.clone().unwrap_or_else(ActuatorSpec::ideal)).filter(|_| spec.is_some()));
-        Ok(Self { model: folded, made: made.collect(), specs, drawn: None })
+        Ok(Self { model: combined, made: made.collect(), specs, drawn: None })
     }
 
     /// Per-environment specs; `None` if all environments have the same parameters.
@@ -78,7 +78,7 @@ impl ActuatorModels {
         let mut specs = given.map_or_else(as_made, <[_]>::to_vec);
         let wrong = |i: usize, error| ActuatorError { actuator: label(&model.actuators[i].name, i), error };
         let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
-        let (folded, mut new) = ActuatorSpec::fold(model, &specs, envs.len(), h)?;
+        let (combined, mut new) = ActuatorSpec::combine(model, &specs, envs.len(), h)?;
         for (i, (spec, given)) in new.iter_mut().zip(&mut specs).enumerate() {
             let Some(given) = given else {
                 *spec = None;
@@ -87,7 +87,7 @@ impl ActuatorModels {
             match (&self.specs[i], &mut drawn[i]) {
                 (Some(made), Some(drawn)) => {
                     let spec = spec.get_or_insert_with(ActuatorSpec::ideal);
-                    if let (Some(range), None) = (folded.actuators[i].force_range, self.model.actuators[i].force_range) {
+                    if let (Some(range), None) = (combined.actuators[i].force_range, self.model.actuators[i].force_range) {
                         spec.narrow(range);
                     }
                     check_fit(spec, made, envs.len(), num_envs, h).map_err(|error| wrong(i, error))?;

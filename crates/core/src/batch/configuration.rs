@@ -31,7 +31,7 @@ impl<S: LaneScalar> Batch<S> {
 
     /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. Resets all environments.
     ///
-    /// The caller gets both arguments from [`ActuatorSpec::fold`], which moves delays and force limits of actuators from the model to the
+    /// The caller gets both arguments from [`ActuatorSpec::combine`], which moves delays and force limits of actuators from the model to the
     /// specs.
     ///
     /// # Errors

@@ -141,7 +141,7 @@ impl<S: Scalar> DynamicPairs<S> {
         let [a, b] = self.members_of(index).expect("a pair of the dynamic pairs").map(|m| m.model_geom);
         let (order, condim) = self.filter.precedence([a, b]);
         let rigid = self.filter.is_rigid([a, b]);
-        let (a, b) = (params.member(a), params.member(b));
+        let (a, b) = (params.geom_contact(a), params.geom_contact(b));
         let either = |of: fn(&ContactParams<R>) -> R| match order {
             Ordering::Greater => of(&a),
             Ordering::Less => of(&b),
@@ -166,9 +166,7 @@ impl<S: Scalar> DynamicPairs<S> {
 /// Number of contact points per geom for which memory is reserved in scenes with many similar geoms. Twelve neighbours fit around a ball
 /// (the kissing number), with eight points each. A contact belongs to two geoms, so the number is half of the product.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Largest number of pairs of geoms of ordinary size that are all listed. With more, pairs with a static geom become dynamic pairs: the
-/// broad phase finds those that can touch, in every step. Pairs of two moving geoms become dynamic pairs if they alone are more than this
-/// number.
+/// Largest number of pairs of geoms of ordinary size that are all listed. With more, pairs of a moving and a static geom are not listed: they become dynamic pairs, of which the broad phase finds those that can touch, in every step. So do pairs of two moving geoms if they alone are more than this number.
 const LISTED_PAIRS: usize = 3000;
 /// Ratio of a geom's size to the median size of geoms above which the geom counts as large. Pairs of large geoms are in the compiled
 /// model's list of pairs, and not among the dynamic pairs. In the broad phase, a cell as large as this geom would contain all geoms.

@@ -19,7 +19,7 @@ impl<S: Scalar> CompiledModel<S> {
         Self::with_actuator_specs(model, &[])
     }
 
-    /// Compiles a model with actuator dynamics, one spec for every actuator. The model must be the result of [`ActuatorSpec::fold`].
+    /// Compiles a model with actuator dynamics, one spec for every actuator. The model must be the result of [`ActuatorSpec::combine`].
     pub fn with_actuator_specs(model: &Model, specs: &[Option<ActuatorSpec>]) -> Self {
         let merged = Merged::new(model);
         let (dofs, descendants) = merging::dofs(model, &merged);

@@ -30,7 +30,7 @@ impl<S: Scalar> ModelStructure<S> {
             actuators: model.actuators.iter().map(|a| a.affine_force()).map(|(gain, bias)| ActuatorParams { gain, bias }).collect(),
             geoms: self.geoms.iter().map(|g| source.geom(g)).collect(),
             pairs: source.pairs().collect(),
-            members: source.members().collect(),
+            geom_contacts: source.geom_contacts().collect(),
             bodies: (0..model.bodies.len()).map(|b| source.position(Object::Body(b))).collect(),
             masses: model.bodies.iter().map(|b| b.mass).collect(),
             moments: (0..model.bodies.len()).map(|b| combined(model, &self.merged, |other| other == b).2).collect(),
@@ -100,7 +100,7 @@ impl<S: Scalar> Source<'_, S> {
     }
 
     /// Contact parameters of every geom. The result is empty if the model has no dynamic pairs.
-    fn members(&self) -> impl Iterator<Item = ContactParams<f64>> {
+    fn geom_contacts(&self) -> impl Iterator<Item = ContactParams<f64>> {
         let geoms = if self.structure.dynamic_pairs.is_some() { &self.model.geoms[..] } else { &[] };
         geoms.iter().map(|g| {
             let [mu, torsion, rolling] = g.friction;

@@ -149,7 +149,7 @@ parameter_tables! {
     pairs: listed_contact(pair) -> ContactParams<T>;
     /// Contact parameters of the geom with index `geom` in the model. The table has all geoms if the model has dynamic pairs, which the
     /// broad phase finds in every step, and is empty otherwise. A dynamic pair combines the parameters of its two geoms.
-    members: member(geom) -> ContactParams<T>;
+    geom_contacts: geom_contact(geom) -> ContactParams<T>;
     /// Centre of mass of a body of the model in the frame of its link, m.
     bodies: body_com(body) -> [T; 3];
     /// Mass of a body of the model, kg.

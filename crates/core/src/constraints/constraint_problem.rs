@@ -28,7 +28,7 @@ pub struct ConstraintProblem<R: Real> {
     /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes in which the contact exists.
     /// The lengths, m, scale the three rotation rows.
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
-    /// Lanes with at least one row.
+    /// Lanes with at least one active row (deferred rows do not count).
     pub constrained: R::Mask,
     /// Lanes that need the position solve of stage 8 because of position errors, or because of an impact with Euler's rule. With the
     /// midpoint rule, lanes with an impact need it too, but are not included.
@@ -147,7 +147,7 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`, evenly over the step.
     ///
-    /// `before_impacts` is the change of the velocity that the whole step would have without impacts, if a contact bounces within the step.
+    /// `before_impacts` is needed if a contact bounces within the step. The row of an impact also contains the velocity before the impact, and this velocity changes by `change` plus `before_impacts`.
     /// The offset of an impact contains the part of a change that acts before the impact. Overwrites `change` and `before_impacts`.
     pub fn shift(
         &mut self,

@@ -43,7 +43,7 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 /// number is a fraction of their size.
 ///
 /// A force along the normal acts on the joint through this lever arm. If the terms nearly cancel, so that only 1e-5 of their size is left,
-/// a torque takes a force 1e5 times as large as through one term. In 32 bits, such a lever arm is rounding error.
+/// the force must be 1e5 times as large as with one term to apply the same torque. In 32 bits, such a lever arm is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
@@ -58,9 +58,10 @@ fn least_lever<R: Real>() -> f64 {
 /// Either stage 8 or the residual must report an overlap that nothing can correct. It is measured by the speed at which it should be
 /// corrected, the difference of the two offsets:
 ///
-/// * Up to the resting speed, no report is needed, because the overlap takes about a second to exceed the slop.
+/// * Up to the resting speed, neither reports the overlap.
 /// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap.
-/// * In between, the residual reports it: the result is 0, so that any approach counts. In the other cases it is the resting speed.
+/// * In between, the residual reports the overlap: the function returns 0, so that any approach counts. In the other two cases it returns the
+///   resting speed.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());

@@ -1,7 +1,6 @@
 //! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step like the springs and dampers of equalities.
 //!
-//! The contact remains a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + P R >= 0. R is the
-//! compliance and P R the bias; the law of the spring (`spring_law` in `equality.rs`) defines both. The spring therefore pushes and never
+//! The contact remains a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + b >= 0. The law of the spring (`spring_law` in `equality.rs`) defines the compliance R and the bias b. The spring therefore pushes and never
 //! pulls. A gap closes as between rigid surfaces. Only an overlap at the end of the step loads the spring. The spring's force limits
 //! friction.
 

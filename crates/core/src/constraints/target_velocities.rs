@@ -25,7 +25,7 @@ impl<R: Real> Assembler<'_, R> {
         let (wanted, fastest) = (overlap * R::of(options.baumgarte) / h, R::of(fastest));
         let mut correction = wanted.min(fastest);
         if options.stabilization == Stabilization::Split && overlap.gt(R::zero()).any() {
-            // A smooth bound instead of `min` keeps the larger of two contradicting corrections larger.
+            // With `min`, two large corrections would become equal. With this smooth bound, the larger of two contradicting corrections stays larger.
             let most = (wanted * wanted + fastest * fastest).sqrt();
             correction = wanted * fastest / most.max(R::of(f64::from(f32::MIN_POSITIVE)));
         }

@@ -112,7 +112,7 @@ fn find_contacts<R: Real>(
         for &(index, lanes) in near {
             packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);
         }
-        // The broad phase of dynamic pairs has tested bounding balls in f64, enlarged for rounding. `can_touch` has the exact limit.
+        // The broad phase of dynamic pairs has tested bounding balls that are slightly enlarged. `can_touch` tests the balls themselves.
         dynamic.clear();
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             for &(index, lanes) in &broad.pairs {

@@ -124,7 +124,7 @@ pub struct ImpulsePredictor<R: Real> {
 impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// With a rough prediction, the free velocity has an error of up to [`ESTIMATE_ERROR`]. If the options require a smaller error, the
+    /// The error of a rough prediction changes the free velocity by up to [`ESTIMATE_ERROR`]. If the options require a smaller change, the
     /// predictor iterates to a tolerance in all moving lanes. It also does so with the option [`Solver::Newton`], and in lanes with a
     /// contact group: three or more contacts between two bodies, one of which floats freely.
     #[inline(always)]
@@ -208,9 +208,7 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// Residual at which the solver stops in each lane, m/s. It is a fraction of the lane's speed, but above the rounding of velocities, and at
 /// most the tolerance.
 ///
-/// The allowance for rounding is 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, above the default tolerance.
-/// With such a residual, heavy boxes would creep into light ones if the option `tolerance` permits it. Lanes with a contact group
-/// (`has_groups`) therefore stop at a smaller residual.
+/// The allowance for rounding is 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, which is more than the default tolerance. If a user's `tolerance` is as large, heavy boxes would creep into light ones. Lanes with a contact group (`has_groups`) therefore stop at a smaller residual.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     kernel!(R, || {
         let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();

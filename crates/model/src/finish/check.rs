@@ -46,10 +46,11 @@ fn tree(model: &Description) -> Checked {
         }
         if body.mocap && body.parent != 0 {
             let parent = model.body_label(body.parent);
-            return at.fail(format!("a mocap body hangs from body {parent:?}"), "hang it from the world, or let it not be mocap");
+            return at
+                .fail(format!("it is a mocap body, and its parent is body {parent:?}"), "make it a child of the world, or remove mocap");
         }
         if body.mocap && model.joints.iter().any(|j| j.body == i) {
-            return at.fail("a mocap body has joints", "remove its joints, or let it not be mocap");
+            return at.fail("it is a mocap body, and has joints", "remove its joints, or remove mocap");
         }
     }
     Ok(())
@@ -61,8 +62,10 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
         let at = Element::new(kind, name, i);
         at.index("body", body, nbody)?;
         if body < last {
-            return at
-                .fail(format!("belongs to body {body}, the one before it to body {last}"), format!("list {kind}s in the order of bodies"));
+            return at.fail(
+                format!("belongs to body {body}, and the {kind} before it to body {last}"),
+                format!("list {kind}s in the order of bodies"),
+            );
         }
         last = body;
     }
@@ -72,17 +75,18 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
 fn joints_fit_bodies(model: &Description) -> Checked {
     for (at, joint) in elements("joint", &model.joints, |joint| &joint.name) {
         if joint.body == 0 {
-            return at.fail("would move the world", "give it to another body");
+            return at.fail("belongs to the world, which does not move", "give it to another body");
         }
         if joint.kind != JointKind::Free {
             continue;
         }
         let body = model.body_label(joint.body);
         if model.bodies[joint.body].parent != 0 {
-            return at.fail(format!("a free joint of body {body:?}, which hangs from another body"), "hang the body from the world");
+            return at
+                .fail(format!("is the free joint of body {body:?}, whose parent is not the world"), "make the body a child of the world");
         }
         if model.joints.iter().filter(|j| j.body == joint.body).count() > 1 {
-            return at.fail(format!("a free joint that is not alone on body {body:?}"), "remove the body's other joints: it moves freely");
+            return at.fail(format!("is a free joint, and body {body:?} has other joints too"), "remove the other joints of the body");
         }
     }
     Ok(())
@@ -146,7 +150,7 @@ fn names(model: &Description) -> Checked {
         for name in names.filter(|n| !n.is_empty()) {
             if !seen.insert(name) {
                 return Element(format!("{kind} {name:?}"))
-                    .fail(format!("another {kind} has the same name"), "give every one its own name, or none");
+                    .fail(format!("another {kind} has the same name"), "give each its own name, or none");
             }
         }
         Ok(())
@@ -173,11 +177,8 @@ fn bodies(model: &Description) -> Checked {
         let [a, b, c] = sorted(body.inertia);
         if c > (a + b) * (1.0 + TRIANGLE) {
             return at.fail(
-                format!(
-                    "principal moments {:?} break the triangle inequality: {c} > {a} + {b}; no distribution of mass has them",
-                    body.inertia
-                ),
-                "check the moments and their units, or let the geoms give them (MJCF: compiler inertiafromgeom or balanceinertia)",
+                format!("principal moments {:?} violate the triangle inequality: {c} > {a} + {b}; no body has such moments", body.inertia),
+                "correct the moments or their units, or compute them from geoms (MJCF: compiler inertiafromgeom or balanceinertia)",
             );
         }
     }
@@ -197,7 +198,7 @@ fn joints(model: &Description) -> Checked {
         at.size("armature", &[joint.armature], "")?;
         at.size("frictionloss", &[joint.frictionloss], "")?;
         if joint.range.is_some() && joint.kind == JointKind::Free {
-            return at.fail("a range on a free joint", "remove it: free joints have no limits");
+            return at.fail("is a free joint with a range", "remove the range: free joints have no limits");
         }
         at.range("range", joint.range)?;
         at.finite("range", &joint.range.unwrap_or_default())?;
@@ -247,7 +248,7 @@ fn pairs(model: &Description) -> Checked {
     for (at, pair) in elements("pair", &model.pairs, |pair| &pair.name) {
         pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
         if pair.geoms[0] == pair.geoms[1] {
-            return at.fail(format!("geom {:?} against itself", model.geom_label(pair.geoms[0])), "name two geoms");
+            return at.fail(format!("both elements are geom {:?}", model.geom_label(pair.geoms[0])), "name two geoms");
         }
         at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
         at.spring(pair.spring)?;
@@ -289,7 +290,7 @@ fn equalities(model: &Description) -> Checked {
     for (at, equality) in elements("equality", &model.equalities, |equality| &equality.name) {
         at.finite("data", &equality.data())?;
         if equality.stiffness.is_nan() || equality.stiffness < 0.0 {
-            return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, infinity for a hard one");
+            return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, or infinity for a hard equality");
         }
         at.size("damping", &[equality.damping], "")?;
         at.softness(&equality.softness)?;
@@ -297,21 +298,21 @@ fn equalities(model: &Description) -> Checked {
             EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => {
                 bodies.iter().try_for_each(|&b| at.index("body", b, model.bodies.len()))?;
                 if bodies[0] == bodies[1] {
-                    return at.fail(format!("body {:?} against itself", model.body_label(bodies[0])), "name two bodies");
+                    return at.fail(format!("both elements are body {:?}", model.body_label(bodies[0])), "name two bodies");
                 }
             }
             &EqualityKind::Joint { joint, other, .. } => {
                 at.scalar_joint(model, joint)?;
                 other.map_or(Ok(()), |j| at.scalar_joint(model, j))?;
                 if other == Some(joint) {
-                    return at.fail(format!("joint {:?} against itself", model.joint_label(joint)), "name two joints, or one");
+                    return at.fail(format!("both elements are joint {:?}", model.joint_label(joint)), "name two joints, or one");
                 }
             }
             &EqualityKind::Tendon { tendon, other, .. } => {
                 at.index("tendon", tendon, model.tendons.len())?;
                 other.map_or(Ok(()), |t| at.index("tendon", t, model.tendons.len()))?;
                 if other == Some(tendon) {
-                    return at.fail(format!("tendon {tendon} against itself"), "name two tendons, or one");
+                    return at.fail(format!("both elements are tendon {tendon}"), "name two tendons, or one");
                 }
             }
         }

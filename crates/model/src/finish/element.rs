@@ -47,12 +47,14 @@ impl Element {
     pub(crate) fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
         match range {
             Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
-            Some([low, high]) if low > high => {
-                self.fail(format!("{what} [{low}, {high}] is upside down"), "give the lower bound first, or no range")
-            }
-            Some([low, high]) if low == f64::INFINITY || high == f64::NEG_INFINITY => {
-                self.fail(format!("{what} is [{low}, {high}]: no number lies in it"), "give finite bounds, -inf below or inf above")
-            }
+            Some([low, high]) if low > high => self.fail(
+                format!("{what} is [{low}, {high}], with the lower bound above the upper bound"),
+                "give the lower bound first, or no range",
+            ),
+            Some([low, high]) if low == f64::INFINITY || high == f64::NEG_INFINITY => self.fail(
+                format!("{what} is [{low}, {high}], which contains no number"),
+                "give finite bounds, or -inf as the lower and inf as the upper one",
+            ),
             _ => Ok(()),
         }
     }
@@ -96,7 +98,7 @@ impl Element {
         }
         self.size("damping", &[damping], " N s/m")?;
         if spring.is_rigid() && damping > 0.0 {
-            return self.fail(format!("damping is {damping} N s/m of a rigid surface"), "give it a stiffness too");
+            return self.fail(format!("damping is {damping} N s/m, but the surface is rigid"), "give a finite stiffness too");
         }
         Ok(())
     }

@@ -43,20 +43,20 @@ pub(crate) fn check(model: &Description) -> Result<(), ModelError> {
         ModelError::invalid(
             place,
             format!(
-                "joint {:?} moves nothing that has inertia: mass {} kg, principal moments {:?} kg m^2, and no more below or fixed to it",
+                "joint {:?} moves no inertia: the body has mass {} kg and principal moments {:?} kg m^2, and its children and fixed bodies have none",
                 model.joint_label(joint),
                 model.bodies[body].mass,
                 model.bodies[body].inertia
             ),
-            "give the body mass and inertia (a geom with density, or an inertial), give the joint armature, or remove the joint",
+            "give the body mass and inertia (a geom with density, or <inertial>), give the joint armature, or remove the joint",
         )
     } else {
         let names: Vec<String> = partners.iter().map(|&j| format!("{:?}", model.joint_label(j))).collect();
         ModelError::invalid(
             place,
             format!(
-                "joint {:?} can move against {} so that nothing that has inertia moves (their axes coincide or depend on one another): \
-                 forces do not determine how they share a motion",
+                "joint {:?} and {} can move without moving any inertia (their axes coincide or are linearly dependent), so that forces do not \
+                 determine their motion",
                 model.joint_label(joint),
                 names.join(", ")
             ),

@@ -31,7 +31,7 @@ pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     };
     let omission = |(geom, met): (usize, BTreeMap<&'static str, Vec<usize>>)| {
         let (shape, met) = (model.geoms[geom].shape.name(), met.into_iter().map(count).collect::<Vec<_>>().join(", "));
-        let reason = format!("this {shape} passes through {met}: contact between these shapes is not simulated yet");
+        let reason = format!("this {shape} would pass through {met}, because contact between these shapes is not simulated yet");
         Omission { kind: COLLISION.into(), name: model.geom_label(geom), reason, changes_motion: true }
     };
     partners.into_iter().map(omission).collect()

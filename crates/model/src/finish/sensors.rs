@@ -54,9 +54,10 @@ fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
         K::Frame { what, object: of, reference } => {
             object(model, &at, *of)?;
             match reference {
-                Some(_) if matches!(what, FrameReading::LinAcc | FrameReading::AngAcc) => {
-                    at.fail("an acceleration with a reference frame", "leave the reference out: accelerations are those against the world")
-                }
+                Some(_) if matches!(what, FrameReading::LinAcc | FrameReading::AngAcc) => at.fail(
+                    "measures an acceleration, and has a reference frame",
+                    "leave the reference out: accelerations are relative to the world",
+                ),
                 Some(reference) => object(model, &at, *reference),
                 None => Ok(()),
             }
@@ -86,7 +87,7 @@ fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
             side(model, &at, *first)?;
             side(model, &at, *second)?;
             ascending(&at, fields)?;
-            if *slots == 0 { at.fail("it has room for no contact", "give one slot or more") } else { Ok(()) }
+            if *slots == 0 { at.fail("it has 0 slots for contacts", "give one slot or more") } else { Ok(()) }
         }
         K::Combination(terms) => combination(model, &at, i, terms),
     }
@@ -176,8 +177,9 @@ fn formed(model: &Description, at: &Element, geom: usize) -> Checked {
     if has_form(model, shape) {
         return Ok(());
     }
-    let what = format!("its rays would meet {} {:?}, whose form the model does not have", shape.name(), model.geom_label(geom));
-    at.fail(what, "add its mesh or height field to the model's, or leave that geom out of those that are seen")
+    let what =
+        format!("its rays can hit {} {:?}, whose mesh or height field the model does not have", shape.name(), model.geom_label(geom));
+    at.fail(what, "add the mesh or height field to the model, or leave the geom out of the sensor's geoms")
 }
 
 /// Whether the model contains a surface for the shape: triangles or points of a mesh, elevations, or a simple shape.
@@ -202,7 +204,7 @@ fn open(model: &Description, at: &Element, site: usize, acts: impl Fn(usize) -> 
     for (_, equality) in model.equalities.iter().enumerate().filter(|(e, _)| acts(*e)) {
         let (EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. }) = equality.kind else { continue };
         if carried[bodies[0]] != carried[bodies[1]] {
-            let what = format!("what it carries is held by equality {:?} too, whose share of the force is not simulated", equality.name);
+            let what = format!("equality {:?} also holds the bodies behind the sensor, and the sensor would lack its force", equality.name);
             return at.fail(what, "leave the sensor out, or measure beyond the loop");
         }
     }
@@ -218,13 +220,16 @@ fn ascending<T: Ord + std::fmt::Debug>(at: &Element, fields: &[T]) -> Checked {
 
 fn combination(model: &Description, at: &Element, index: usize, terms: &[(usize, f64)]) -> Checked {
     if terms.is_empty() {
-        return at.fail("a combination of nothing", "give one term or more");
+        return at.fail("its terms are empty", "give one term or more");
     }
     let dim = |s: usize| model.sensors[s].dim(&model.sensors);
     for &(sensor, coefficient) in terms {
         at.finite("coefficient", &[coefficient])?;
         if sensor >= index {
-            return at.fail(format!("combines sensor {sensor}, itself sensor {index}"), "combine sensors that come before it");
+            return at.fail(
+                format!("is sensor {index}, and combines sensor {sensor}, which does not come before it"),
+                "combine sensors that come before it",
+            );
         }
         if dim(sensor) != dim(terms[0].0) {
             let (a, b) = (model.sensor_label(terms[0].0), model.sensor_label(sensor));

@@ -108,7 +108,7 @@ impl Stepper {
         Applied::of(array.bind(py), input, &shape).map(Some).ok_or_else(|| {
             let (name, shape) = (input.name(), shape_text(&shape));
             let kind = if input == AppliedInput::EqActive { "bool" } else { "float64" };
-            PyValueError::new_err(format!("{name} is no longer a plain {kind} array {shape}: assign to its elements instead"))
+            PyValueError::new_err(format!("{name} was changed in place to another type or shape, must stay a {kind} array {shape}: assign to its elements, as {name}[...] = values"))
         })
     }
 

@@ -66,8 +66,8 @@ impl Stepper {
         let quantity = match (body, site) {
             (Some(body), None) => DerivedQuantity::BodyJacobian(Kind::Body.find(model, &body)?),
             (None, Some(site)) => DerivedQuantity::SiteJacobian(Kind::Site.find(model, &site)?),
-            (Some(_), Some(_)) => return Err(PyValueError::new_err("jacobian has both body and site, must have one of them")),
-            (None, None) => return Err(PyValueError::new_err("jacobian of what: give body= or site=, by name or index")),
+            (Some(_), Some(_)) => return Err(PyValueError::new_err("jacobian has both body and site: give one of them")),
+            (None, None) => return Err(PyValueError::new_err("jacobian has neither body nor site: give body= or site=, by name or index")),
         };
         slf.apply(py)?;
         Ok(slf.derive(py, &[quantity])?.remove(0))

@@ -13,6 +13,11 @@ use crate::stepper::{Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
+    /// Names of the actuators whose controls act on later steps too (delay, lag, sampled servo, integral), in any environment.
+    fn _actuators_with_memory(&self) -> Vec<String> {
+        self.simulation.actuators_with_memory()
+    }
+
     /// Derivatives of a step by the implicit function theorem. `stepper.derivatives.implicit` documents the arguments.
     ///
     /// Returns:

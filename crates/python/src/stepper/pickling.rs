@@ -29,7 +29,9 @@ impl Stepper {
 
     /// Restores the content of a pickle. All values are copied, because `copy.copy` passes the objects of the original.
     fn __setstate__(mut slf: Writing<'_>, py: Python<'_>, state: &Bound<'_, PyDict>) -> PyResult<()> {
-        let wrong = |name: &str, what: &str| PyValueError::new_err(format!("pickled Stepper: {name} {what}; pickle it again"));
+        let wrong = |name: &str, what: &str| {
+            PyValueError::new_err(format!("the pickle of a Stepper is damaged: {name} {what}; pickle the Stepper again"))
+        };
         let item = |name: &str| state.get_item(name)?.ok_or_else(|| wrong(name, "is missing"));
         let (saved, randomized, applied) = (item("state")?, item("randomized")?, item("applied")?);
         let saved = saved.cast::<PyBytes>().map_err(|_| wrong("state", "is not bytes"))?;

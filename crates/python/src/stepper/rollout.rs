@@ -115,7 +115,7 @@ impl Stepper {
         residual.enter(written, &result)?;
         let Some(interrupted) = interrupted else { return Ok(result) };
         let whole = interrupted.steps / nstep;
-        let also = format!(": {whole} controls of {calls}; rows of `out` beyond hold nothing of them");
+        let also = format!(": {whole} of {calls} controls are complete; later rows of `out` have no results");
         Err(interrupted.raise(py, "rollout", calls.saturating_mul(nstep), &also))
     }
 
@@ -184,12 +184,15 @@ impl Stepper {
         let mut slf = borrow(slf)?;
         if slf.recorder.is_some() {
             return Err(PyRuntimeError::new_err(
-                "this stepper is recorded, and a rollout is not: call step for every control, or close the recording",
+                "this stepper is being recorded, and recordings do not contain rollouts: call step for every control, or close the recording",
             ));
         }
         if let Some(initial) = initial {
             let Some(states) = states_of(&initial) else {
-                return Err(PyTypeError::new_err(format!("initial is {}, must be a stepper.State or a list of some", described(&initial))));
+                return Err(PyTypeError::new_err(format!(
+                    "initial is {}, must be a stepper.State or a list of stepper.State",
+                    described(&initial)
+                )));
             };
             let all = slf.selection(None)?;
             slf.take_states(&states, &all)?;

@@ -42,7 +42,7 @@ impl Stepper {
         let Some(out) = out else { return slf.readings(py, false) };
         let must = slf.shape(&[slf.simulation.model().nsensordata()]);
         let Ok(given) = out.cast::<numpy::PyUntypedArray>() else {
-            return Err(PyTypeError::new_err(format!("out is {}, must be an array to be filled", described(&out))));
+            return Err(PyTypeError::new_err(format!("out is {}, must be a NumPy array", described(&out))));
         };
         let dtype = given.dtype();
         if dtype.kind() != b'f' {

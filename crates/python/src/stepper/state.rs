@@ -145,7 +145,9 @@ impl Stepper {
         let selection = this.selection(envs.as_ref())?;
         if let Some(states) = qpos.as_ref().and_then(states_of) {
             if qvel.is_some() || act.is_some() || time.is_some() || keep_warmstart {
-                return Err(PyValueError::new_err("set_state(state) takes envs and nothing else: a State has all the rest"));
+                return Err(PyValueError::new_err(
+                    "set_state(state) accepts only envs as a further argument: the State contains positions, velocities and the rest",
+                ));
             }
             if selection.envs.is_empty() {
                 return Ok(());

@@ -115,7 +115,7 @@ fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted:
     let mut also = "";
     if this.recorder.is_some() {
         if this.applied[AppliedInput::MocapPos as usize].is_some() {
-            also = "; moving mocap bodies had not reached their targets, as they do in a replay: replay the recording up to this call only";
+            also = "; mocap bodies have not reached their targets, but would reach them in a replay: replay the recording only up to this call";
         }
         if let Err(error) = notify_recorder_of_step(slf, this, made) {
             return error;

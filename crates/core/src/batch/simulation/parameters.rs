@@ -8,7 +8,7 @@ use crate::batch::randomization::{Assignment, Differences, Randomization};
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::LaneModel;
 use crate::error::{check_count, check_length};
-use crate::model::{Model, ModelError, Parameter};
+use crate::model::{Model, ModelError, Parameter, label};
 
 /// Change to the parameters of actuator models in a call of [`Simulation::randomize_all`].
 #[derive(Clone, Copy, Debug)]
@@ -113,6 +113,16 @@ impl Simulation {
         self.actuator_models.as_ref()?.drawn()
     }
 
+    /// Names of the actuators whose controls act on later steps too (delay, lag, sampled servo, integral), in any environment.
+    pub fn actuators_with_memory(&self) -> Vec<String> {
+        let Some(models) = &self.actuator_models else { return vec![] };
+        let has_memory = |spec: Option<&Option<ActuatorSpec>>| spec.and_then(Option::as_ref).is_some_and(ActuatorSpec::has_memory);
+        let drawn = models.drawn().unwrap_or_default();
+        let actuators = self.model.actuators.iter().enumerate();
+        let with_memory = actuators.filter(|&(i, _)| has_memory(models.specs.get(i)) || has_memory(drawn.get(i)));
+        with_memory.map(|(i, actuator)| label(&actuator.name, i)).collect()
+    }
+
     /// Parameters that differ from the compiled model's, for each of the environments `envs`, with the actuator models and after the
     /// assignments `assigned` ([`Randomization::differences`]).
     fn parameter_differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
@@ -121,8 +131,8 @@ impl Simulation {
         };
         let with_actuator_models = |variant: &Model| {
             // `specs` already include the actuator delays of the model, so that the variant must not add them again.
-            let folded = ActuatorSpec::fold(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
-            folded.expect("actuator models that were checked with the model, whose structure the variant has").0
+            let combined = ActuatorSpec::combine(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
+            combined.expect("actuator models that were checked with the model, whose structure the variant has").0
         };
         self.randomization.differences(&self.model, self.lane_model(), Some(&with_actuator_models), assigned, envs)
     }

@@ -34,10 +34,15 @@ pub(super) fn integrate_velocity<R: Real>(
     let StepInput { compiled, options, state, inputs, .. } = input;
     let (all, h) = (options.integrator != Integrator::Euler, R::of(options.timestep));
     let Some(system) = &mut problem.soft else { return };
-    let joints = (all || !compiled.explicit_damping) && compiled.params.dofs().iter().any(|dof| dof[0].gt(R::zero()).any());
+    // Lanes whose joints have implicit damping. With Euler's rule, the other lanes need no solve, and get the bits of an undamped model.
+    let damped = kernel!(R, || {
+        let none = R::Mask::splat(false);
+        let dofs = if all || compiled.explicit_damping { &[] } else { compiled.params.dofs() };
+        dofs.iter().fold(none, |damped, dof| damped.or(dof[0].gt(R::zero())))
+    });
     let (FreeMotion { smooth, actuator_forces, scratch, .. }, v) = (free, &state.v);
     let Scratch { velocity_by_impulses: work, impulse: alone, .. } = scratch;
-    if !joints && !all {
+    if !all && damped.none() {
         advance(v, &system.acceleration, h, v_next);
         return;
     }
@@ -78,6 +83,13 @@ pub(super) fn integrate_velocity<R: Real>(
             }
         }
     });
+    if !all {
+        kernel!(R, || {
+            for (a, &undamped) in work.iter_mut().zip(&system.acceleration) {
+                *a = R::select(damped, *a, undamped);
+            }
+        });
+    }
     advance(v, work, h, v_next);
 }
 

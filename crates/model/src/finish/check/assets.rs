@@ -61,7 +61,7 @@ fn form(model: &Description, index: usize, hulls: &mut Hulls, source: Source<'_>
             let of_mesh = |what: String, remedy: &str| at.fail(format!("mesh {asset:?}: {what}"), remedy);
             if *concave {
                 let none = model.meshes[mesh].faces.is_empty();
-                return if none { of_mesh("it has no faces".into(), "give its triangles, or let it not be concave") } else { Ok(()) };
+                return if none { of_mesh("it has no faces".into(), "give its triangles, or set geom_concave to 0") } else { Ok(()) };
             }
             match hulls.get_or_make(mesh, &model.meshes[mesh], source) {
                 Err(e @ HullError::OtherSurface) => of_mesh(e.to_string(), "save the model again"),

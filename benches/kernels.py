@@ -1,8 +1,8 @@
 """Functions outside kernels that compute with SIMD lanes, with the number of their calls of CPU intrinsics.
 
-Lane operations are fast only in a kernel (`Real::vectorize` in crates/real) and in functions that the compiler inlines into one. Elsewhere each
-operation calls a function, which reads and writes memory. This command builds the extension with symbols for one CPU level, and finds these
-calls in its machine code. Functions that run in each step should not be in the list.
+Lane operations are fast only in a kernel (`kernel!` of crates/real) and in functions that the compiler inlines into one. Elsewhere each
+operation calls a function, which reads and writes memory. This command builds the extension with symbols for one CPU level, and finds
+these calls in its machine code. Functions that run in each step should not be in the list.
 
     python benches/kernels.py
     python benches/kernels.py --level avx512 --limit 100

@@ -406,7 +406,7 @@ class Model:
         """Velocity of the medium, m/s: (3,)."""
     @property
     def body_gravcomp(self) -> _Array:
-        """Share of its weight that is held up: (nbody,)."""
+        """Fraction of the body's weight that is compensated: (nbody,)."""
     @property
     def geom_surfacevel(self) -> _Array:
         """Velocity of the surface, m/s and rad/s: (ngeom, 6)."""
@@ -436,10 +436,10 @@ class Model:
         """Coefficient of restitution: (ngeom,)."""
     @property
     def geom_margin(self) -> _Array:
-        """Distance at which a contact pushes, m: (ngeom,)."""
+        """Distance below which a contact pushes, m: (ngeom,)."""
     @property
     def geom_gap(self) -> _Array:
-        """Distance beyond the margin that is reported, m: (ngeom,)."""
+        """Additional distance up to which contacts without force are listed, m: (ngeom,)."""
     @property
     def geom_solref(self) -> _Array:
         """Reference acceleration of contacts by MuJoCo's law: (ngeom, 2)."""
@@ -448,7 +448,7 @@ class Model:
         """Impedance of contacts by MuJoCo's law: (ngeom, 5)."""
     @property
     def geom_solmix(self) -> _Array:
-        """Weight of a geom's softness in a pair: (ngeom,)."""
+        """Weight of the geom's solref and solimp in a pair: (ngeom,)."""
     @property
     def geom_stiffness(self) -> _Array:
         """Stiffness of the surface; infinity is rigid, N/m: (ngeom,)."""
@@ -463,22 +463,22 @@ class Model:
         """Sliding (1), torsional (m), rolling (m) friction of an explicit pair: (npair, 3)."""
     @property
     def pair_anisotropy(self) -> _Array:
-        """Friction along the second tangent per that along the first, of sliding and rolling, by MuJoCo's law: (npair, 2)."""
+        """Ratio of the friction along the second tangent to that along the first, for sliding and rolling, by MuJoCo's law: (npair, 2)."""
     @property
     def pair_restitution(self) -> _Array:
         """Coefficient of restitution of an explicit pair: (npair,)."""
     @property
     def pair_margin(self) -> _Array:
-        """Distance at which an explicit pair's contact pushes, m: (npair,)."""
+        """Distance below which a contact of an explicit pair pushes, m: (npair,)."""
     @property
     def pair_gap(self) -> _Array:
-        """Distance beyond the margin of an explicit pair that is reported, m: (npair,)."""
+        """Additional distance up to which contacts of an explicit pair without force are listed, m: (npair,)."""
     @property
     def pair_solref(self) -> _Array:
         """Reference acceleration of an explicit pair's contacts by MuJoCo's law: (npair, 2)."""
     @property
     def pair_solreffriction(self) -> _Array:
-        """Stiffness and damping of an explicit pair's friction by MuJoCo's law; zeros where it is that of the normal: (npair, 2)."""
+        """Solreffriction of an explicit pair by MuJoCo's law; zeros use solref: (npair, 2)."""
     @property
     def pair_solimp(self) -> _Array:
         """Impedance of an explicit pair's contacts by MuJoCo's law: (npair, 5)."""
@@ -511,10 +511,10 @@ class Model:
         """Lowest and highest position, m or rad: (njnt, 2)."""
     @property
     def jnt_actfrcrange(self) -> _Array:
-        """Bounds of the sum of actuator forces, N or N m: (njnt, 2)."""
+        """Limits of the sum of actuator forces on a joint (actuatorfrcrange), N or N m: (njnt, 2)."""
     @property
     def jnt_velocity_limit(self) -> _Array:
-        """Highest speed that the source allows, not enforced; infinity is none, rad/s or m/s: (njnt,)."""
+        """Speed limit of the source, not enforced; infinity without a limit, rad/s or m/s: (njnt,)."""
     @property
     def jnt_solref(self) -> _Array:
         """Reference acceleration of limits by MuJoCo's law: (njnt, 2)."""
@@ -559,7 +559,7 @@ class Model:
         """1 for an active equality, 0 for an inactive one: (neq,)."""
     @property
     def eq_data(self) -> _Array:
-        """Anchors, pose and torquescale, or polynomial, as MuJoCo lays them out: (neq, 11)."""
+        """Anchors, relative pose and torquescale, or polynomial, in the layout of MuJoCo's eq_data: (neq, 11)."""
     @property
     def eq_solref(self) -> _Array:
         """Reference acceleration of equalities by MuJoCo's law: (neq, 2)."""
@@ -568,22 +568,22 @@ class Model:
         """Impedance of equalities by MuJoCo's law: (neq, 5)."""
     @property
     def eq_stiffness(self) -> _Array:
-        """Infinity for a hard equality, else a spring's: (neq,)."""
+        """Stiffness of a soft equality; infinity for a hard one: (neq,)."""
     @property
     def eq_damping(self) -> _Array:
-        """Damping beside the spring of a soft equality: (neq,)."""
+        """Damping of a soft equality: (neq,)."""
     @property
     def impratio(self) -> _Array:
         """Ratio of the impedance of friction to that of normal forces by MuJoCo's law."""
     @property
     def noslip_iterations(self) -> _Array:
-        """Sweeps at the most that take the slip out of friction by MuJoCo's law."""
+        """Largest number of noslip iterations of MuJoCo's law, which reduce the slip of friction."""
     @property
     def noslip_tolerance(self) -> _Array:
-        """Relative improvement at which the noslip sweeps stop."""
+        """Relative improvement at which the noslip iterations stop."""
     @property
     def actuator_gear(self) -> _Array:
-        """Scale of length, velocity and force, in column 0; force and torque on a site: (nu, 6)."""
+        """Gear: scale of length, velocity and force in column 0; on a site, the direction of force and torque: (nu, 6)."""
     @property
     def actuator_gainprm(self) -> _Array:
         """Parameters of the gain: constant, per length, per velocity; others are 0: (nu, 10)."""

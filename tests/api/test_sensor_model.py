@@ -409,3 +409,26 @@ def test_a_wrong_seed_is_named_and_nothing_starts(model, seed, error, words):
 def test_wrong_arguments_of_devices_are_named(call, message):
     with pytest.raises((TypeError, ValueError), match=message):
         call()
+
+
+@pytest.mark.parametrize("change", ["randomize", "set_state"])
+def test_a_reading_before_the_first_step_changes_no_later_reading(tmp_path, change):
+    """The delay line is filled with the reading of the first step, whether or not somebody read the sensor before."""
+    scene = """<mujoco><worldbody><body name="b" pos="0 0 1"><joint name="j" axis="0 1 0"/>
+    <geom type="capsule" size=".05" fromto="0 0 0 .5 0 0" mass="1"/><site name="s" pos=".5 0 0"/></body></worldbody>
+    <sensor><accelerometer site="s"/><jointpos joint="j"/></sensor></mujoco>"""
+    model, found = stepper.load(scene), []
+    for read in (False, True):
+        sim = stepper.Stepper(model, 1, sensors=SensorModel(default=Transfer(delay=0.01, noise_std=0.1)), seed=3)
+        with sim.record(tmp_path / f"{read}"):
+            sim.reset()
+            if read:
+                assert np.array_equal(sim.sensordata, sim.sensordata)
+            if change == "randomize":
+                sim.randomize(gravity=[[0, 0, -5.0]])
+            else:
+                sim.set_state(qpos=[[0.5]], keep_warmstart=True)
+            sim.step(nstep=2)
+        found.append(sim.sensordata.copy())
+        assert stepper.replay(tmp_path / f"{read}")
+    assert np.array_equal(*found)

@@ -177,7 +177,7 @@ def test_rows_of_another_branch_are_summed_in_the_same_order_whatever_neighbours
 
 @pytest.mark.parametrize("name", ["qacc", "qfrc_constraint", "sensordata_ideal"])
 def test_quantities_of_a_reset_environment_need_no_solution_of_its_neighbours(name):
-    """With MuJoCo's law, the reset environment has no active equality, and the row of its neighbour's has no solution in this evaluation."""
+    """With MuJoCo's law, the reset environment has no active equality, and this evaluation does not solve the row of its neighbour."""
     scene = """<mujoco><worldbody><body name="b" pos="0 0 1"><freejoint/><geom size=".1"/><site name="s"/></body></worldbody>
     <equality><connect body1="b" anchor="0 0 .1" active="false"/></equality><sensor><accelerometer site="s"/></sensor></mujoco>"""
     sim = stepper.Stepper(stepper.load(scene), 2, options=stepper.Options(contact="mujoco"))

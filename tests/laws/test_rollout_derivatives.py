@@ -221,3 +221,33 @@ def test_a_smoothed_gradient_does_not_depend_on_the_neighbours():
     # Of hard contact where it switches, so that other displacements show.
     np.testing.assert_array_equal(many.qvel[0], few.qvel[0])
     np.testing.assert_array_equal(many.ctrl[:, 0], few.ctrl[:, 0])
+
+
+MEMORIES = [
+    ("", stepper.Drive(delay=0.02)),
+    ("", stepper.Drive(lag=0.05)),
+    ("", stepper.Drive(servo=stepper.actuators.PID(kp=1.0, ki=50.0))),
+    ("", stepper.Drive(servo=stepper.actuators.PID(kp=1.0, period=0.02))),
+    ('delay=".02" nsample="4"', None),
+]
+
+
+@pytest.mark.parametrize(("attribute", "drive"), MEMORIES)
+def test_a_rollout_through_an_actuator_with_a_memory_is_refused(attribute, drive):
+    """The state of a step has no delay line, lag or integral, so that controls before it would seem to have no effect through them."""
+    scene = f"""<mujoco><worldbody><body><joint name="j" type="slide"/><geom size=".1" mass="1"/></body></worldbody>
+    <actuator><motor name="push" joint="j" {attribute}/></actuator></mujoco>"""
+    actuators = stepper.ActuatorModel(default=drive) if drive else None
+    sim = stepper.Stepper(stepper.load(scene), 1, actuators=actuators)
+    with pytest.raises(ValueError, match="actuators push have a delay, a lag, a sampled servo or an integral"):
+        stepper.derivatives.rollout(sim, np.zeros((3, 1, 1)))
+
+
+def test_a_rollout_through_a_drive_without_a_memory_has_gradients():
+    scene = """<mujoco><option timestep="0.01" gravity="0 0 0"/>
+    <worldbody><body><joint name="j" type="slide"/><geom size=".1" mass="1"/></body></worldbody><actuator><motor joint="j"/></actuator></mujoco>"""
+    sim = stepper.Stepper(stepper.load(scene), 1, actuators=stepper.ActuatorModel(default=stepper.Drive(limits=(-9.0, 9.0))))
+    at_the_end = np.zeros((3, 1, 1))
+    at_the_end[-1] = 1.0
+    # A force on 1 kg for 10 ms.
+    assert np.allclose(stepper.derivatives.rollout(sim, np.zeros((3, 1, 1))).vjp(qvel=at_the_end).ctrl, 0.01, atol=1e-9)

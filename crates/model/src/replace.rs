@@ -233,7 +233,8 @@ pub const REPLACEABLE: &[Field] = &[
     rows(
         "actuator_gear",
         GEAR,
-        "gear: scale of length, velocity and force in column 0; on a site, the direction of force and torque",
+        "gear: scale of length, velocity and force in column 0; on a site, the direction of force and torque. Joints keep the armature and \
+         damping that MJCF's actuators added to them with the old gear",
         "",
         actuator_fields::gear,
     ),

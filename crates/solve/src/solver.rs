@@ -49,7 +49,8 @@ impl<R: Real> Outcome<R> {
     }
 }
 
-/// Residual that the distribution of a load over redundant supports must meet, m/s. Lanes above it are solved again for impulses of least norm. With a larger value, the distribution would depend on the order of the supports.
+/// Residual that the distribution of a load over redundant supports must meet, m/s. Lanes above it are solved again for impulses of least
+/// norm. With a larger value, the distribution would depend on the order of the supports.
 ///
 /// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of docs/benchmarks/atlas.md). The order of its legs
 /// changes the result by 2e-6 m with the value 1e-8, by 1e-7 m with 1e-9.

@@ -1,5 +1,6 @@
 //! Actuator pipelines: before every step they convert the user's controls to those of the step. A pipeline has up to three parts in this
-//! order: delay, servo, and first-order lag. Motor, force limits, friction, and the length and velocity terms of a continuous servo act within the step instead (`actuation/force_limits.rs`, `actuation/losses.rs`).
+//! order: delay, servo, and first-order lag. Motor, force limits, friction, and the length and velocity terms of a continuous servo act
+//! within the step instead (`actuation/force_limits.rs`, `actuation/losses.rs`).
 //!
 //! The output of a servo is called its effort. It is a force, or the fraction of the voltage of a motor with voltage control.
 
@@ -82,8 +83,8 @@ pub struct ActuatorPipelines<S> {
 }
 
 impl<S: Scalar> ActuatorPipelines<S> {
-    /// Creates the pipelines of `specs`, the result of [`ActuatorSpec::combine`], with one entry for every actuator of the model. `h` is the
-    /// time step, s.
+    /// Creates the pipelines of `specs`, the result of [`ActuatorSpec::combine`], with one entry for every actuator of the model. `h` is
+    /// the time step, s.
     pub fn new(specs: &[Option<ActuatorSpec>], num_envs: usize, lanes: usize, h: f64) -> Self {
         let mut all = Self { pipelines: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
         for (actuator, spec) in specs.iter().enumerate() {

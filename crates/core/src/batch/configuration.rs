@@ -31,8 +31,8 @@ impl<S: LaneScalar> Batch<S> {
 
     /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. Resets all environments.
     ///
-    /// The caller gets both arguments from [`ActuatorSpec::combine`], which moves delays and force limits of actuators from the model to the
-    /// specs.
+    /// The caller gets both arguments from [`ActuatorSpec::combine`], which moves delays and force limits of actuators from the model to
+    /// the specs.
     ///
     /// # Errors
     /// [`Error::Memory`].

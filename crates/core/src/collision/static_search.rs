@@ -92,7 +92,8 @@ impl<R: Real> StaticSearch<R> {
 
     /// Finds the static pairs whose boxes overlap in the lanes `alive` (bits), and stores them in `pairs`.
     ///
-    /// For each geom, `motion` returns two values: the upper bound of its displacement, m, and whether the search must find all static geoms whose bounding ball overlaps the geom's.
+    /// For each geom, `motion` returns two values: the upper bound of its displacement, m, and whether the search must find all static
+    /// geoms whose bounding ball overlaps the geom's.
     pub(crate) fn find(
         &mut self,
         compiled: &LaneModel<R>,

@@ -2,7 +2,9 @@
 //!
 //! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide, and wrong for surfaces that pass each
 //! other: their nearest points approach, but never touch. Stage 4 therefore assembles the rows of an approaching contact and marks them as
-//! deferred, so that the solver leaves them out. The solution without these rows gives the motion of the step. After the solve, [`crate::integrators::contact_activation`] activates the rows of the pairs that collide in this motion, and their lanes are solved again.
+//! deferred, so that the solver leaves them out. The solution without these rows gives the motion of the step. After the solve,
+//! [`crate::integrators::contact_activation`] activates the rows of the pairs that collide in this motion, and their lanes are solved
+//! again.
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts whose normal cannot change. These are contacts with a half space,
 //! and contacts of a ball that stays over one flat face of the other geom during two steps. On a surface of triangles, a face is a triangle

@@ -42,8 +42,8 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 /// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. The lever arm is a sum of terms, and this
 /// number is a fraction of their size.
 ///
-/// A force along the normal acts on the joint through this lever arm. If the terms nearly cancel, so that only 1e-5 of their size is left,
-/// the force must be 1e5 times as large as with one term to apply the same torque. In 32 bits, such a lever arm is rounding error.
+/// A force along the normal acts on the joint through this lever arm. The terms may nearly cancel, so that only 1e-5 of their size is
+/// left. The same torque then needs a force 1e5 times as large as with one term. In 32 bits, such a lever arm is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
@@ -60,8 +60,8 @@ fn least_lever<R: Real>() -> f64 {
 ///
 /// * Up to the resting speed, neither reports the overlap.
 /// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap.
-/// * In between, the residual reports the overlap: the function returns 0, so that any approach counts. In the other two cases it returns the
-///   resting speed.
+/// * In between, the residual reports the overlap: the function returns 0, so that any approach counts. In the other two cases it returns
+///   the resting speed.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());

@@ -1,8 +1,8 @@
 //! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step like the springs and dampers of equalities.
 //!
-//! The contact remains a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + b >= 0. The law of the spring (`spring_law` in `equality.rs`) defines the compliance R and the bias b. The spring therefore pushes and never
-//! pulls. A gap closes as between rigid surfaces. Only an overlap at the end of the step loads the spring. The spring's force limits
-//! friction.
+//! The contact remains a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + b >= 0. The law of the spring
+//! (`spring_law` in `equality.rs`) defines the compliance R and the bias b. The spring therefore pushes and never pulls. A gap closes as
+//! between rigid surfaces. Only an overlap at the end of the step loads the spring. The spring's force limits friction.
 
 use stepper_real::{Mask, Real};
 

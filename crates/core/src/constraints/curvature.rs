@@ -41,7 +41,9 @@ impl<R: Real> Assembler<'_, R> {
     ///
     /// `free` are the velocities of the rows without constraints, and `change` is the change of these velocities by the free motion, m/s.
     /// A term t is a target velocity of its row. Let J v be the velocity of the row before the step, and G its diagonal entry of the
-    /// Delassus matrix. The impulse of the row changes the velocity from J v to t, with the work (t^2 - (J v)^2) / (2 G). Terms are therefore bounded by |t| <= |J v|, so that they add no energy. The function is compiled separately, because few contacts need it, and inlined it would slow down all.
+    /// Delassus matrix. The impulse of the row changes the velocity from J v to t, with the work (t^2 - (J v)^2) / (2 G). Terms are
+    /// therefore bounded by |t| <= |J v|, so that they add no energy. The function is compiled separately, because few contacts need it,
+    /// and inlined it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curvature(
         &self,

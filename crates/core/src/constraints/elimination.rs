@@ -56,8 +56,8 @@ impl<R: Real> RowBuilder<R> {
     /// Finds the blocks of eliminated equalities that have a degree of freedom in the set `words`. Most scenes have no such blocks, so that
     /// this code is not inlined.
     ///
-    /// Blocks that are inactive in all lanes add their degrees of freedom too. The sum of a row's entries has a rounding error that depends
-    /// on the position of each entry, so that this position must not depend on the equalities of other lanes.
+    /// Blocks that are inactive in all lanes add their degrees of freedom too. The rounding error of a row's velocity depends on the
+    /// positions of its entries. These positions must not depend on the equalities of other lanes.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;

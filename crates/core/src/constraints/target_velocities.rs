@@ -25,7 +25,8 @@ impl<R: Real> Assembler<'_, R> {
         let (wanted, fastest) = (overlap * R::of(options.baumgarte) / h, R::of(fastest));
         let mut correction = wanted.min(fastest);
         if options.stabilization == Stabilization::Split && overlap.gt(R::zero()).any() {
-            // With `min`, two large corrections would become equal. With this smooth bound, the larger of two contradicting corrections stays larger.
+            // With `min`, two large corrections would become equal. With this smooth bound, the larger of two contradicting corrections
+            // stays larger.
             let most = (wanted * wanted + fastest * fastest).sqrt();
             correction = wanted * fastest / most.max(R::of(f64::from(f32::MIN_POSITIVE)));
         }

@@ -5,7 +5,8 @@
 //!
 //! The impulses of the predicted motion are approximate, so that a body sinks a little into its supports. It then seems to collide with the
 //! edge of the next support, although both supports have the same height. A predicted collision is doubtful if the error of the prediction
-//! can cause its overlap. The contact of a doubtful collision is active only in the prediction. It is deferred again for the solve, and activated if the solved motion has the collision too.
+//! can cause its overlap. The contact of a doubtful collision is active only in the prediction. It is deferred again for the solve, and
+//! activated if the solved motion has the collision too.
 
 use stepper_real::{Mask, Real, kernel};
 use stepper_solve::residual;

@@ -181,8 +181,8 @@ impl<R: Real> VelocitySolve<'_, R> {
     ///
     /// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should
     /// therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead.
-    /// If the velocity jumps, this is an error of first order in momentum and energy. The function checks the lanes `checked`; `first` are the lanes of
-    /// their first call in a step.
+    /// If the velocity jumps, this is an error of first order in momentum and energy. The function checks the lanes `checked`; `first`
+    /// are the lanes of their first call in a step.
     #[inline(always)]
     pub(crate) fn correct_impact_forces(&mut self, checked: R::Mask, first: R::Mask) -> R::Mask {
         let lanes = if checked.any() { self.lanes_with_impacts(first).and(checked) } else { checked };
@@ -250,8 +250,8 @@ impl<R: Real> VelocitySolve<'_, R> {
 
     /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
     ///
-    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity gets inertial forces at the velocity
-    /// before the step. In other lanes, `before_impact` cancels `free_change` in it, so that it does not change.
+    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity gets inertial forces at the
+    /// velocity before the step. In other lanes, `before_impact` cancels `free_change` in it, so that it does not change.
     fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;

@@ -18,7 +18,9 @@ use crate::tuning::MAX_IMPACT_ROTATION;
 impl<R: Real> VelocitySolve<'_, R> {
     /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
     ///
-    /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall. Lanes whose bodies move predict new impulses, from zero or from the impulses of the last step (`ImpulsePredictor` in stage 5). In lanes at rest, the impulses of the last step are the prediction.
+    /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall.
+    /// Lanes whose bodies move predict new impulses, from zero or from the impulses of the last step (`ImpulsePredictor` in stage 5). In
+    /// lanes at rest, the impulses of the last step are the prediction.
     #[inline(always)]
     pub(crate) fn predict(&mut self, probe: impl Probe) {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;

@@ -4,8 +4,9 @@
 //! large part of a radian per step, the corrector may diverge. The forces of a wrong velocity then produce a larger one, until the numbers
 //! overflow.
 //!
-//! Such a step omits the inertial forces and sets status UNRESOLVED. In addition, the velocity is scaled down so that two bounds hold. The kinetic energy is at most the kinetic energy before the step plus the work of the forces that the step keeps. Positive work of contacts does not count. No
-//! joint except a slide leaves the step with more than one radian per step.
+//! Such a step omits the inertial forces and sets status UNRESOLVED. In addition, the velocity is scaled down so that two bounds hold.
+//! The kinetic energy is at most the kinetic energy before the step plus the work of the forces that the step keeps. Positive work of
+//! contacts does not count. No joint except a slide leaves the step with more than one radian per step.
 //!
 //! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The whip of a chain may gain
 //! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance

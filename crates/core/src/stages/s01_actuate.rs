@@ -79,7 +79,8 @@ pub fn actuate<R: Real>(
                 }
             }
             if let Some(implicit) = implicit.filter(|implicit| implicit.predicted && compiled.servos_are_bounded) {
-                // `motion.velocity` is v + (weights.damping / h) (v+ - v), where weights.damping is h / 2 or h. `dv` is thus the predicted change v+ - v.
+                // `motion.velocity` is v + (weights.damping / h) (v+ - v), where weights.damping is h / 2 or h. `dv` is thus the
+                // predicted change v+ - v.
                 let dv = (motion.velocity - motion.before) * (implicit.h / implicit.weights.damping);
                 actuator_forces.clamp_at_predicted_velocity(compiled, at.actuator_dynamics, implicit, (k, dv));
             }

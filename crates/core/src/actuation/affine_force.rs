@@ -63,7 +63,7 @@ impl<R: Real> AffineForce<R> {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
         let share = weights.extra_share(effective_inertia.rate(damping));
         let spring_damping = weights.spring_damping(share, stiffness);
-        // Terms that depend on the velocity.
+        // Explicit terms that depend on the velocity: the force at `motion.velocity`, minus the part that the added inertia supplies.
         let viscous = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - spring_damping * motion.before;
         let added_inertia = damping * weights.damping * (R::one() + share) + stiffness * weights.stiffness + spring_damping * weights.step;
         (self.level + self.slope * motion.length + viscous, added_inertia)

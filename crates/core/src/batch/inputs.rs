@@ -86,12 +86,24 @@ impl AppliedInput {
         }
     }
 
+    /// Number of values per environment.
+    pub fn width(self, model: &Model) -> usize {
+        let nmocap = || model.bodies.iter().filter(|b| b.mocap).count();
+        match self {
+            Self::QfrcApplied => model.nv(),
+            Self::XfrcApplied => 6 * model.bodies.len(),
+            Self::MocapPos => 3 * nmocap(),
+            Self::MocapQuat => 4 * nmocap(),
+            Self::EqActive => model.equalities.len(),
+        }
+    }
+
     /// Value of the input for one environment after a reset: no forces, mocap bodies at the poses of the model, and the model's active
     /// equalities.
     pub fn at_reset(self, model: &Model) -> Vec<f64> {
         let mocap = || model.bodies.iter().filter(|b| b.mocap);
         match self {
-            Self::QfrcApplied | Self::XfrcApplied => vec![0.0; self.shape(model).iter().product()],
+            Self::QfrcApplied | Self::XfrcApplied => vec![0.0; self.width(model)],
             Self::MocapPos => mocap().flat_map(|b| b.pos).collect(),
             Self::MocapQuat => mocap().flat_map(|b| b.quat).collect(),
             Self::EqActive => model.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),

@@ -92,18 +92,11 @@ impl<R: Real> StaticSearch<R> {
 
     /// Finds the static pairs whose boxes overlap in the lanes `alive` (bits), and stores them in `pairs`.
     ///
-    /// For each geom, `motion` returns two values: the upper bound of its displacement, m, and whether the search must find all static
-    /// geoms whose bounding ball overlaps the geom's.
-    pub(crate) fn find(
-        &mut self,
-        compiled: &LaneModel<R>,
-        alive: u32,
-        poses: (&[V3<R>], &[M3<R>]),
-        displacement: impl Fn(usize) -> (R, bool),
-    ) {
+    /// For each geom, `motion` returns two values: the upper bound of its displacement, m, and whether the search must find all static geoms whose bounding ball overlaps the geom's.
+    pub(crate) fn find(&mut self, compiled: &LaneModel<R>, alive: u32, poses: (&[V3<R>], &[M3<R>]), motion: impl Fn(usize) -> (R, bool)) {
         self.found_pairs.clear();
         kernel!(R, || {
-            self.update_boxes(compiled, poses, displacement);
+            self.update_boxes(compiled, poses, motion);
             for lane in each_of(alive) {
                 for group in 0..self.groups.len() {
                     self.visit_tree(&compiled.static_pairs, group, lane);
@@ -116,17 +109,17 @@ impl<R: Real> StaticSearch<R> {
 
     /// Updates the boxes of the moving geoms and of each group of moving geoms.
     ///
-    /// For each geom, `displacement` returns the upper bound of its displacement, m. It also returns whether to enlarge the box, so that it
-    /// overlaps every static geom whose bounding ball overlaps that of the geom.
+    /// For each geom, `motion` returns the upper bound of its displacement, m, and whether to enlarge its box. An enlarged box overlaps every
+    /// static geom whose bounding ball overlaps the geom's bounding ball.
     #[inline(always)]
-    fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), displacement: impl Fn(usize) -> (R, bool)) {
+    fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), motion: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;
         let row = Self::row(&compiled.static_pairs);
         let mut lanes = [R::Scalar::ZERO; MAX_LANES];
         for (range, whole) in groups.iter().zip(&mut self.groups) {
             for m in range.clone() {
                 let g = moving[m].geom;
-                let (mut reach, balls) = displacement(g);
+                let (mut reach, balls) = motion(g);
                 if balls {
                     reach += compiled.params.bounding_radius(g) + R::splat(self.largest);
                 }

@@ -153,19 +153,19 @@ impl<R: Real> Path<'_, R> {
             let [z, x, y] = contact_frame(column(&mat, 2));
             mat = [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
         }
-        let arm_from = |origin: V3<R>| sub(poses.pos[geom], origin);
-        let [angular, root_velocity, linear] = match own.frame.checked_sub(compiled.links.len() + 1) {
+        let pos_of_geom = poses.pos[geom];
+        let [angular, root_velocity, linear] = kernel!(R, || match own.frame.checked_sub(compiled.links.len() + 1) {
             _ if own.frame == 0 => [zero(); 3],
             Some(mocap) => {
                 let motion = &kinematics.mocap_velocities[mocap];
-                [angular(motion), linear(motion), cross(angular(motion), arm_from(kinematics.pos[own.frame]))]
+                [angular(motion), linear(motion), cross(angular(motion), sub(pos_of_geom, kinematics.pos[own.frame]))]
             }
             None => {
                 let (motion, tree) = (&poses.passing_velocity[own.frame - 1], compiled.links[own.frame - 1].tree);
                 let root_velocity = self.velocity_of_root(tree);
-                [angular(motion), root_velocity, sub(velocity_at(motion, arm_from(kinematics.origin[tree])), root_velocity)]
+                [angular(motion), root_velocity, sub(velocity_at(motion, sub(pos_of_geom, kinematics.origin[tree])), root_velocity)]
             }
-        };
+        });
         let [angular, root_velocity, linear] = [angular, root_velocity, linear].map(|x: V3<R>| of_lane(&x, lane));
         let pose = if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } };
         SolidMotion { pose, angular, root_velocity, linear }

@@ -55,7 +55,7 @@ fn least_lever<R: Real>() -> f64 {
 /// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Rounding in the model file
 /// gives such a contact a small approach speed.
 ///
-/// Either stage 8 or the residual must report an overlap that nothing can correct. It is measured by the speed at which it should be
+/// An overlap that nothing can correct is reported by stage 8 or by the residual, unless it is negligible. It is measured by the speed at which it should be
 /// corrected, the difference of the two offsets:
 ///
 /// * Up to the resting speed, neither reports the overlap.

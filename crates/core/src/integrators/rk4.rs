@@ -111,6 +111,7 @@ impl<R: Real> Rk4<R> {
     }
 
     /// Replaces the midpoint step by a Runge-Kutta step in the lanes `lanes`, which have no active constraint.
+    #[inline(always)]
     pub(crate) fn replace_step(
         &mut self,
         context: StepContext<'_, R>,

@@ -112,22 +112,22 @@ impl<R: Real> SoftSolver<R> {
         self.forces_without_slip = false;
         self.hessian.find_pattern(problem, metric);
         kernel!(R, || self.begin(problem, metric, free, a));
-        let (mut outcome, mut running) = (SoftOutcome { residual: R::zero(), steps: R::zero() }, lanes);
-        for step in 0..=effort.steps {
-            let residual = kernel!(R, || self.find_gradient(problem, metric));
-            outcome.residual = R::select(running, residual, outcome.residual);
-            running = running.and_not(residual.le(effort.tolerance));
-            if running.none() || step == effort.steps {
-                break;
-            }
-            kernel!(R, || self.hessian.assemble(problem, metric, &self.argument));
-            kernel!(R, || self.hessian.factor());
-            kernel!(R, || {
-                self.descend(problem, metric, running, a);
+        kernel!(R, || {
+            let (mut outcome, mut running) = (SoftOutcome { residual: R::zero(), steps: R::zero() }, lanes);
+            for step in 0..=effort.steps {
+                let residual = kernel!(R, || self.find_gradient(problem, metric));
+                outcome.residual = R::select(running, residual, outcome.residual);
+                running = running.and_not(residual.le(effort.tolerance));
+                if running.none() || step == effort.steps {
+                    break;
+                }
                 outcome.steps += R::select(running, R::one(), R::zero());
-            });
-        }
-        outcome
+                kernel!(R, || self.hessian.assemble(problem, metric, &self.argument));
+                kernel!(R, || self.hessian.factor());
+                kernel!(R, || self.descend(problem, metric, running, a));
+            }
+            outcome
+        })
     }
 
     /// Recomputes the friction forces without regularisation, after [`SoftSolver::solve`] has found the solution `a` of the same problem in
@@ -266,6 +266,7 @@ impl<R: Real> SoftSolver<R> {
     }
 
     /// Force of scalar row `i` at the solution, N or N m.
+    #[inline(always)]
     pub fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
         self.noslip_forces().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.rows.force[i][0])
     }

@@ -298,7 +298,7 @@ impl<R: Real> NoSlip<R> {
         self.running.iter_mut().for_each(|running| *running &= lanes.bits());
         self.improvement[..self.count].fill(R::zero());
         let mut sweeps = R::zero();
-        self.add_regularisation(problem, constraints);
+        kernel!(R, || self.add_regularisation(problem, constraints));
         for _ in 0..effort.sweeps {
             let any = self.running[..self.count].iter().fold(0, |all, &bits| all | bits);
             if any == 0 {
@@ -347,6 +347,7 @@ impl<R: Real> NoSlip<R> {
 
     /// Adds the regularisation energy of all rows to the improvement of the objective by the first sweep, as MuJoCo does. This energy is
     /// not part of the noslip solver's objective.
+    #[inline(always)]
     fn add_regularisation(&mut self, problem: &SoftProblem<R>, constraints: usize) {
         let half = R::of(0.5);
         for (i, row) in problem.rows[..constraints].iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, kernel};
 
 use crate::constraints::constraint_set::{add_transposed, multiply};
 use crate::soft::cone::Cone;
@@ -109,6 +109,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     }
 
     /// Lanes in which any contact has an entry at one of the coordinates.
+    #[inline(always)]
     fn touches(&self, coordinates: &Range<u32>) -> R::Mask {
         let mut touched = R::Mask::splat(false);
         for (d, entries) in self.columns.iter().zip(&self.jacobian) {
@@ -271,16 +272,18 @@ impl<R: Real> SoftProblem<R> {
 
     /// Lanes in which any row or contact has an entry at one of the coordinates.
     pub fn touches(&self, coordinates: Range<u32>) -> R::Mask {
-        let mut touched = R::Mask::splat(false);
-        for row in &self.rows {
-            let (columns, jacobian) = self.entries(row);
-            for (d, &j) in columns.iter().zip(jacobian) {
-                if coordinates.contains(d) {
-                    touched = touched.or(row.weight.gt(R::zero()).and_not(j.eq(R::zero())));
+        kernel!(R, || {
+            let mut touched = R::Mask::splat(false);
+            for row in &self.rows {
+                let (columns, jacobian) = self.entries(row);
+                for (d, &j) in columns.iter().zip(jacobian) {
+                    if coordinates.contains(d) {
+                        touched = touched.or(row.weight.gt(R::zero()).and_not(j.eq(R::zero())));
+                    }
                 }
             }
-        }
-        touched.or(self.contacts.touches(&coordinates)).or(self.rolling_contacts.touches(&coordinates))
+            touched.or(self.contacts.touches(&coordinates)).or(self.rolling_contacts.touches(&coordinates))
+        })
     }
 
     /// Multiplies the Jacobian J of the scalar rows by the vector `x`, and writes J x to `out`. If `relative`, the reference accelerations

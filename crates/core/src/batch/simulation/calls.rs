@@ -58,8 +58,7 @@ impl Simulation {
     /// it.
     pub fn apply(&mut self, input: AppliedInput, values: &[f64]) -> Result<(), Error> {
         if !values.is_empty() {
-            let row: usize = input.shape(&self.model).iter().product();
-            check_length(input.name(), values.len(), self.num_envs * row)?;
+            check_length(input.name(), values.len(), self.num_envs * input.width(&self.model))?;
         }
         if self.applied.get(input) != values {
             if input == AppliedInput::EqActive {

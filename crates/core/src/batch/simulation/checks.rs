@@ -120,7 +120,7 @@ impl Simulation {
         };
         check("ctrl", inputs.ctrl, controls, self.model.nu(), true)?;
         for (input, given) in AppliedInput::ALL.into_iter().zip(inputs.applied()).filter(|(_, given)| !given.is_empty()) {
-            check(input.name(), given, 1, input.shape(&self.model).iter().product(), false)?;
+            check(input.name(), given, 1, input.width(&self.model), false)?;
         }
         self.check_eq_active(inputs.eq_active)?;
         if inputs.mocap_pos.is_empty() != inputs.mocap_quat.is_empty() {

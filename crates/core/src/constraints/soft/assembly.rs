@@ -12,6 +12,7 @@ use crate::math::spatial::*;
 impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of all constraints with MuJoCo's contact law. The velocities of the rows follow from `input.row.v_free`,
     /// which is here the velocity before the step.
+    #[inline(always)]
     pub(crate) fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
         let Some(mut system) = self.problem.soft.take() else { return };
         align_tangents(input.row.compiled, input.row.kinematics, contacts);

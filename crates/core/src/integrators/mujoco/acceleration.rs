@@ -39,6 +39,7 @@ impl<R: Real> Acceleration<'_, R> {
     /// Computes the constrained acceleration at the state `stage` (stages 1 to 5 of the step), and stores it in `problem.soft`.
     ///
     /// With `from_impulse` the solver starts from the constraint impulse of the last step, otherwise from the previous acceleration.
+    #[inline(always)]
     pub(super) fn compute(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, from_impulse: bool, probe: impl Probe) -> Outcome<R> {
         self.prepare(input, stage, Recomputed::Configuration, probe);
         probe.span(Span::Solve, || self.solve(input, from_impulse))
@@ -51,6 +52,7 @@ impl<R: Real> Acceleration<'_, R> {
 
     /// Computes stages 1 to 4, from forces to constraint rows, at the state `stage`. `recomputed` is the part of the state that changed
     /// since the last call.
+    #[inline(always)]
     pub(super) fn prepare(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         let StepInput { compiled, state, inputs, .. } = input;
         let moved = recomputed == Recomputed::Configuration;
@@ -77,6 +79,7 @@ impl<R: Real> Acceleration<'_, R> {
     /// changed.
     ///
     /// In a discrete step, springs, dampers, servos and drag are evaluated at the end of the step. Otherwise all forces are explicit.
+    #[inline(always)]
     fn free_acceleration(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         probe.count(Counter::Evaluations, || 1.0);
         let (compiled, discrete) = (input.compiled, input.options.integrator == Integrator::Discrete);
@@ -106,6 +109,7 @@ impl<R: Real> Acceleration<'_, R> {
     }
 
     /// Computes stage 1: all forces at the state `stage`, without implicit terms.
+    #[inline(always)]
     fn compute_forces(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, inputs, .. } = input;
         let (free, kinematics) = (&mut *self.free, &self.evaluation.kinematics);
@@ -121,6 +125,7 @@ impl<R: Real> Acceleration<'_, R> {
 
     /// Computes stage 3: contacts at the configuration of `stage`. If the step is being differentiated, contacts that will close soon are
     /// found too.
+    #[inline(always)]
     fn find_contacts(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, probe: impl Probe) {
         let Evaluation { kinematics, collision, contacts, solved_overlaps, .. } = &mut *self.evaluation;
         let ahead = R::of(if solved_overlaps.is_some() { LOOK_AHEAD } else { 0.0 });
@@ -130,6 +135,7 @@ impl<R: Real> Acceleration<'_, R> {
     }
 
     /// Computes stage 4: assembles the rows of MuJoCo's contact law.
+    #[inline(always)]
     fn assemble(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, options, alive, .. } = input;
         let Self { evaluation, free, problem, velocity, builder, effective } = self;
@@ -158,6 +164,7 @@ impl<R: Real> Acceleration<'_, R> {
 
     /// Computes stage 5: solves for the acceleration. The residual is the velocity that the remaining force imbalance would cause in a
     /// step, m/s.
+    #[inline(always)]
     fn solve(&mut self, input: StepInput<'_, R>, from_impulse: bool) -> Outcome<R> {
         let StepInput { compiled, options, state, .. } = input;
         let Self { evaluation, free, problem, velocity, .. } = self;

@@ -39,6 +39,7 @@ use crate::stages::s07_integrate_position::integrate_position;
 
 /// Makes stages 1 to 7 of a step with MuJoCo's contact law: from forces to positions. Writes the next state to the velocity and position
 /// solutions.
+#[inline(always)]
 pub(crate) fn solve_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -69,6 +70,7 @@ pub(crate) fn solve_step<R: Real>(
 }
 
 /// Makes stages 6 and 7 of a step: advances velocity and positions with the constrained acceleration.
+#[inline(always)]
 fn advance<R: Real>(
     input: StepInput<'_, R>,
     acceleration: &mut Acceleration<'_, R>,

@@ -23,6 +23,7 @@ const STAGES: [[f64; 2]; 4] = [[0.0, 1.0 / 6.0], [0.5, 1.0 / 3.0], [0.5, 1.0 / 3
 
 /// Makes stages 1 to 7 of a step by the classical Runge-Kutta method of order 4. Writes the next state to `acceleration.velocity` and
 /// `position`.
+#[inline(always)]
 pub(super) fn runge_kutta<R: Real>(
     input: StepInput<'_, R>,
     (stage, stages): (&mut StageState<R>, &mut RungeKuttaStages<R>),

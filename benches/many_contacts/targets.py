@@ -1,6 +1,6 @@
 """Speedups over MuJoCo: targets, measured values, and the values that stepper would reach at the floor of a step.
 
-The floor is the least time of the arithmetic of a step.
+The floor of a step is the time that its arithmetic operations would take at the highest rate of this core, without memory accesses.
 """
 
 from __future__ import annotations

@@ -66,8 +66,8 @@ pub fn step<R: Real>(
         probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
         // 10 record
         let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
-        // A contact that is still deferred (left out by the solver) is not stored for the next step: its surfaces have passed each other
-        // without touching.
+        // Contacts that are still deferred (left out by the solver) are not stored for the next step. Their surfaces have passed each
+        // other without touching: `solve_velocities` has activated those whose gap is still open.
         problem.remove_deferred(&mut state.contacts);
         record
     })

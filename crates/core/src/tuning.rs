@@ -80,7 +80,8 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// The tunnelling distance is the displacement above which two geoms may pass through each other.
 ///
 /// A body that closes such a gap covers more than the tunnelling distance in half a step. The next step is then also evaluated at its
-/// beginning. If another contact slows the body down, it does not reach the surface before the middle of the next step.
+/// beginning. There it still finds the contact: even a body that another contact slows down is not through the surface by the middle of
+/// that step.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
 /// Number of solves at the beginning of a step that activate only the earliest collision of each body. Later solves activate all pairs that
@@ -180,7 +181,8 @@ pub(crate) const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
 /// s without impacts.
 pub(crate) const MAX_GROWTH_RATE: f64 = 10.0;
 
-/// Upper bound of the relative growth of the kinetic energy by the error of one step; see [`MAX_GROWTH_RATE`].
+/// Relative growth of the kinetic energy by the error of a step above which it counts as unresolved, at any time step. At small
+/// time steps, [`MAX_GROWTH_RATE`] is the smaller limit.
 pub(crate) const MAX_GROWTH: f64 = 0.1;
 
 /// Change of the velocity by constraint impulses, as a fraction of the largest velocity, above which the step counts as an impact. The

@@ -1,6 +1,6 @@
 //! Pairs of geoms that can collide, by the rules of MuJoCo 4.
 //!
-//! Two geoms collide if they are an explicit [`Pair`](crate::Pair), or if none of these filters drops them (MuJoCo
+//! Two geoms collide if none of these filters drops them. An explicit [`Pair`](crate::Pair) passes all but the first two (MuJoCo
 //! `engine_collision_driver.c`, `filterBodyPair` and `filterBitmask`; documentation, "Collision detection"):
 //!
 //! 1. both are fixed to the same rigid group, a body with everything welded to it (MuJoCo's `body_weldid`). A mocap body is a separate

@@ -156,7 +156,8 @@ pub struct ActuatorForces<R: Real> {
     stiff: Vec<R::Mask>,
     /// Lanes in which the step assumes that a bounded sum is at a bound. There is one mask per bounded sum.
     assumed_sum_saturated: Vec<R::Mask>,
-    /// Explicit part and added inertia of every servo before clamping to its `force_range`. Empty in models without bounded servos.
+    /// Explicit part and added inertia of every servo before clamping to its `force_range`, but after the limits of actuator models.
+    /// Empty in models without bounded servos.
     pub(crate) unclamped: Vec<[R; 2]>,
     /// Force of every actuator in the last trial, clamped to its `force_range`, N or N m.
     trial_force: Vec<R>,

@@ -148,7 +148,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`.
     ///
     /// A lag after a continuous servo passes on only a fraction of the servo's change within a step. The gains of the servo are therefore
-    /// multiplied by this fraction. Here it is the fraction at the end of a step; [`Self::advance`] uses the mean over the step.
+    /// multiplied by this fraction. Here it is that at the end of a step, in [`Self::advance`] the mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         kernel!(R, || {
             for pipeline in &self.pipelines {
@@ -240,7 +240,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 let table = &self.tables[group][pipeline.table * R::LANES..];
                 let effort: R = get(&memory.numbers, pipeline.lag_at());
                 ctrl[pipeline.actuator] = effort;
-                // With a continuous servo, the stored output of the lag is that at the beginning of the step.
+                // With a continuous servo, the stored output of the lag is that at the beginning of the step, and decays towards the
+                // stored input.
                 if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
                     let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
                     ctrl[pipeline.actuator] = goal + (effort - goal) * decay;

@@ -175,7 +175,8 @@ impl<R: Real> CollisionWorkspace<R> {
                 });
             }
             statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (displacements(poses)[g] + *slack, may_tunnel[g]));
-            // For geoms that may tunnel, the search has also found pairs whose bounding balls do not overlap. Listed pairs of this kind are removed here, dynamic pairs in `find_contacts` of stage 3.
+            // For geoms that may tunnel, the search has also found pairs whose bounding balls do not overlap. Listed pairs of this kind
+            // are removed here, dynamic pairs in `find_contacts` of stage 3.
             if checks_passing {
                 statics.pairs.retain_mut(|(index, lanes)| {
                     let pair = compiled.pairs.get(*index as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));

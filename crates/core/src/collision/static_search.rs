@@ -92,7 +92,8 @@ impl<R: Real> StaticSearch<R> {
 
     /// Finds the static pairs whose boxes overlap in the lanes `alive` (bits), and stores them in `pairs`.
     ///
-    /// For each geom, `motion` returns two values: the upper bound of its displacement, m, and whether the search must find all static geoms whose bounding ball overlaps the geom's.
+    /// For each geom, `motion` returns two values: the upper bound of its displacement, m, and whether the search must find all static
+    /// geoms whose bounding ball overlaps the geom's.
     pub(crate) fn find(&mut self, compiled: &LaneModel<R>, alive: u32, poses: (&[V3<R>], &[M3<R>]), motion: impl Fn(usize) -> (R, bool)) {
         self.found_pairs.clear();
         kernel!(R, || {
@@ -109,8 +110,8 @@ impl<R: Real> StaticSearch<R> {
 
     /// Updates the boxes of the moving geoms and of each group of moving geoms.
     ///
-    /// For each geom, `motion` returns the upper bound of its displacement, m, and whether to enlarge its box. An enlarged box overlaps every
-    /// static geom whose bounding ball overlaps the geom's bounding ball.
+    /// For each geom, `motion` returns the upper bound of its displacement, m, and whether to enlarge its box. An enlarged box overlaps
+    /// every static geom whose bounding ball overlaps the geom's bounding ball.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), motion: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, groups, .. } = &compiled.static_pairs;

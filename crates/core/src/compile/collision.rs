@@ -167,8 +167,8 @@ impl<S: Scalar> DynamicPairs<S> {
 /// (the kissing number), with eight points each. A contact belongs to two geoms, so the number is half of the product.
 const NEIGHBOUR_POINTS: usize = 48;
 /// Largest number of pairs of geoms of ordinary size that are all listed. With more, pairs of a moving and a static geom become dynamic
-/// pairs. In every step, the broad phase finds those of them that can touch. So do pairs of two moving geoms if they alone are more than
-/// this number.
+/// pairs. In every step, the broad phase finds those of them that can touch. Pairs of two moving geoms become dynamic pairs too if they
+/// alone are more than this number.
 const LISTED_PAIRS: usize = 3000;
 /// Ratio of a geom's size to the median size of geoms above which the geom counts as large. Pairs of large geoms are in the compiled
 /// model's list of pairs, and not among the dynamic pairs. In the broad phase, a cell as large as this geom would contain all geoms.

@@ -147,9 +147,9 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`, evenly over the step.
     ///
-    /// `before_impacts` is needed if a contact bounces within the step. The row of an impact also contains the velocity before the
-    /// impact, and this velocity changes by `change` plus `before_impacts`. The offset of an impact contains the part of a change that
-    /// acts before the impact. Overwrites `change` and `before_impacts`.
+    /// The row of an impact also contains the velocity before the impact, which changes by the part of `change` that acts before the
+    /// impact. If inertial forces before the impact differ from those after it, `before_impacts` is added to `change` for this velocity.
+    /// The function overwrites both arrays.
     pub fn shift(
         &mut self,
         compiled: &LaneModel<R>,

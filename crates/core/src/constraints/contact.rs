@@ -55,13 +55,13 @@ fn least_lever<R: Real>() -> f64 {
 /// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Rounding in the model file
 /// gives such a contact a small approach speed.
 ///
-/// An overlap that nothing can correct is reported by stage 8 or by the residual, unless it is negligible. It is measured by the speed at which it should be
-/// corrected, the difference of the two offsets:
+/// An overlap that nothing can correct is reported by stage 8 or by the residual, unless it is negligible. It is measured by the speed at
+/// which it should be corrected, the difference of the two offsets:
 ///
 /// * Up to the resting speed, neither reports the overlap.
 /// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap.
-/// * In between, the residual reports the overlap: the function returns 0, so that any approach counts. In the other two cases it returns
-///   the resting speed.
+/// * In between, the approach speed of the contact counts as residual however small it is: the function returns 0. In the other two cases
+///   it returns the resting speed.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -123,8 +123,8 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
         }
-        // The position solve replaces g of the normal row, and adds to g of the tangents. A later change of a tangent's g thus applies in
-        // both solves.
+        // The position solve has another g of the normal row. For tangents, the difference of g in the two solves is stored, so that a
+        // later change of a tangent's g applies in both.
         self.problem.rows.contacts.set_position_offset([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.contacts.last_is_immovable();
@@ -216,7 +216,6 @@ impl<R: Real> Assembler<'_, R> {
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
         // Restitution: with Euler's rule `bounce_euler` and `bounce_euler_eliminated` apply it, with the midpoint rule `bounce_midpoint`.
-        // With the other rule these functions change nothing.
         let (bias, mut exists) = self.bounce_euler(input, slot, exists, [free[0], before[0]], bias);
         let mut offsets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut offsets);

@@ -12,7 +12,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Biases of the row of a contact or limit at the distance `phi` (m or rad): first in the velocity solve, then in the position solve,
     /// m/s or rad/s. A bias is minus the target velocity.
     ///
-    /// `fastest` bounds the speed of the correction. `solved` is the distance in the solution if the step is being differentiated.
+    /// `fastest` bounds the speed of the correction. `solved` is the distance in the solution if the step is being differentiated. The
+    /// row exists in the lanes `active`.
     #[inline(always)]
     pub(crate) fn biases(&mut self, input: &RowInput<'_, R>, fastest: f64, phi: R, solved: Option<R>, active: R::Mask) -> [R; 2] {
         let RowInput { options, h, .. } = *input;
@@ -48,7 +49,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Velocities of a row in the velocity solve and in the position solve, given those without and with the correction of its position.
+/// Biases of a row in the velocity solve and in the position solve, given those without and with the correction of its position.
 #[inline(always)]
 pub(crate) fn stabilized<R: Real>(input: &RowInput<'_, R>, uncorrected: R, corrected: R) -> [R; 2] {
     match input.options.stabilization {

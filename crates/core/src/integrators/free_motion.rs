@@ -57,7 +57,8 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) free_change: Vec<R>,
     /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
-    /// Velocity after a whole step with the forces before its impacts. `update_free_velocity` in `impact.rs` overwrites it with the argument `before_impacts` of `ConstraintProblem::shift`.
+    /// Velocity after a whole step with the forces before its impacts. `update_free_velocity` in `impact.rs` replaces it by a correction
+    /// of the velocity before impacts, the argument `before_impacts` of `ConstraintProblem::shift`.
     pub(crate) before_impact: Vec<R>,
 }
 

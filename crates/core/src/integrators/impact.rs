@@ -181,8 +181,8 @@ impl<R: Real> VelocitySolve<'_, R> {
     ///
     /// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should
     /// therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead.
-    /// If the velocity jumps, this is an error of first order in momentum and energy. The function checks the lanes `checked`; `first`
-    /// are the lanes of their first call in a step.
+    /// If the velocity jumps, this is an error of first order in momentum and energy. The function checks the lanes `checked`. For those
+    /// in `first`, it is the first check in this step.
     #[inline(always)]
     pub(crate) fn correct_impact_forces(&mut self, checked: R::Mask, first: R::Mask) -> R::Mask {
         let lanes = if checked.any() { self.lanes_with_impacts(first).and(checked) } else { checked };
@@ -196,7 +196,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// Lanes with an impact whose inertial forces must be recomputed, because they were computed with another velocity than the solved one.
     ///
     /// In the lanes `first`, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
-    /// mean of the forces at these two velocities. There, lanes in which constraints made the velocity jump count too.
+    /// mean of the forces at these two velocities. There, a lane also counts if only this difference matters.
     fn lanes_with_impacts(&self, first: R::Mask) -> R::Mask {
         let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let Self { free, problem, velocity, .. } = self;
@@ -251,7 +251,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
     ///
     /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity gets inertial forces at the
-    /// velocity before the step. In other lanes, `before_impact` cancels `free_change` in it, so that it does not change.
+    /// velocity before the step. In other lanes it does not change: `before_impact` is set to the negative of `free_change`.
     fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;

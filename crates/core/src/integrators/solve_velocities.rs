@@ -22,7 +22,8 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem.
     ///
     /// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred
-    /// contact that collides becomes active. (2) The velocity after the step is the predicted one, with which inertial forces were evaluated. If an impact changed it, they are recomputed, at most three times. (3) Newton's law of impact has a solution in which
+    /// contact that collides becomes active. (2) The velocity after the step is the predicted one, with which inertial forces were
+    /// evaluated. If an impact changed it, they are recomputed, at most three times. (3) Newton's law of impact has a solution in which
     /// friction adds no energy. If not, the impact becomes inelastic. (4) The active bounds of stiff servos (with Euler's rule, of all
     /// servos with actuator dynamics) are those of the solution. If not, the mass matrix changes, so that the problem is assembled and
     /// solved again, at most four times.

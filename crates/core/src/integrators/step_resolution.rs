@@ -151,8 +151,8 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Lanes in which the error of the midpoint rule adds so much kinetic energy that the step counts as unresolved. Positions are not
-    /// corrected yet. The lanes `excluded` are not tested, because the Runge-Kutta scheme replaces their step.
+    /// Lanes in which the error of the midpoint rule adds so much kinetic energy that the step counts as unresolved. The test comes
+    /// before the correction of positions. The lanes `excluded` are not tested, because the Runge-Kutta scheme replaces their step.
     ///
     /// The work of forces and impulses f is f . (v + v+) / 2, and f = M (v+ - v) + h c. M is the mass matrix and c the inertial force, both
     /// in the middle of the step and at the velocity `force_velocity`. The energy gained by the error of the step is therefore

@@ -12,8 +12,9 @@ use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s04_assemble::assemble;
 
-/// Solve for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder, one for each
-/// part of the solve.
+/// Solve for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder:
+/// `solve_velocities.rs`, `predict.rs`, `contact_activation.rs`, `impact.rs` (forces and restitution of impacts) and `acceptance.rs`
+/// (ambiguous energy).
 pub(crate) struct VelocitySolve<'a, R: Real> {
     /// Input of the step and its evaluation point.
     pub(crate) context: StepContext<'a, R>,

@@ -23,7 +23,8 @@ pub struct Smooth<R: Real> {
     pub newton_euler: NewtonEuler<R>,
     /// Diagonal of the mass matrix without implicit terms, nv; empty in models without servos.
     pub inertia: Vec<R>,
-    /// Damping that is added to stiff joint springs, nv; empty in models without joint springs. See [`crate::actuation::forces`].
+    /// Damping that joint springs with a damper get, the term 3/2 s h k of [`crate::actuation::forces`], nv. Empty in models without
+    /// joint springs.
     spring_damping: Vec<R>,
     composite: Vec<Inertia<R>>,
     fluid: Fluid<R>,
@@ -76,8 +77,8 @@ impl<R: Real> Smooth<R> {
         self.complete_mass(compiled, kinematics, implicit);
     }
 
-    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]. The array has tau and
-    /// applied.
+    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]. The third argument has
+    /// the two generalized forces tau and applied.
     ///
     /// A step with this acceleration is implicit in the damping D and in the springs that A contains (see [`crate::actuation::forces`]).
     pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [tau, applied]: [&[R]; 2], v: &[R], v_bias: &[R]) {

@@ -91,9 +91,9 @@ impl Stepper {
     /// randomized cost neither time nor memory.
     ///
     /// Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
-    /// geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction in this call or an earlier one, with new
-    /// values or the values of the model. An earlier call counts for all environments, also for environments that it did not select. The
-    /// same holds for geom_restitution and pair_restitution.
+    /// geom_friction for a geom of an explicit pair is an error without pair_friction. Give pair_friction in this call or an earlier one,
+    /// with new values or the values of the model. One earlier call suffices for all environments, also for environments that it did not
+    /// select. The same holds for geom_restitution and pair_restitution.
     ///
     ///     sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
     ///     sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)

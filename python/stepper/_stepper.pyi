@@ -583,7 +583,7 @@ class Model:
         """Relative improvement at which the noslip iterations stop."""
     @property
     def actuator_gear(self) -> _Array:
-        """Gear: scale of length, velocity and force in column 0; on a site, the direction of force and torque. Joints keep the armature and damping that MJCF's actuators added to them with the old gear: (nu, 6)."""
+        """Gear: scale of length, velocity and force in column 0; on a site, the direction of force and torque: (nu, 6)."""
     @property
     def actuator_gainprm(self) -> _Array:
         """Parameters of the gain: constant, per length, per velocity; others are 0: (nu, 10)."""

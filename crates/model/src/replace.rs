@@ -233,8 +233,7 @@ pub const REPLACEABLE: &[Field] = &[
     rows(
         "actuator_gear",
         GEAR,
-        "gear: scale of length, velocity and force in column 0; on a site, the direction of force and torque. Joints keep the armature and \
-         damping that MJCF's actuators added to them with the old gear",
+        "gear: scale of length, velocity and force in column 0; on a site, the direction of force and torque",
         "",
         actuator_fields::gear,
     ),

@@ -149,7 +149,7 @@ type Checked = Result<(), ModelError>;
 /// Error for a new value of a variant that needs a feature that the base model lacks.
 ///
 /// `place` is the label of the element, and `new` the new value of its field `field`. `lack` describes the missing feature, such as "no
-/// spring there". `first` completes the remedy "give the model ... there first".
+/// spring there". `first` completes the remedy "first give the model ...".
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
     let remedy = format!("first give the model {first}, with model.replace({field:?}, ..), and create the simulation of that model");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))

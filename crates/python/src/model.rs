@@ -178,6 +178,8 @@ impl Model {
     ///     model.replace(geom_restitution=[0.2, 0.8])  # (ngeom,)
     ///     model.replace({"geom_friction[floor,box][0]": 0.5})
     ///
+    /// With a new `actuator_gear`, joints keep the armature and damping that MJCF's actuators gave them with the old gear.
+    ///
     /// Args:
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
     ///         values. Each array has the axes of the selected entries. A selector with a single name, index or column has no axis for it.

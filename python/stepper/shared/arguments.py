@@ -59,7 +59,7 @@ def check_whole(name: str, value: Any, *, least: float = -math.inf, most: float 
         TypeError: The value is no whole number.
         ValueError: The number is out of its range.
     """
-    if not isinstance(value, Integral):
+    if not isinstance(value, Integral) or isinstance(value, bool):
         raise TypeError(f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}")
     if not least <= int(value) <= most:
         raise ValueError(f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}")
@@ -144,7 +144,7 @@ def path_of(name: str, value: Any) -> Path:
 
 def _is_number(value: Any) -> bool:
     """Whether a value is one real number: of Python, of NumPy, or in an array without axes."""
-    return isinstance(value, Real) or (isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf")
+    return (isinstance(value, Real) and not isinstance(value, bool)) or (isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf")
 
 
 def _range(kind: str, least: float, above: float, most: float) -> str:

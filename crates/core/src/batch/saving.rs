@@ -41,7 +41,7 @@ impl<S: LaneScalar> Batch<S> {
         postcard::to_extend(&saved, Vec::with_capacity(capacity)).expect("numbers serialise")
     }
 
-    /// Restores a saved state in the environments `envs`, and returns the saved controls. [`Saving::save`] made the bytes.
+    /// Restores a saved state in the environments `envs`, and returns the saved controls. [`Batch::save`] made the bytes.
     ///
     /// If the saved state has as many environments as the batch, each of `envs` gets the state with the same index. A saved state of one
     /// environment goes to all of `envs`.

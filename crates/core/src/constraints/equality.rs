@@ -365,6 +365,7 @@ impl<R: Real> Assembler<'_, R> {
             self.builder.add_fill_scales::<N>(input.compiled, input.mass);
         }
         self.builder.use_block_dofs(block, equality);
+        // Eliminated equalities are orthogonal to one another, so that none is eliminated from another.
         if block.eliminated {
             self.builder.coupled.clear();
         } else {

@@ -213,7 +213,10 @@ impl<R: Real> VelocitySolve<'_, R> {
             let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
             // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
-            let touching = problem.slots().fold(R::Mask::splat(false), |all, (_, lanes)| all.or(lanes));
+            let mut touching = R::Mask::splat(false);
+            for (_, lanes) in problem.slots() {
+                touching = touching.or(lanes);
+            }
             touching.and(alive).and_not(free.unresolved).and(matters)
         })
     }
@@ -226,8 +229,10 @@ impl<R: Real> VelocitySolve<'_, R> {
         let StepContext { input: StepInput { compiled, state, .. }, evaluation } = self.context;
         let Evaluation { scheme, kinematics, impact_lanes, .. } = evaluation;
         let Self { free, problem, velocity, .. } = self;
-        let half = scheme.h * R::of(0.5);
-        let times = [scheme.time_before, scheme.time_after].map(|time| R::select(*impact_lanes, time, half));
+        let times = kernel!(R, || {
+            let half = scheme.h * R::of(0.5);
+            [R::select(*impact_lanes, scheme.time_before, half), R::select(*impact_lanes, scheme.time_after, half)]
+        });
         free.accelerate(compiled, kinematics, &state.v, &state.v);
         advance(&state.v, &free.smooth.acc, times[0], &mut free.scratch.v_half);
         if problem.resolves_impacts {

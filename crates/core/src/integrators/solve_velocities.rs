@@ -124,8 +124,10 @@ impl<R: Real> VelocitySolve<'_, R> {
         let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
         let [_, newton_steps] = options.effort();
         if newton_steps >= MIN_NEWTON_STEPS_FOR_RETRY && unsolved.any() {
-            let terms = 0..problem.curvature_terms.len();
-            let changed = terms.fold(R::Mask::splat(false), |changed, i| changed.or(problem.remove_curvature(i, unsolved)));
+            let mut changed = R::Mask::splat(false);
+            for i in 0..problem.curvature_terms.len() {
+                changed = changed.or(problem.remove_curvature(i, unsolved));
+            }
             if changed.any() {
                 stepper_solve::gauss_seidel::sweep_from_zero(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
                 outcome.replace(&solve(options, &state.v, changed, problem, velocity, contacts), changed);

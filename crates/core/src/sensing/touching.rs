@@ -155,7 +155,8 @@ fn report<R: Real>(contact: &Contact, fields: &[ContactField], found: usize, lan
             ContactField::Normal => contact.axes[0],
             ContactField::Tangent => contact.axes[1],
         };
-        out.by_ref().zip(&x[..field.dim()]).for_each(|(out, &x)| out.set_lane(lane, Scalar::from_f64(x)));
+        // The numbers come first in `zip`, which would otherwise take one entry of `out` too many.
+        x[..field.dim()].iter().zip(out.by_ref()).for_each(|(&x, out)| out.set_lane(lane, Scalar::from_f64(x)));
     }
 }
 

@@ -116,9 +116,9 @@ class Parameter:
             if isinstance(self.values, str) or not isinstance(self.values, Iterable):
                 raise TypeError(f"values is {self.values!r}, must be a list of values, as (0.2, 0.5, 1.0)")
             object.__setattr__(self, "values", tuple(self.values))
-        for value in (*(self.values or ()), *(() if self.nominal is None else (self.nominal,))):
+        nominal = () if self.nominal is None else (self.nominal,)
+        for where, value in (*(("values", value) for value in self.values or ()), *(("nominal", value) for value in nominal)):
             if not isinstance(value, str) and not _is_number(value):
-                where = "nominal" if value is self.nominal else "values"
                 raise ValueError(f"{where} of {self.selector!r} has {value!r}, must be finite numbers, or texts for a choice among words")
 
     @property

@@ -188,8 +188,10 @@ class Study(metaclass=Hinting):
         """Raises TypeError if a number of the study is of another type, such as a text or an array."""
         if self.options.timestep is not None:
             check_number("options.timestep", self.options.timestep, above=0.0)
-        if not isinstance(self.name, str) or not self.name:
+        if not isinstance(self.name, str):
             raise TypeError(f"name is {self.name!r}, must be a text, which names the folder of the results")
+        if not self.name:
+            raise ValueError("name is empty, must name the folder of the results")
         for name in ("seconds", "control", "qpos_noise", "qvel_noise", "episodes", "seed", "batch", "threads"):
             value, whole = getattr(self, name), name in ("episodes", "seed", "batch", "threads")
             if (name == "control" and value is None) or isinstance(value, int | np.integer if whole else int | float | np.number):

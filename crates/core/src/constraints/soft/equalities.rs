@@ -85,10 +85,10 @@ impl<R: Real> Assembler<'_, R> {
         impedance: R,
         [error, kappa]: [V3<R>; 2],
     ) {
-        let (assembly, mut rate) = (input.row, zero());
-        let active = assembly.alive.and(self.problem.active_equalities.lanes(equality));
+        let (row_input, mut rate) = (input.row, zero());
+        let active = row_input.alive.and(self.problem.active_equalities.lanes(equality));
         for &d in &equality.dofs {
-            rate = add_scaled(rate, self.builder.column[d as usize], assembly.v_free[d as usize]);
+            rate = add_scaled(rate, self.builder.column[d as usize], row_input.v_free[d as usize]);
         }
         system.terms.clear();
         system.terms.extend_from_slice(&equality.dofs);

@@ -75,26 +75,26 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of dry friction of joints and tendons.
     #[inline(always)]
     pub(super) fn add_soft_frictions(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
-        let (compiled, assembly) = (input.row.compiled, input.row);
+        let (compiled, row_input) = (input.row.compiled, input.row);
         for (i, (friction, law)) in compiled.frictions.iter().zip(&input.softness.frictions).enumerate() {
             let most = compiled.params.friction(i);
             let mut bounds = [-most, most];
             if friction.driven {
-                let [forwards, backwards] = assembly.losses[i];
+                let [forwards, backwards] = row_input.losses[i];
                 bounds = [bounds[0] - forwards, bounds[1] + backwards];
             }
-            let law = row_law(law, input, [R::zero(), assembly.v_free[friction.dof]], assembly.alive);
+            let law = row_law(law, input, [R::zero(), row_input.v_free[friction.dof]], row_input.alive);
             self.builder.column[friction.dof] = [R::one(), R::zero(), R::zero()];
             system.terms.clear();
             system.terms.push(friction.dof as u32);
-            self.push_soft_row(input, system, law, bounds, assembly.alive, compiled.limits.len() + i);
+            self.push_soft_row(input, system, law, bounds, row_input.alive, compiled.limits.len() + i);
         }
         for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
-                let law = row_law(law, input, [R::zero(), tendon.length.rate(assembly.v_free)], assembly.alive);
+                let law = row_law(law, input, [R::zero(), tendon.length.rate(row_input.v_free)], row_input.alive);
                 self.builder.combine(system, &[(&tendon.length, R::one())]);
-                self.push_soft_row(input, system, law, [-most, most], assembly.alive, tendon.impulse_index + 1);
+                self.push_soft_row(input, system, law, [-most, most], row_input.alive, tendon.impulse_index + 1);
             }
         }
     }
@@ -102,26 +102,26 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of violated limits of joints, ball joints and tendons.
     #[inline(always)]
     pub(super) fn add_soft_limits(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
-        let (compiled, assembly) = (input.row.compiled, input.row);
+        let (compiled, row_input) = (input.row.compiled, input.row);
         for (i, (limit, law)) in compiled.limits.iter().zip(&input.softness.limits).enumerate() {
-            let (sign, error) = nearer_end(assembly.q[limit.q], compiled.params.limit(i));
+            let (sign, error) = nearer_end(row_input.q[limit.q], compiled.params.limit(i));
             let distance = input.row.solved_overlaps.map_or(error, |solved| solved.limits[i]);
-            let active = assembly.alive.and(distance.lt(R::zero()));
+            let active = row_input.alive.and(distance.lt(R::zero()));
             if active.any() {
                 self.builder.column[limit.dof] = [sign, R::zero(), R::zero()];
                 system.terms.clear();
                 system.terms.push(limit.dof as u32);
-                self.push_soft_limit(input, system, law, [error, sign * assembly.v_free[limit.dof]], active, i);
+                self.push_soft_limit(input, system, law, [error, sign * row_input.v_free[limit.dof]], active, i);
             }
         }
         self.add_soft_ball_limits(compiled, input, system);
         for (tendon, [law, _]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             let Some([lowest, highest]) = tendon.range else { continue };
-            let (sign, error) = nearer_end(tendon.length.value(assembly.q), [R::splat(lowest), R::splat(highest)]);
-            let active = assembly.alive.and(error.lt(R::zero()));
+            let (sign, error) = nearer_end(tendon.length.value(row_input.q), [R::splat(lowest), R::splat(highest)]);
+            let active = row_input.alive.and(error.lt(R::zero()));
             if active.any() {
                 self.builder.combine(system, &[(&tendon.length, sign)]);
-                let rate = sign * tendon.length.rate(assembly.v_free);
+                let rate = sign * tendon.length.rate(row_input.v_free);
                 self.push_soft_limit(input, system, law, [error, rate], active, tendon.impulse_index);
             }
         }
@@ -129,12 +129,12 @@ impl<R: Real> Assembler<'_, R> {
 
     #[inline(always)]
     fn add_soft_ball_limits(&mut self, compiled: &LaneModel<R>, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
-        let assembly = input.row;
+        let row_input = input.row;
         for (i, (limit, law)) in compiled.ball_limits.iter().zip(&input.softness.ball_limits).enumerate() {
-            let (axis, error) = ball_limit(compiled, i, assembly.q);
-            let active = assembly.alive.and(error.lt(R::zero()));
+            let (axis, error) = ball_limit(compiled, i, row_input.q);
+            let active = row_input.alive.and(error.lt(R::zero()));
             if active.any() {
-                let v = [0, 1, 2].map(|k| assembly.v_free[limit.dof + k]);
+                let v = [0, 1, 2].map(|k| row_input.v_free[limit.dof + k]);
                 system.terms.clear();
                 for k in 0..3 {
                     system.terms.push((limit.dof + k) as u32);

@@ -36,9 +36,13 @@ pub(super) fn integrate_velocity<R: Real>(
     let Some(system) = &mut problem.soft else { return };
     // Lanes whose joints have implicit damping. With Euler's rule, the other lanes need no solve, and get the bits of an undamped model.
     let damped = kernel!(R, || {
-        let none = R::Mask::splat(false);
-        let dofs = if all || compiled.explicit_damping { &[] } else { compiled.params.dofs() };
-        dofs.iter().fold(none, |damped, dof| damped.or(dof[0].gt(R::zero())))
+        let mut damped = R::Mask::splat(false);
+        if !all && !compiled.explicit_damping {
+            for dof in compiled.params.dofs() {
+                damped = damped.or(dof[0].gt(R::zero()));
+            }
+        }
+        damped
     });
     let (FreeMotion { smooth, actuator_forces, scratch, .. }, v) = (free, &state.v);
     let Scratch { velocity_by_impulses: work, impulse: alone, .. } = scratch;

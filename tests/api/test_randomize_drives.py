@@ -233,20 +233,20 @@ def test_nothing_is_changed_by_what_is_refused():
 REFUSED = {
     "left_knee": [
         (Drive(lag=[1, 2]), r"lag has shape \(2,\), must be \(\) or \(3,\)"),
-        (Drive(lag=0.1), "servo is not given, and it was made with one; give it here too"),
-        (Drive(servo=PID(kp=1.0)), "period is not given"),
+        (Drive(lag=0.1), "servo is missing, but the Stepper was created with servo; give servo here too"),
+        (Drive(servo=PID(kp=1.0)), "period is missing"),
         (Drive(servo=PID(kp=1.0, period=0.01), delay_steps=4.5), r"up to 5 steps .* room for 4; give Stepper\(..., act.* the longest"),
         (Drive(servo=PID(kp=1.0, period=[0.01, 0.0, 0.01])), "period is 0"),
-        (Drive(servo=PID(kp=1.0, period=0.01), friction=0.1), r"friction is given, .* give it to Stepper\(..., actuators=\)"),
+        (Drive(servo=PID(kp=1.0, period=0.01), friction=0.1), r"friction is given, .* give friction to Stepper\(..., actuators=\)"),
     ],
-    "left_ankle_x": [(Drive(servo=PID(kp=1.0, period=0.01)), "period is given, and it was made without")],
+    "left_ankle_x": [(Drive(servo=PID(kp=1.0, period=0.01)), "period is given, but the Stepper was created without")],
     "abdomen_x": [
-        (Drive(), "motor is not given"),
-        (Drive(motor=DCMotor(efficiency=0.5)), "stall_torque is not given"),
+        (Drive(), "motor is missing"),
+        (Drive(motor=DCMotor(efficiency=0.5)), "stall_torque is missing"),
         (Drive(motor=DCMotor(stall_torque=1.0, no_load_speed=2.0)), 'control is "torque", must be "voltage"'),
-        (Drive(motor=DCMotor(stall_torque=1.0, no_load_speed=2.0, control="voltage", gear=2.0)), "gear is 2, must be 1, which all"),
+        (Drive(motor=DCMotor(stall_torque=1.0, no_load_speed=2.0, control="voltage", gear=2.0)), "gear is 2, must be 1, because all environments share it; create a Stepper"),
         (Drive(motor=DCMotor(stall_torque=1.0, no_load_speed=2.0, control="voltage", efficiency=0.5)), "efficiency is given"),
-        (Drive(motor=DCMotor(stall_torque=1.0, no_load_speed=2.0, control="voltage"), lag=0.1), "lag is given, and it was made without"),
+        (Drive(motor=DCMotor(stall_torque=1.0, no_load_speed=2.0, control="voltage"), lag=0.1), "lag is given, but the Stepper was created without"),
         (Drive(motor=DCMotor(stall_torque=1.0, no_load_speed=2.0, control="voltage"), limits=(-1, 1)), "limits is given"),
     ],
     "right_elbow": [
@@ -267,7 +267,7 @@ def test_what_a_drive_was_not_made_for_is_named(name, drive, message):
 
 def test_a_stepper_without_drives():
     sim = stepper.Stepper(stepper_model(ROBOT), 3)
-    with pytest.raises(ValueError, match=r"drive of actuator .left_knee.: the Stepper was made without one; .* Stepper\(..., actuators=\)"):
+    with pytest.raises(ValueError, match=r"drive of actuator .left_knee.: the Stepper was created without a drive for this actuator; .* Stepper\(..., actuators=\)"):
         sim.randomize(actuators=ActuatorModel({"left_knee": Drive(lag=0.1)}))
     sim.randomize(actuators=ActuatorModel({"left_knee": Drive()}))
     sim.randomize(actuators=None)

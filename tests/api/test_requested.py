@@ -29,11 +29,11 @@ def loaded(text):
 
 
 @pytest.mark.parametrize(("parts", "words"), [
-    ({"option": 'integrator="RK4"'}, ["asks for RK4, and midpoint runs", "Options.from_model(model)"]),
-    ({"option": 'integrator="implicitfast"'}, ["asks for implicitfast, and midpoint runs"]),
-    ({"ball": 'solref=".005 1"'}, ["1 geoms (ball)", "are hard here"]),
+    ({"option": 'integrator="RK4"'}, ["the source sets RK4, and the default options use midpoint", "Options.from_model(model)"]),
+    ({"option": 'integrator="implicitfast"'}, ["the source sets implicitfast, and the default options use midpoint"]),
+    ({"ball": 'solref=".005 1"'}, ["1 geoms (ball)", "dry friction hard"]),
     ({"floor": 'solimp=".99 .99 .01"', "ball": 'solref="-100 -1"'}, ["2 geoms (floor, ball)"]),
-    ({"joint": 'solreflimit=".05 1"', "option": 'integrator="RK4"'}, ["1 limits of joints (hinge)", "asks for RK4"]),
+    ({"joint": 'solreflimit=".05 1"', "option": 'integrator="RK4"'}, ["1 limits of joints (hinge)", "the source sets RK4"]),
 ])  # fmt: skip
 def test_what_is_asked_for_expressly_and_does_not_run_is_one_warning(parts, words):
     model, caught = loaded(scene(**parts))
@@ -52,7 +52,7 @@ def test_defaults_are_no_warning_and_stand_in_explain():
     assert not caught
     assert model.deviations == []
     section = model.explain().split("\n\n")[1]
-    for words in ("default, Euler, and midpoint runs", "softness: MuJoCo's default", "are hard here", "a pyramid"):
+    for words in ("the source has the default, Euler, and the default options use midpoint", "softness: MuJoCo's default", "dry friction hard", "a pyramid"):
         assert words in section
     elliptic, _ = loaded(scene(option='cone="elliptic"'))
     assert "pyramid" not in elliptic.explain()
@@ -124,7 +124,7 @@ def test_the_command_explain_says_it_once(tmp_path, capsys):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         explain(str(file))
-    assert capsys.readouterr().out.count("asks for RK4") == 1
+    assert capsys.readouterr().out.count("the source sets RK4") == 1
 
 
 def test_a_model_made_in_code_asks_for_nothing():

@@ -36,7 +36,7 @@ HINGE = '<mujoco{option}><worldbody><body><joint name="j" type="hinge"/><geom si
     (lambda m: stepper.Stepper(m, 1).randomize(timestep=np.ones(1)), r"make a stepper.Stepper of model\.replace\(timestep=\.\.\.\)"),
     (
         lambda m: stepper.Stepper(m, 1).randomize(jnt_stiffness=np.ones((1, 1))),
-        r"with model\.replace\(jnt_stiffness=\.\.\.\), and make the Stepper of that",
+        r"with model\.replace\(jnt_stiffness=\.\.\.\), and create the Stepper of that model",
     ),
     (
         lambda m: stepper.Stepper(m, options=stepper.Options(integrator="rk4")).linearize(method="implicit"),
@@ -50,7 +50,7 @@ def test_messages_have_pythons_names(call, message):
 
 def test_reports_have_pythons_names():
     text = HINGE.format(option="").replace("<worldbody>", '<option integrator="RK4"/><worldbody>', 1)
-    with pytest.warns(stepper.ModelWarning, match=r"Options\.from_model\(model\) takes the source's"):
+    with pytest.warns(stepper.ModelWarning, match=r"Options\.from_model\(model\) uses the source's"):
         model = stepper.load(text)
     assert "Options.from_model(model)" in model.explain()
     assert "::" not in model.explain()

@@ -195,7 +195,7 @@ def test_nothing_of_an_environment_with_more_contacts_is_left_to_one_with_fewer(
 def test_a_state_that_does_not_fit_says_what_would():
     with pytest.raises(ValueError, match=r"5 environments, this stepper has 4.*or of one for all"):
         whole(4).set_state(whole(5).get_state())
-    with pytest.raises(ValueError, match="takes envs and nothing else"):
+    with pytest.raises(ValueError, match="accepts only envs as a further argument"):
         whole(4).set_state(whole(4).get_state(), qvel=np.zeros(7))
 
 

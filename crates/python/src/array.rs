@@ -190,7 +190,7 @@ pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usiz
     }
     let must: Vec<String> = allowed.iter().map(|s| shape_text(s)).collect();
     let must = must.join(" or ");
-    Err(PyValueError::new_err(format!("{name} is {}, must be an array of shape {must}", described(given))))
+    Err(PyValueError::new_err(format!("{name} is {}, a single number, must be an array of shape {must}", described(given))))
 }
 
 /// Value of the integer argument `name`, a Python or NumPy integer. A value below `least` is an error.

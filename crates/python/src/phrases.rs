@@ -14,8 +14,8 @@ const PHRASES: [(&str, &str); 15] = [
     ("the bytes of what Simulation::save_state gave", "what get_state returned, or its bytes"),
     ("Simulation::set_actuator_models", "Stepper(..., actuators=)"),
     ("all environments of a simulation", "all environments of a Stepper"),
-    ("the simulation was made without", "the Stepper was made without"),
-    ("make a simulation with it", "make a Stepper with it"),
+    ("the simulation was created", "the Stepper was created"),
+    ("create a simulation with", "create a Stepper with"),
     ("this simulation has", "this stepper has"),
 ];
 

@@ -413,7 +413,7 @@ def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(model
         lambda: sim.xpos,
         lambda: setattr(sim, "xfrc_applied", np.inf),
     ):
-        with pytest.raises(ValueError, match=r"xfrc_applied was changed in place to another type or shape, must stay a float64 array \(2, 5, 6\)"):
+        with pytest.raises(ValueError, match=r"xfrc_applied was changed in place to .*, must stay a float64 array \(2, 5, 6\)"):
             call()
 
 

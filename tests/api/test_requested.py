@@ -52,7 +52,8 @@ def test_defaults_are_no_warning_and_stand_in_explain():
     assert not caught
     assert model.deviations == []
     section = model.explain().split("\n\n")[1]
-    for words in ("the source has the default, Euler, and the default options use midpoint", "softness: MuJoCo's default", "dry friction hard", "a pyramid"):
+    default = "the source has the default, Euler, and the default options use midpoint"
+    for words in (default, "softness: MuJoCo's default", "dry friction hard", "a pyramid"):
         assert words in section
     elliptic, _ = loaded(scene(option='cone="elliptic"'))
     assert "pyramid" not in elliptic.explain()

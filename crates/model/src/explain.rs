@@ -352,7 +352,10 @@ mod tests {
         model.description.requested = Some(Requested { integrator, solver, iterations: 100, cone, constrained: true, soft });
         let text = model.explain();
         let found = lines(&text, TITLE);
-        assert!(["asks for RK4, and midpoint runs", "1 geom: ball", "circular"].iter().all(|part| has(&found, part)), "{text}");
+        assert!(
+            ["the source sets RK4, and the default options use midpoint", "1 geom: ball", "circular"].iter().all(|part| has(&found, part)),
+            "{text}"
+        );
         assert_eq!(model.deviations(false).len(), 2);
     }
 

@@ -214,14 +214,14 @@ pub(super) mod tests {
         refused(|m| m.joints[1].body = 4, &["joint \"reach\"", "order"]);
         refused(|m| m.bodies[1].parent = 1, &["body \"ball\"", "parent"]);
         refused(|m| m.joints[1].axis = [0.0; 3], &["joint \"shoulder\"", "axis", "length 0"]);
-        refused(|m| m.joints[1].range = Some([1.0, -1.0]), &["joint \"shoulder\"", "range", "upside down"]);
+        refused(|m| m.joints[1].range = Some([1.0, -1.0]), &["joint \"shoulder\"", "range", "the lower bound above the upper bound"]);
         refused(|m| m.joints[1].range = Some([0.0, f64::INFINITY]), &["joint \"shoulder\"", "range", "inf"]);
         refused(|m| m.joints[0].range = Some([0.0, 1.0]), &["joint \"root\"", "range", "free"]);
         refused(|m| m.joints[1].damping = -0.1, &["joint \"shoulder\"", "damping", "-0.1"]);
         refused(|m| m.joints[1].armature = -0.1, &["joint \"shoulder\"", "armature", "-0.1"]);
         refused(|m| m.joints[1].frictionloss = f64::NAN, &["joint \"shoulder\"", "frictionloss", "NaN"]);
         refused(|m| m.joints[1].stiffness = f64::NAN, &["joint \"shoulder\"", "stiffness", "NaN"]);
-        refused(|m| m.joints[2].actuator_force_range = Some([1.0, 0.0]), &["joint \"reach\"", "upside down"]);
+        refused(|m| m.joints[2].actuator_force_range = Some([1.0, 0.0]), &["joint \"reach\"", "the lower bound above the upper bound"]);
         refused(|m| m.qpos0[3] = 0.5, &["joint \"root\"", "quaternion in qpos0", "0.5"]);
         refused(|m| m.keyframes[0].qpos[9] = 0.0, &["joint \"socket\"", "keyframe \"home\"", "length 0"]);
     }
@@ -237,7 +237,7 @@ pub(super) mod tests {
         let both = BodyBuilder::new("pod").joint(JointBuilder::free("b")).joint(JointBuilder::hinge("c", [1.0, 0.0, 0.0]));
         scene.body(WORLD, both.geom(GeomBuilder::sphere("t", 0.1)));
         let text = scene.finish().unwrap_err().to_string();
-        assert!(text.contains("joint \"b\"") && text.contains("alone"), "{text}");
+        assert!(text.contains("joint \"b\"") && text.contains("remove the other joints"), "{text}");
     }
 
     #[test]
@@ -254,7 +254,7 @@ pub(super) mod tests {
         refused(|m| m.geoms[1].margin = f64::NAN, &["geom \"ball\"", "margin", "NaN"]);
         refused(|m| m.geoms[1].gap = -0.1, &["geom \"ball\"", "gap", "-0.1"]);
         refused(|m| m.pairs[0].geoms[1] = 77, &["pair", "77"]);
-        refused(|m| m.pairs[0].geoms = [1, 1], &["pair", "itself"]);
+        refused(|m| m.pairs[0].geoms = [1, 1], &["pair", "both elements are geom"]);
         refused(|m| m.pairs[0].condim = 0, &["pair", "condim"]);
         refused(|m| m.pairs[0].restitution = -0.1, &["pair", "restitution", "-0.1"]);
     }
@@ -293,7 +293,10 @@ pub(super) mod tests {
         refused(|m| m.actuators[0].activation = Activation::Filter(0.0), &["actuator \"servo\"", "time constant", "0 s"]);
         refused(|m| m.actuators[0].gear = f64::NAN, &["actuator \"servo\"", "gear"]);
         refused(|m| m.actuators[0].gain[1] = f64::NAN, &["actuator \"servo\"", "gain"]);
-        refused(|m| m.actuators[0].ctrl_range = Some([1.0, 0.0]), &["actuator \"servo\"", "ctrl_range", "upside down"]);
+        refused(
+            |m| m.actuators[0].ctrl_range = Some([1.0, 0.0]),
+            &["actuator \"servo\"", "ctrl_range", "the lower bound above the upper bound"],
+        );
         refused(|m| m.actuators[0].force_range = Some([f64::NAN, 0.0]), &["actuator \"servo\"", "force_range", "NaN"]);
         refused(|m| m.sensors[0].kind = SensorKind::JointPos(77), &["sensor \"angle\"", "77"]);
         refused(|m| m.sensors[0].kind = SensorKind::JointVel(0), &["sensor \"angle\"", "joint \"root\"", "free"]);
@@ -325,7 +328,10 @@ pub(super) mod tests {
         };
         assert!(chain(1e-6).is_ok());
         let text = chain(0.0).unwrap_err().to_string();
-        assert!(text.contains("body \"a\"") && text.contains("joint \"first\" can move against \"second\""), "{text}");
+        assert!(
+            text.contains("body \"a\"") && text.contains("joint \"first\" and \"second\" can move without moving any inertia"),
+            "{text}"
+        );
         assert!(!text.contains("moves nothing"), "{text}");
         // Two hinges on one body: no body is between them, and the armature of one determines the motion.
         let twins = |armature: f64| {
@@ -352,17 +358,17 @@ pub(super) mod tests {
     fn equalities() {
         let connect = |bodies, anchors| EqualityKind::Connect { bodies, anchors };
         refused(|m| m.equalities[0].kind = connect([1, 77], [[0.0; 3]; 2]), &["equality \"pin\"", "body 77"]);
-        refused(|m| m.equalities[0].kind = connect([2, 2], [[0.0; 3]; 2]), &["equality \"pin\"", "\"arm\" against itself"]);
+        refused(|m| m.equalities[0].kind = connect([2, 2], [[0.0; 3]; 2]), &["equality \"pin\"", "both elements are body \"arm\""]);
         refused(|m| m.equalities[0].kind = connect([1, 2], [[f64::NAN; 3], [0.0; 3]]), &["equality \"pin\"", "NaN"]);
         refused(|m| m.equalities[1].stiffness = -1.0, &["equality \"grip\"", "stiffness", "-1"]);
         refused(|m| m.equalities[1].damping = f64::NAN, &["equality \"grip\"", "damping", "NaN"]);
         let coupling = |joint, other| EqualityKind::Joint { joint, other, polycoef: [0.0; 5] };
         refused(|m| m.equalities[2].kind = coupling(0, None), &["equality \"couple\"", "joint \"root\"", "free"]);
-        refused(|m| m.equalities[2].kind = coupling(1, Some(1)), &["equality \"couple\"", "\"shoulder\" against itself"]);
+        refused(|m| m.equalities[2].kind = coupling(1, Some(1)), &["equality \"couple\"", "both elements are joint \"shoulder\""]);
         let tendons = EqualityKind::Tendon { tendon: 0, other: Some(3), polycoef: [0.0; 5] };
         refused(|m| m.equalities[2].kind = tendons, &["equality \"couple\"", "tendon 3"]);
         refused(|m| m.equalities[1].name = "pin".into(), &["equality \"pin\"", "same name"]);
-        refused(|m| m.tendons[0].range = Some([1.0, 0.0]), &["tendon \"belt\"", "range", "upside down"]);
+        refused(|m| m.tendons[0].range = Some([1.0, 0.0]), &["tendon \"belt\"", "range", "the lower bound above the upper bound"]);
         refused(|m| m.tendons[0].stiffness = -1.0, &["tendon \"belt\"", "stiffness", "-1"]);
     }
 

@@ -144,7 +144,9 @@ def path_of(name: str, value: Any) -> Path:
 
 def _is_number(value: Any) -> bool:
     """Whether a value is one real number: of Python, of NumPy, or in an array without axes."""
-    return (isinstance(value, Real) and not isinstance(value, bool)) or (isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "biuf")
+    if isinstance(value, np.ndarray):
+        return value.ndim == 0 and value.dtype.kind in "iuf"
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _range(kind: str, least: float, above: float, most: float) -> str:

@@ -269,7 +269,11 @@ impl<R: Real> ActuatorForces<R> {
         self.added_inertia[servo] = R::select(fixed, R::zero(), added_inertia);
     }
 
-    /// Stores the affine force of an actuator's dynamics, and its explicit part and added inertia with the active bound.
+    /// Stores the force of a servo with actuator dynamics (limits, motor, losses), and what it contributes with the active bound that the
+    /// step assumes: explicit part and added inertia.
+    ///
+    /// `affine` is the force without limits, at the length and velocity in `motion`. `dynamics` describes the limits and the motor,
+    /// `numbers` has their parameters. `weights` make the force implicit.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
     pub(crate) fn set_actuator_dynamics(

@@ -68,7 +68,8 @@ impl Numbers<'_> {
     }
 }
 
-/// Output arrays of a rollout, environment-major.
+/// Output arrays of a rollout, row-major in their shapes. Their first axis has the controls that follow one another, the second the
+/// environments.
 #[derive(Debug)]
 pub struct Recording<'a> {
     /// Recorded quantities and their arrays, (controls, num_envs, n) each.

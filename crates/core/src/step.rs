@@ -67,7 +67,8 @@ pub fn step<R: Real>(
         // 10 record
         let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
         // Contacts that are still deferred (left out by the solver) are not stored for the next step. Their surfaces have passed each
-        // other without touching: `solve_velocities` has activated those whose gap is still open.
+        // other without touching. Contacts whose gap stayed open are no longer deferred: `solve_velocities` has activated them with zero
+        // impulse.
         problem.remove_deferred(&mut state.contacts);
         record
     })

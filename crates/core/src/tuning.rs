@@ -80,8 +80,8 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// The tunnelling distance is the displacement above which two geoms may pass through each other.
 ///
 /// A body that closes such a gap covers more than the tunnelling distance in half a step. The next step is then also evaluated at its
-/// beginning. There it still finds the contact: even a body that another contact slows down is not through the surface by the middle of
-/// that step.
+/// beginning. At this beginning the body is still ahead of the surface. If another contact slows the body down, it is so also in the
+/// middle of that step, where slow bodies are evaluated.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
 /// Number of solves at the beginning of a step that activate only the earliest collision of each body. Later solves activate all pairs that

@@ -148,7 +148,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`.
     ///
     /// A lag after a continuous servo passes on only a fraction of the servo's change within a step. The gains of the servo are therefore
-    /// multiplied by this fraction. Here it is that at the end of a step, in [`Self::advance`] the mean over the step.
+    /// multiplied by this fraction. Here its value at the end of a step is used, in [`Self::advance`] its mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         kernel!(R, || {
             for pipeline in &self.pipelines {

@@ -11,7 +11,7 @@ use crate::model::{ActuatorError, DeviceError, Model, label};
 pub struct ActuatorModels {
     /// Model with the effects of the actuator models, such as armature and gears.
     pub model: Model,
-    /// Actuator specs in the form that the simulation compiles, with the parameters taken from the model.
+    /// Actuator specs in the form that the simulation compiles, with the delays and force limits of the model's actuators.
     pub specs: Vec<Option<ActuatorSpec>>,
     /// Actuator specs as the user gave them, and ideal specs for actuators that have only a delay in the model. `None` for actuators
     /// without an actuator model.

@@ -204,8 +204,8 @@ impl<R: Real> Contacts<R> {
     /// gravity covers in the step, g h^2, m.
     ///
     /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error
-    /// counts only where it matters: where a single rounding of this size changes the force by more than [`FORCE_ERROR`]. Both errors are
-    /// [`DISTANCE_ROUNDINGS`] roundings.
+    /// counts only where it matters: where one of the [`DISTANCE_ROUNDINGS`] roundings of which both errors together consist changes the
+    /// force by more than [`FORCE_ERROR`].
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

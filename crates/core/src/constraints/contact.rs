@@ -60,8 +60,8 @@ fn least_lever<R: Real>() -> f64 {
 ///
 /// * Up to the resting speed, neither reports the overlap.
 /// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap.
-/// * In between, the approach speed of the contact counts as residual however small it is: the function returns 0. In the other two cases
-///   it returns the resting speed.
+/// * In between, the function returns 0, so that the contact's approach speed, however small, makes the residual nonzero. In the other two
+///   cases it returns the resting speed.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());

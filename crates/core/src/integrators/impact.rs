@@ -256,7 +256,8 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
     ///
     /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity gets inertial forces at the
-    /// velocity before the step. In other lanes it does not change: `before_impact` is set to the negative of `free_change`.
+    /// velocity before the step. In other lanes it must not change, so that `before_impact`, which is added to `free_change` for it, is
+    /// set to the negative of `free_change`.
     fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;

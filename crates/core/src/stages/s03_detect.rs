@@ -6,11 +6,12 @@
 //! The next evaluation point is up to 1.5 steps later (`ConstraintProblem::closing_time`). The rest of the two steps is a margin for
 //! impulses that make a body faster than its free velocity.
 //!
-//! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] returns lanes
-//! with a fast pair whose geoms overlap, may have passed through each other, or are a geom and a surface that it hits. The step then
-//! evaluates these lanes at its beginning, where the wall is still ahead and its contact stops the body. Bodies can still pass through a
-//! geom in two cases. An impulse makes them faster than the search assumed, or they rotate so far that the contact normal is no longer
-//! valid. After the step, [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds these lanes.
+//! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] returns lanes in
+//! which the geoms of a fast pair overlap or may have passed through each other. Lanes in which a fast geom hits a surface of triangles
+//! are among them. The step then evaluates these lanes at its beginning, where the wall is still ahead and its contact stops the body.
+//! Bodies can still pass through a geom in two cases. An impulse makes them faster than the search assumed, or they rotate so far that
+//! the contact normal is no longer valid. After the step, [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds these
+//! lanes.
 
 use stepper_real::{Mask, Real, kernel};
 

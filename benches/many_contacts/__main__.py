@@ -93,7 +93,7 @@ def _plan(args: argparse.Namespace, num_envs: int) -> Plan:
 
 
 def _save(scenes: Sequence[Scene], args: argparse.Namespace) -> None:
-    """Record the controls and states of all scenes in files, which the program `anatomy` (benches/src/bin) steps again to count operations."""
+    """Record controls and states of all scenes in files, which the program `anatomy` (benches/src/bin) steps again to count operations."""
     for num_envs in args.num_envs:
         for scene in scenes:
             try:

@@ -632,6 +632,8 @@ class Model:
             model.replace(geom_restitution=[0.2, 0.8])  # (ngeom,)
             model.replace({"geom_friction[floor,box][0]": 0.5})
 
+        With a new `actuator_gear`, joints keep the armature and damping that MJCF's actuators gave them with the old gear.
+
         Args:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
                 values. Each array has the axes of the selected entries. A selector with a single name, index or column has no axis for it.
@@ -1123,9 +1125,9 @@ class Stepper:
         randomized cost neither time nor memory.
 
         Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
-        geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction in this call or an earlier one, with new
-        values or the values of the model. An earlier call counts for all environments, also for environments that it did not select. The
-        same holds for geom_restitution and pair_restitution.
+        geom_friction for a geom of an explicit pair is an error without pair_friction. Give pair_friction in this call or an earlier one,
+        with new values or the values of the model. One earlier call suffices for all environments, also for environments that it did not
+        select. The same holds for geom_restitution and pair_restitution.
 
             sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
             sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
@@ -1281,6 +1283,9 @@ class Stepper:
                 the options or derivatives.
             ModelError: A parameter cannot be perturbed; the message has its element.
         """
+    def _actuators_with_memory(self) -> list[str]:
+        """Names of the actuators whose controls act on later steps too (delay, lag, sampled servo, integral), in any environment."""
+
     def _differentiate(self, ctrl: _Array, parts: list[str], offsets: _Array, tolerance: float) -> dict[str, NDArray[Any]]:
         """Derivatives of a step by the implicit function theorem. `stepper.derivatives.implicit` documents the arguments.
 

@@ -292,8 +292,8 @@ ODD = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1"/
 
 
 @pytest.mark.parametrize(("name", "drive", "message"), [
-    ("site", Drive(servo=PID(kp=1.0)), "a length of its own"),
-    ("site", Drive(motor=DCMotor(rotor_inertia=1.0)), "rotor_inertia cannot"),
+    ("site", Drive(servo=PID(kp=1.0)), "which has no length to measure"),
+    ("site", Drive(motor=DCMotor(rotor_inertia=1.0)), "rotor_inertia is set, but the actuator acts on a site"),
     ("site", Drive(friction=1.0), "leave them out"),
     ("tendon", Drive(motor=DCMotor(efficiency=0.5)), "leave them out"),
     ("lag", Drive(servo=PID(kp=1.0)), "activation dynamics"),

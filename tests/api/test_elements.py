@@ -105,7 +105,7 @@ def test_rows_cannot_be_written():
     (lambda model, q: model.integrate_pos(q, np.zeros((2, model.nq))), r"dv has shape \(2, 24\), must be \(23,\) or"),
     (lambda model, q: model.integrate_pos(np.tile(q, (3, 1)), np.zeros((2, model.nv))), "axes before the last must be the same"),
     (lambda model, q: model.integrate_pos(q * np.nan, np.zeros(model.nv)), "must be finite"),
-    (lambda model, q: model.differentiate_pos(q, q * 0), "joint \"root\" in row 0 of q2 is a quaternion without length"),
+    (lambda model, q: model.differentiate_pos(q, q * 0), "the orientation of joint \"root\" in row 0 of q2 is a quaternion of length 0"),
 ])  # fmt: skip
 def test_configurations_that_are_none_are_refused(call, text):
     model = stepper_model("gymnasium/humanoid")

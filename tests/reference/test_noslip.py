@@ -119,7 +119,7 @@ def test_what_the_model_says():
     assert model.noslip_tolerance == 1e-6
     assert not model.omitted
     text = model.explain()
-    assert "noslip: the source asks for 7 sweeps" in text
+    assert "noslip: the source sets noslip_iterations=7" in text
     assert "7 noslip iterations at most with MuJoCo's contact law; hard contact ignores them" in text
     other = model.replace(noslip_iterations=3, noslip_tolerance=1e-8)
     assert (other.noslip_iterations, other.noslip_tolerance) == (3, 1e-8)

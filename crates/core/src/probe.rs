@@ -110,6 +110,19 @@ pub trait Probe: Copy + Send + 'static {
     fn count(self, counter: Counter, number: impl FnOnce() -> f64);
 }
 
+/// Measures a part of the step: `span!(probe, Solve, || work)` calls [`Probe::span`] with [`Span`]`::Solve` and a closure that is always
+/// inlined. Only then is the work compiled as a part of the kernel that contains it (`stepper_real::kernel!`).
+macro_rules! span {
+    ($probe:expr, $span:ident, || $work:expr) => {
+        $probe.span(
+            $crate::probe::Span::$span,
+            #[inline(always)]
+            || $work,
+        )
+    };
+}
+pub(crate) use span;
+
 /// Probe that measures nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoProbe;

@@ -14,7 +14,7 @@ use crate::integrators::step_outcome::{StepOutcome, record};
 use crate::integrators::velocity_solve::VelocitySolve;
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
-use crate::probe::{Counter, Probe, Span};
+use crate::probe::{Counter, Probe, span};
 use crate::stages::s05_solve::store_impulses;
 use crate::stages::s10_record::Record;
 
@@ -39,7 +39,7 @@ pub fn step<R: Real>(
         // The narrow phase starts from the separating planes that it found in the last step.
         s.evaluation.collision.begin_step();
         // 1 actuate, first part: the actuator pipelines (delay, lag ...) convert the user's controls.
-        probe.span(Span::ActuatorPipelines, || {
+        span!(probe, ActuatorPipelines, || {
             if let Some(ActuatorDevices { pipelines, memory }) = &mut devices.actuators {
                 let Workspace { state, user_controls, inputs, alive, .. } = s;
                 let (state, outputs) = ([&state.q[..], &state.v[..]], (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]));
@@ -52,7 +52,7 @@ pub fn step<R: Real>(
             // law.
             ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
         };
-        let finite = probe.span(Span::Accept, || {
+        let finite = span!(probe, Accept, || {
             let Workspace { state, evaluation, velocity, position, alive, .. } = s;
             accept(compiled, state, evaluation, velocity, position, *alive, options.timestep)
         });
@@ -63,9 +63,9 @@ pub fn step<R: Real>(
             pipelines.write_outputs_after_step(compiled, devices.group, memory, (&mut inputs.ctrl, &mut inputs.actuator_dynamics));
         }
         let input = StepInput { compiled, options, state, inputs, alive: *alive };
-        probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
+        span!(probe, Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
         // 10 record
-        let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
+        let record = span!(probe, Record, || record(input, free_motion, problem, &outcome, finite));
         // Contacts that are still deferred (left out by the solver) are not stored for the next step. Their surfaces have passed each
         // other without touching. Contacts whose gap stayed open are no longer deferred: `solve_velocities` has activated them with zero
         // impulse.
@@ -83,7 +83,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // 1 actuate, 2 smooth dynamics, 3 detect, at the evaluation point of the step. A loop in `locate` moves this point in lanes with fast
     // bodies or impacts.
     locate(StepInput { compiled, options, state, inputs, alive }, evaluation, free, probe);
-    probe.span(Span::WarmStart, || evaluation.match_contacts(compiled, &mut state.contacts));
+    span!(probe, WarmStart, || evaluation.match_contacts(compiled, &mut state.contacts));
     probe.count(Counter::Contacts, || evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     let input = StepInput { compiled, options, state, inputs, alive };
     let context = StepContext { input, evaluation };
@@ -97,7 +97,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // here.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved =
-        probe.span(Span::GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(energy_unresolved);
+        span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(energy_unresolved);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
@@ -105,25 +105,25 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // 7 integrate position
     integrate_positions(StepContext { input, evaluation }, velocity, position, probe);
     // The impulses of the step are stored here, because stage 8 solves again and overwrites them.
-    probe.span(Span::IntegrateVelocity, || {
+    span!(probe, IntegrateVelocity, || {
         store_impulses(problem, velocity, &mut evaluation.contacts);
         store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);
     });
     // 8 stabilise
-    let corrected = probe.span(Span::Stabilise, || correct_positions(StepContext { input, evaluation }, free, problem, velocity, position));
+    let corrected = span!(probe, Stabilise, || correct_positions(StepContext { input, evaluation }, free, problem, velocity, position));
     outcome.infeasible = outcome.infeasible.or(corrected.infeasible);
-    outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, position, corrected, &outcome));
-    probe.span(Span::Stabilise, || accept_corrections(input, evaluation, problem, position, corrected));
+    outcome.tunnelled = span!(probe, Tunnelling, || find_tunnelling(input, evaluation, velocity, position, corrected, &outcome));
+    span!(probe, Stabilise, || accept_corrections(input, evaluation, problem, position, corrected));
     if options.poison {
         velocity.poison_impulses();
     }
     if let Some(rk4) = &mut s.rk4 {
         // Lanes without constraints whose motion is not too fast for the time step get the result of the Runge-Kutta method.
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));
-        probe.span(Span::Rk4, || rk4.replace_step(StepContext { input, evaluation }, lanes, velocity, position));
+        span!(probe, Rk4, || rk4.replace_step(StepContext { input, evaluation }, lanes, velocity, position));
     }
     let context = StepContext { input, evaluation };
-    probe.span(Span::GuardEnergy, || resolution.limit_energy(context, &free.v, velocity, &position.q, outcome.limited));
+    span!(probe, GuardEnergy, || resolution.limit_energy(context, &free.v, velocity, &position.q, outcome.limited));
     // The impulse of this step replaces that of the last step, which the stages above read.
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     outcome

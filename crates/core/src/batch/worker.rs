@@ -20,7 +20,7 @@ use crate::integrators::devices::{ActuatorDevices, Devices, SensorDevices};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{count, each_of};
 use crate::options::StepSettings;
-use crate::probe::{NoProbe, Probe, Span};
+use crate::probe::{NoProbe, Probe, span};
 use crate::stages::s10_record::Status;
 use crate::step::step;
 
@@ -214,12 +214,12 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: GroupPosition<'_, '_, R::Scalar>) {
         let GroupPosition { first, chunk_first, mut recording } = at;
         let probe = self.probe;
-        probe.span(Span::Load, || self.load_overrides(call, group, first));
+        span!(probe, Load, || self.load_overrides(call, group, first));
         let reader = Reader { call, compiled: &self.step.compiled, first, probe };
-        probe.span(Span::Sense, || reader.begin_observations(group, &mut self.step.workspace));
-        probe.span(Span::Load, || self.load(call, group, first));
+        span!(probe, Sense, || reader.begin_observations(group, &mut self.step.workspace));
+        span!(probe, Load, || self.load(call, group, first));
         for control in call.part.controls(call.schedule) {
-            probe.span(Span::Load, || load_control(call, control, first, &mut self.step.workspace));
+            span!(probe, Load, || load_control(call, control, first, &mut self.step.workspace));
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
@@ -234,13 +234,13 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
                 if observed {
                     // The last step with this control reads the sensors. Without a step they have not been read.
                     let unread = steps.is_empty();
-                    probe.span(Span::Sense, || Reader { call, compiled, first, probe }.complete_readings(group, s, unread));
+                    span!(probe, Sense, || Reader { call, compiled, first, probe }.complete_readings(group, s, unread));
                 }
                 let readings = if observed { &s.sensors.workspace.truth[..] } else { &[] };
-                probe.span(Span::Rollout, || recording.write(control, first - chunk_first, s, readings, flags, residual));
+                span!(probe, Rollout, || recording.write(control, first - chunk_first, s, readings, flags, residual));
             }
         }
-        probe.span(Span::Store, || self.store(call, group));
+        span!(probe, Store, || self.store(call, group));
     }
 
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, truth: bool, out: &mut [f64]) {
@@ -382,7 +382,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 sensors: Some(SensorDevices { errors: call.sensor_errors, memory: sensing, read: observed && i + 1 == steps }),
             };
             let record = step(compiled, call.settings, s, &mut devices, probe);
-            probe.span(Span::Record, || {
+            span!(probe, Record, || {
                 record.add_flags(flags);
                 if !group.saturated.is_empty() {
                     count_saturated(compiled, s, &mut group.saturated);

@@ -8,7 +8,7 @@ use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::probe::{Counter, Probe, Span};
+use crate::probe::{Counter, Probe, span};
 use crate::stages::s01_actuate::{actuate, advance_activation};
 use crate::stages::s02_smooth::Smooth;
 
@@ -131,26 +131,26 @@ impl<R: Real> FreeMotion<R> {
 pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     probe.count(Counter::Evaluations, || 1.0);
-    probe.span(Span::Actuate, || {
+    span!(probe, Actuate, || {
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
     });
     // Stage 2 begins before stage 1, because servos need the diagonal of the mass matrix. It ends after stage 1, because servos add
     // inertia to the mass matrix, and their forces cause acceleration.
-    probe.span(Span::MassMatrix, || free.smooth.assemble_mass(compiled, kinematics, scheme.joint_weights(compiled)));
-    probe.span(Span::Actuate, || actuate_at_velocity_before(context, free));
-    probe.span(Span::MassFactors, || {
+    span!(probe, MassMatrix, || free.smooth.assemble_mass(compiled, kinematics, scheme.joint_weights(compiled)));
+    span!(probe, Actuate, || actuate_at_velocity_before(context, free));
+    span!(probe, MassFactors, || {
         let FreeMotion { smooth, actuator_forces, .. } = free;
         smooth.complete_mass(compiled, kinematics, implicit(compiled, scheme, actuator_forces, &state.v));
     });
-    probe.span(Span::Acceleration, || free.accelerate(compiled, kinematics, &state.v, &state.v));
+    span!(probe, Acceleration, || free.accelerate(compiled, kinematics, &state.v, &state.v));
     // Losses of gears depend on the forces of servos, which depend on the acceleration. They become bounds of dry friction rows, so that
     // the acceleration does not contain them.
     if compiled.lossy {
         let FreeMotion { smooth, actuator_forces, .. } = free;
         let expected = Some((scheme.implicit_servos(), &smooth.acc[..]));
-        probe.span(Span::Actuate, || actuator_forces.dissipate(compiled, &inputs.actuator_dynamics, expected));
+        span!(probe, Actuate, || actuator_forces.dissipate(compiled, &inputs.actuator_dynamics, expected));
     }
-    probe.span(Span::Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
+    span!(probe, Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
 }
 
 /// Recomputes stages 1 and 2 after a change of velocities, activations or controls. The mass matrix does not change.

@@ -10,7 +10,7 @@ use crate::integrators::free_motion::{FreeMotion, advance_activations, compute_f
 use crate::integrators::impact::move_to_first_impacts;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::probe::{Probe, Span};
+use crate::probe::{Probe, span};
 use crate::stages::s03_detect::detect;
 use crate::tuning::MAX_EVALUATION_MOVES;
 
@@ -39,7 +39,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
         if !any_elastic(&evaluation.contacts) {
             return;
         }
-        let moved = probe.span(Span::ImpactTimes, || move_to_first_impacts(input, evaluation, &free.v, pass == 0));
+        let moved = span!(probe, ImpactTimes, || move_to_first_impacts(input, evaluation, &free.v, pass == 0));
         if moved.none() {
             return;
         }
@@ -68,7 +68,7 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
 #[inline(always)]
 fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepInput { compiled, state, inputs, .. } = input;
-    probe.span(Span::Displace, || {
+    span!(probe, Displace, || {
         let scheme = evaluation.scheme;
         // Positions move at the velocity before the step.
         if scheme.in_the_middle {
@@ -82,9 +82,9 @@ fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>
         }
     });
     let Evaluation { scheme, q, kinematics, .. } = evaluation;
-    probe.span(Span::Kinematics, || {
+    span!(probe, Kinematics, || {
         mocap::pose_bodies(compiled, &inputs.mocap_trajectories, R::of(state.elapsed) + scheme.time_before, kinematics);
         kinematics.update(compiled, q);
     });
-    probe.span(Span::Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));
+    span!(probe, Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));
 }

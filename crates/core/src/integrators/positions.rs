@@ -10,7 +10,7 @@ use crate::integrators::impact::prepare_position_solve;
 use crate::integrators::overlap_progress::revert_ineffective_corrections;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
-use crate::probe::{Probe, Span};
+use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{PositionInput, stabilise};
@@ -25,7 +25,7 @@ pub(crate) fn integrate_positions<R: Real>(
     probe: impl Probe,
 ) {
     let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, q, act, .. } } = context;
-    probe.span(Span::IntegratePosition, || {
+    span!(probe, IntegratePosition, || {
         integrate_position(compiled, q, &velocity.v, scheme.time_after, &mut position.q);
         advance_activation(compiled, &state.act, act, &inputs.ctrl, scheme.h, &mut position.act);
     });

@@ -10,7 +10,7 @@ use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::assess_corrector;
 use crate::integrators::velocity_solve::VelocitySolve;
-use crate::probe::{Probe, Span};
+use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::MAX_IMPACT_ROTATION;
@@ -30,7 +30,7 @@ impl<R: Real> VelocitySolve<'_, R> {
         let constrained = self.problem.constrained.or(self.problem.deferred_lanes(alive));
         let predictor = ImpulsePredictor::new(compiled, options, &state.v, scheme.h, self.velocity);
         if constrained.any() {
-            probe.span(Span::EstimateImpulses, || {
+            span!(probe, EstimateImpulses, || {
                 // Impulses of the active contacts first, then of deferred contacts that collide in the predicted motion.
                 predictor.make(options, constrained, self.problem, self.velocity);
                 self.predict_collisions(&predictor, constrained);
@@ -39,7 +39,7 @@ impl<R: Real> VelocitySolve<'_, R> {
         self.correct_free_velocity(probe);
         if constrained.any() {
             // The prediction has served its purpose. From here on, its impulses are only a possible start of the solve.
-            probe.span(Span::EstimateImpulses, || predictor.choose_start(constrained, self.problem, self.velocity));
+            span!(probe, EstimateImpulses, || predictor.choose_start(constrained, self.problem, self.velocity));
             if self.problem.has_doubtful_contacts() {
                 self.problem.defer_doubtful(self.velocity);
             }
@@ -64,13 +64,14 @@ impl<R: Real> VelocitySolve<'_, R> {
         blend(&state.v, v_expected, scheme.velocity_weight, force_velocity);
         // In stage 1 only forces of servos depend on the velocity.
         if !compiled.servos.is_empty() {
-            probe.span(Span::Actuate, || {
-                actuate(compiled, &context.forces_at(force_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces)
-            });
+            span!(probe, Actuate, || actuate(
+                compiled,
+                &context.forces_at(force_velocity),
+                Some(scheme.implicit_servos_at_prediction()),
+                actuator_forces
+            ));
         }
-        probe.span(Span::Acceleration, || {
-            smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity)
-        });
+        span!(probe, Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, force_velocity));
         advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
         // Spinners are single bodies on a free or ball joint. `correct` replaces their gyroscopic torque by one that keeps angular
         // momentum.

@@ -12,7 +12,7 @@ use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{diverging, limit_joint_rates};
 use crate::integrators::velocity_solve::VelocitySolve;
-use crate::probe::{Counter, Probe, Span};
+use crate::probe::{Counter, Probe, span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
@@ -43,11 +43,11 @@ impl<R: Real> VelocitySolve<'_, R> {
         let disagrees = loop {
             if must_assemble {
                 self.assemble_problem(probe);
-                probe.span(Span::CorrectForces, || self.predict(probe));
+                span!(probe, CorrectForces, || self.predict(probe));
                 (lanes, unchecked, inelastic) = (self.problem.constrained, R::Mask::splat(true), none);
                 (passes, impact_passes) = (R::zero(), R::zero());
             }
-            let solved = probe.span(Span::Solve, || self.solve_lanes(lanes));
+            let solved = span!(probe, Solve, || self.solve_lanes(lanes));
             // After a new assembly all lanes are solved again, and their numbers of iterations start from zero. A sum over assemblies would
             // make the record of a lane depend on the other lanes, which may have caused the new assembly.
             if must_assemble {
@@ -57,16 +57,16 @@ impl<R: Real> VelocitySolve<'_, R> {
             }
             must_assemble = false;
             let Self { free, velocity, .. } = self;
-            probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
+            span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
             unchecked = unchecked.or(lanes);
             let motion = SweptMotion::Solved { includes_later_collisions: passes.ge(R::of(FIRST_COLLISION_PASSES)) };
             let solved_lanes = lanes;
-            lanes = probe.span(Span::Solve, || self.activate_colliding(motion));
+            lanes = span!(probe, Solve, || self.activate_colliding(motion));
             passes = R::select(solved_lanes, passes + R::one(), passes);
             if lanes.none() && scheme.in_the_middle {
                 let checked = unchecked.and(impact_passes.lt(R::of(IMPACT_PASSES)));
                 let first = impact_passes.eq(R::zero());
-                lanes = probe.span(Span::SolveImpacts, || self.correct_impact_forces(checked, first));
+                lanes = span!(probe, SolveImpacts, || self.correct_impact_forces(checked, first));
                 impact_passes = R::select(checked, impact_passes + R::one(), impact_passes);
                 (passes, unchecked) = (R::select(unchecked, R::zero(), passes), none);
             }
@@ -88,7 +88,7 @@ impl<R: Real> VelocitySolve<'_, R> {
         // Contacts that are still deferred and whose gap stays open become active with zero impulse: stage 8 needs their rows, and the
         // state keeps them.
         self.problem.activate_not_closing(self.velocity);
-        probe.span(Span::Solve, || self.resolve_ambiguous(&mut outcome));
+        span!(probe, Solve, || self.resolve_ambiguous(&mut outcome));
         count_iterations(&outcome, self.problem, probe);
         (outcome, inelastic.or(disagrees))
     }
@@ -150,8 +150,8 @@ impl<R: Real> VelocitySolve<'_, R> {
         let impulses_act = velocity.impulses.changes_velocity();
         let (lanes, rebounding) = (problem.needs_position_solve, problem.euler_rebounding);
         let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
-        let infeasible = probe.span(Span::Stabilise, || limit_baumgarte(&rows, &free.v, velocity, position, &mut outcome));
-        let [ambiguous, limited] = probe.span(Span::GuardEnergy, || self.limit_speed(outcome.residual));
+        let infeasible = span!(probe, Stabilise, || limit_baumgarte(&rows, &free.v, velocity, position, &mut outcome));
+        let [ambiguous, limited] = span!(probe, GuardEnergy, || self.limit_speed(outcome.residual));
         let none = R::Mask::splat(false);
         StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
     }

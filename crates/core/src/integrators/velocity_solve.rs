@@ -9,7 +9,7 @@ use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::probe::{Probe, Span};
+use crate::probe::{Probe, span};
 use crate::stages::s04_assemble::assemble;
 
 /// Solve for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder:
@@ -57,6 +57,6 @@ impl<R: Real> VelocitySolve<'_, R> {
             solved_overlaps: solved_overlaps.as_deref(),
             alive,
         };
-        probe.span(Span::Assemble, || assemble(&input, contacts, Assembler { problem, velocity, builder }));
+        span!(probe, Assemble, || assemble(&input, contacts, Assembler { problem, velocity, builder }));
     }
 }

@@ -19,7 +19,7 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::detection::{CollisionWorkspace, Scene, slack};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
-use crate::probe::{Counter, Probe, Span};
+use crate::probe::{Counter, Probe, span};
 
 /// Finds the contacts of the lanes `alive`, at the poses `time_before` seconds after the beginning of the step. Returns the lanes whose
 /// contacts are unreliable at this time, because geoms may already have passed through each other.
@@ -41,12 +41,12 @@ pub fn detect<R: Real>(
         return R::Mask::splat(false);
     }
     let checks_passing = compiled.can_tunnel && time_before.gt(R::zero()).any();
-    probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, [v, v_free], [h, time_before], checks_passing, alive, collision));
+    span!(probe, BroadPhase, || find_pairs(compiled, kinematics, [v, v_free], [h, time_before], checks_passing, alive, collision));
     if collision.near_count == 0 && compiled.dynamic_pairs.is_none() {
         return R::Mask::splat(false);
     }
     probe.count(Counter::NearPairs, || (collision.near_count + collision.broad.pairs.len()) as f64);
-    probe.span(Span::NarrowPhase, || {
+    span!(probe, NarrowPhase, || {
         let unreliable = find_contacts(compiled, kinematics, v, [h, time_before], checks_passing, collision, contacts);
         collision.reduction.reduce(compiled, contacts);
         unreliable

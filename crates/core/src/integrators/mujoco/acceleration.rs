@@ -19,7 +19,7 @@ use crate::integrators::mujoco::workspace::StageState;
 use crate::integrators::recomputed::Recomputed;
 use crate::integrators::step_input::StepInput;
 use crate::options::Integrator;
-use crate::probe::{Counter, Probe, Span};
+use crate::probe::{Counter, Probe, span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s03_detect::detect;
 use crate::tuning::LOOK_AHEAD;
@@ -42,7 +42,7 @@ impl<R: Real> Acceleration<'_, R> {
     #[inline(always)]
     pub(super) fn compute(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, from_impulse: bool, probe: impl Probe) -> Outcome<R> {
         self.prepare(input, stage, Recomputed::Configuration, probe);
-        probe.span(Span::Solve, || self.solve(input, from_impulse))
+        span!(probe, Solve, || self.solve(input, from_impulse))
     }
 
     /// Constrained acceleration from the last call of [`Acceleration::compute`], nv.
@@ -59,7 +59,7 @@ impl<R: Real> Acceleration<'_, R> {
         self.evaluation.act.copy_from_slice(&stage.act);
         if moved {
             self.evaluation.q.copy_from_slice(&stage.q);
-            probe.span(Span::Kinematics, || {
+            span!(probe, Kinematics, || {
                 let Evaluation { q, kinematics, .. } = &mut *self.evaluation;
                 mocap::pose_bodies(compiled, &inputs.mocap_trajectories, R::of(state.elapsed), kinematics);
                 kinematics.update(compiled, q);
@@ -71,7 +71,7 @@ impl<R: Real> Acceleration<'_, R> {
         }
         // Friction losses of actuator dynamics bound the rows of dry friction.
         if recomputed != Recomputed::Forces || compiled.lossy {
-            probe.span(Span::Assemble, || self.assemble(input, stage));
+            span!(probe, Assemble, || self.assemble(input, stage));
         }
     }
 
@@ -85,11 +85,11 @@ impl<R: Real> Acceleration<'_, R> {
         let (compiled, discrete) = (input.compiled, input.options.integrator == Integrator::Discrete);
         if discrete || recomputed == Recomputed::Configuration {
             let explicit = Implicit::<R>::none().weights;
-            probe.span(Span::MassMatrix, || self.free.smooth.assemble_mass(compiled, &self.evaluation.kinematics, explicit));
+            span!(probe, MassMatrix, || self.free.smooth.assemble_mass(compiled, &self.evaluation.kinematics, explicit));
         }
-        probe.span(Span::Actuate, || self.compute_forces(input, stage));
+        span!(probe, Actuate, || self.compute_forces(input, stage));
         let Self { evaluation: Evaluation { kinematics, .. }, free, problem, effective, .. } = self;
-        probe.span(Span::MassFactors, || {
+        span!(probe, MassFactors, || {
             if discrete {
                 return assemble_effective_mass(input, stage, kinematics, free, problem, effective);
             }
@@ -102,7 +102,7 @@ impl<R: Real> Acceleration<'_, R> {
             }
             free.smooth.complete_mass(compiled, kinematics, Implicit::none());
         });
-        probe.span(Span::Acceleration, || {
+        span!(probe, Acceleration, || {
             free.accelerate(compiled, kinematics, &stage.v, &stage.v);
             advance(&stage.v, &free.smooth.acc, R::of(input.options.timestep), &mut free.v);
         });
@@ -130,7 +130,7 @@ impl<R: Real> Acceleration<'_, R> {
         let Evaluation { kinematics, collision, contacts, solved_overlaps, .. } = &mut *self.evaluation;
         let ahead = R::of(if solved_overlaps.is_some() { LOOK_AHEAD } else { 0.0 });
         detect(input.compiled, kinematics, [&stage.v; 2], [ahead, R::zero()], input.alive, collision, contacts, probe);
-        probe.span(Span::WarmStart, || contacts.choose_tangents());
+        span!(probe, WarmStart, || contacts.choose_tangents());
         probe.count(Counter::Contacts, || contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     }
 

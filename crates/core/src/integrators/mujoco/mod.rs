@@ -33,7 +33,7 @@ use crate::integrators::step_input::StepInput;
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::workspace::Workspace;
 use crate::options::{Integrator, StepSettings};
-use crate::probe::{Counter, NoProbe, Probe, Span};
+use crate::probe::{Counter, NoProbe, Probe, span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 
@@ -63,7 +63,7 @@ pub(crate) fn solve_step<R: Real>(
     let contacts_at_end = options.integrator == Integrator::Rk4;
     let step = TakenStep { velocity: &velocity.v, is_free: false, h: R::of(options.timestep), contacts_at_end };
     let Evaluation { kinematics, collision, .. } = evaluation;
-    let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, collision));
+    let tunnelled = span!(probe, Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, collision));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     std::mem::swap(&mut state.impulse, &mut free.impulse);
     StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, energy_unresolved: none }
@@ -81,11 +81,11 @@ fn advance<R: Real>(
     let StepInput { compiled, options, state, inputs, .. } = input;
     let Acceleration { evaluation, free, problem, velocity, effective, .. } = acceleration;
     let (h, kinematics, v_next) = (R::of(options.timestep), &evaluation.kinematics, &mut velocity.v);
-    probe.span(Span::IntegrateVelocity, || match options.integrator {
+    span!(probe, IntegrateVelocity, || match options.integrator {
         Integrator::Discrete => discrete::integrate_velocity(input, kinematics, free, problem, effective.as_ref(), v_next),
         _ => integrate_velocity(input, kinematics, free, problem, unsymmetric, v_next),
     });
-    probe.span(Span::IntegratePosition, || {
+    span!(probe, IntegratePosition, || {
         integrate_position(compiled, &state.q, &velocity.v, h, &mut position.q);
         advance_activation(compiled, &state.act, &state.act, &inputs.ctrl, h, &mut position.act);
     });

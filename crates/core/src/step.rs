@@ -21,9 +21,9 @@ use crate::stages::s10_record::Record;
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
 ///
-/// It executes stages 1 to 10, and accepts the next state between stages 8 and 9. Each stage is a kernel: a function that is compiled once
-/// for every lane type and CPU level. This function is a kernel too, because it has lane masks, which are vectors. Outside a kernel every
-/// operation on a vector is a function call.
+/// Stages 1 to 10 run in order, and the next state is accepted between stages 8 and 9. Each stage is a kernel: a function that is compiled
+/// once for every lane type and CPU level. This function is a kernel too, because it has lane masks, which are vectors. Outside a kernel
+/// every operation on a vector is a function call.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

@@ -100,7 +100,7 @@ def check_names(named: Mapping[str, T], names: Sequence[str], kind: str) -> None
             raise ValueError(f"no {kind} fits {name!r}, there are: {', '.join(names) or 'none'}")
 
 
-def check_number(name: str, value: Any) -> None:
+def _check_numeric(name: str, value: Any) -> None:
     """Raises TypeError if a value is neither a number nor an array of numbers; `name` is its name for the message."""
     try:
         fits = np.asarray(value).dtype.kind in "iuf"
@@ -124,10 +124,10 @@ def check_numbers(part: Any, *others: str) -> None:
         if field.name in others or (value is None and field.default is None):
             continue
         if field.name != "limits":
-            check_number(field.name, value)
+            _check_numeric(field.name, value)
         elif isinstance(value, tuple | list) and len(value) == 2:
-            check_number("limits[0]", value[0])
-            check_number("limits[1]", value[1])
+            _check_numeric("limits[0]", value[0])
+            _check_numeric("limits[1]", value[1])
         else:
             raise ValueError(f"limits is {value!r}, must be (low, high)")
 

@@ -74,28 +74,30 @@ named! {
 }
 
 impl AppliedInput {
-    /// Shape of the input of one environment.
-    pub fn shape(self, model: &Model) -> Vec<usize> {
+    /// Number of elements of the model with this input, and number of values for each.
+    fn rows_and_columns(self, model: &Model) -> [usize; 2] {
         let nmocap = || model.bodies.iter().filter(|b| b.mocap).count();
         match self {
-            Self::QfrcApplied => vec![model.nv()],
-            Self::XfrcApplied => vec![model.bodies.len(), 6],
-            Self::MocapPos => vec![nmocap(), 3],
-            Self::MocapQuat => vec![nmocap(), 4],
-            Self::EqActive => vec![model.equalities.len()],
+            Self::QfrcApplied => [model.nv(), 1],
+            Self::XfrcApplied => [model.bodies.len(), 6],
+            Self::MocapPos => [nmocap(), 3],
+            Self::MocapQuat => [nmocap(), 4],
+            Self::EqActive => [model.equalities.len(), 1],
+        }
+    }
+
+    /// Shape of the input of one environment. It has one axis if each element has one value.
+    pub fn shape(self, model: &Model) -> Vec<usize> {
+        match self.rows_and_columns(model) {
+            [rows, 1] => vec![rows],
+            both => both.to_vec(),
         }
     }
 
     /// Number of values per environment.
     pub fn width(self, model: &Model) -> usize {
-        let nmocap = || model.bodies.iter().filter(|b| b.mocap).count();
-        match self {
-            Self::QfrcApplied => model.nv(),
-            Self::XfrcApplied => 6 * model.bodies.len(),
-            Self::MocapPos => 3 * nmocap(),
-            Self::MocapQuat => 4 * nmocap(),
-            Self::EqActive => model.equalities.len(),
-        }
+        let [rows, columns] = self.rows_and_columns(model);
+        rows * columns
     }
 
     /// Value of the input for one environment after a reset: no forces, mocap bodies at the poses of the model, and the model's active

@@ -108,7 +108,7 @@ impl<R: Real> Nominal<R> {
     pub(super) fn solve(&mut self, compiled: &LaneModel<R>, settings: &StepSettings, s: &mut Workspace<R>) -> SolvedStep<R> {
         self.store_beginning(s);
         let elapsed = s.state.elapsed;
-        let record = step(compiled, settings, s, &mut Devices { group: 0, actuators: None, sensors: None }, NoProbe);
+        let record = step(compiled, settings, s, &mut Devices::none(), NoProbe);
         s.state.elapsed = elapsed;
         self.keep(compiled, s);
         let mut statuses = [0; MAX_LANES];

@@ -60,9 +60,8 @@ impl<R: Real> VelocitySolve<'_, R> {
             span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
             unchecked = unchecked.or(lanes);
             let motion = SweptMotion::Solved { includes_later_collisions: passes.ge(R::of(FIRST_COLLISION_PASSES)) };
-            let solved_lanes = lanes;
+            passes = R::select(lanes, passes + R::one(), passes);
             lanes = span!(probe, Solve, || self.activate_colliding(motion));
-            passes = R::select(solved_lanes, passes + R::one(), passes);
             if lanes.none() && scheme.in_the_middle {
                 let checked = unchecked.and(impact_passes.lt(R::of(IMPACT_PASSES)));
                 let first = impact_passes.eq(R::zero());

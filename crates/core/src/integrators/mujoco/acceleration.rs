@@ -194,9 +194,7 @@ impl<R: Real> Acceleration<'_, R> {
 pub(crate) fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
     kernel!(R, || {
         for tendon in &compiled.tendons {
-            let Some((spring, rest)) = &tendon.spring else { continue };
-            let length = tendon.length.value(q);
-            let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
+            let Some((spring, stretch)) = tendon.stretch(q) else { continue };
             let force = -(R::splat(spring.stiffness) * stretch) - R::splat(spring.damping) * tendon.length.rate(v);
             for &(_, dof, coefficient) in &tendon.length.terms {
                 forces[dof] += R::splat(coefficient) * force;

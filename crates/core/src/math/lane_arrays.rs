@@ -29,7 +29,7 @@ macro_rules! lane_arrays {
 
 pub(crate) use lane_arrays;
 
-/// Sets the values of one lane to zero, from index `first` of a lane-interleaved array on.
+/// Sets the values of one lane of a lane-interleaved array to zero. `first` is the index of the lane's first value that is set.
 pub(crate) fn clear_column<T: Default>(rows: &mut [T], lanes: usize, first: usize) {
     rows.iter_mut().skip(first).step_by(lanes).for_each(|x| *x = T::default());
 }

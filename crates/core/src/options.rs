@@ -300,11 +300,10 @@ pub struct StepSettings {
 }
 
 impl StepSettings {
-    /// Ratio of the default tolerance of double precision to the tolerance in force, at least 1.
+    /// Factor by which the user's tolerance is smaller than the default tolerance of double precision, at least 1.
     ///
-    /// The module `tuning` has tolerances and iteration limits of predictions and corrections, which hold at the default tolerance. A step
-    /// divides these tolerances by the ratio, and multiplies these iteration limits by it.
-    pub(crate) fn tolerance_ratio(&self) -> f64 {
+    /// The module `tuning` has tolerances and iteration limits of predictions and corrections, which hold at the default tolerance. A step divides these tolerances by the factor, and multiplies these iteration limits by it.
+    pub(crate) fn accuracy_factor(&self) -> f64 {
         (Precision::F64.tolerance() / self.tolerance).max(1.0)
     }
 

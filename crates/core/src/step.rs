@@ -11,7 +11,7 @@ use crate::integrators::observation::observe;
 use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::{StepOutcome, record};
-use crate::integrators::velocity_solve::VelocitySolve;
+use crate::integrators::velocity_loop::VelocityLoop;
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, span};
@@ -66,9 +66,7 @@ pub fn step<R: Real>(
         span!(probe, Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
         // 10 record
         let record = span!(probe, Record, || record(input, free_motion, problem, &outcome, finite));
-        // Contacts that are still deferred (left out by the solver) are not stored for the next step. Their surfaces have passed each
-        // other without touching. Contacts whose gap stayed open are no longer deferred: `solve_velocities` has activated them with zero
-        // impulse.
+        // Contacts that are still deferred (left out by the solver) are not stored for the next step: their geoms passed each other without touching. `solve_velocities` has activated all other contacts.
         problem.remove_deferred(&mut state.contacts);
         record
     })
@@ -89,10 +87,10 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let context = StepContext { input, evaluation };
     // 4 assemble, 5 solve, 6 integrate velocity. A loop in `solve_velocities` repeats them until the solution satisfies the assumptions of
     // the assembly. After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
-    let mut velocity_solve = VelocitySolve { context, free, problem, velocity, builder, collisions };
-    let (solver, energy_unresolved) = velocity_solve.solve_velocities(probe);
+    let mut velocity_loop = VelocityLoop { context, free, problem, velocity, builder, collisions };
+    let (solver, energy_unresolved) = velocity_loop.solve_velocities(probe);
     // Velocities are bounded in lanes whose solution cannot be right.
-    let mut outcome = velocity_solve.bound_velocities(position, solver, probe);
+    let mut outcome = velocity_loop.bound_velocities(position, solver, probe);
     // With the Runge-Kutta method, `replace_step` below replaces the solution of lanes without constraints. Their energy is not checked
     // here.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };

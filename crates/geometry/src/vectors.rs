@@ -21,7 +21,7 @@ impl Pose {
     /// The method is one step of Newton's method for the polar decomposition without an inverse, which squares the error (Higham, 2008,
     /// section 8.3).
     #[inline]
-    pub fn widened(pos: V, mat: M3<f64>) -> Self {
+    pub fn from_single(pos: V, mat: M3<f64>) -> Self {
         let gram = mat_mul_transposed(&mat, &mat);
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let half: M3<f64> = array_of(|i| 1.5 * identity[i] - 0.5 * gram[i]);

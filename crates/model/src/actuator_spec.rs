@@ -139,7 +139,7 @@ impl ActuatorSpec {
     /// The first value out of range, or the first part of a spec that an actuator cannot have, with the actuator's name.
     pub fn combine(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
         let (mut combined, mut specs) = (model.clone(), specs.to_vec());
-        let model = combined.trusted_mut();
+        let model = combined.unchecked_mut();
         for (i, spec) in specs.iter_mut().enumerate() {
             *spec = spec.take().filter(|t| *t != Self::ideal());
             let steps = model.actuators[i].delay_in_steps(h);

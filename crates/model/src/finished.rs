@@ -63,7 +63,7 @@ impl Model {
 
     /// Mutable description of the model. The caller must only make changes after which the model is still valid. The stored convex hulls of
     /// meshes are not updated.
-    pub(crate) fn trusted_mut(&mut self) -> &mut Description {
+    pub(crate) fn unchecked_mut(&mut self) -> &mut Description {
         &mut self.description
     }
 }

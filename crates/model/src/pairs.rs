@@ -10,8 +10,7 @@
 //! 4. their bodies are excluded;
 //! 5. neither's `contype` shares a bit with the other's `conaffinity`.
 //!
-//! Excluded overlaps ([`Description::excluded_overlaps`]) are checked before explicit pairs. Each excludes two bodies, like `<exclude>` in
-//! MJCF and `disable_collisions` in SRDF. If one body is the world, it excludes only the two geoms.
+//! Excluded overlaps ([`Description::excluded_overlaps`]) are checked before explicit pairs. Each names two geoms that overlap in the reference pose, and excludes all pairs of their two bodies, like `<exclude>` in MJCF and `disable_collisions` in SRDF. If one of the bodies is the world, only these two geoms are excluded.
 //!
 //! Margins and gaps of a pair are **sums** of those of the geoms. A gap is beyond the margin: a contact is found within margin + gap, and
 //! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`). MuJoCo 2 and 3 used the larger of two margins, and contacts
@@ -129,7 +128,7 @@ impl Filter {
         let tags = model.geoms.iter().map(tag).collect();
         let bodies = |geoms: [usize; 2]| geoms.map(|g| model.geoms[g].body);
         let overlaps = || model.excluded_overlaps.iter().map(|o| o.geoms);
-        let links = overlaps().map(bodies).filter(|b| !b.contains(&0));
+        let without_world = overlaps().map(bodies).filter(|b| !b.contains(&0));
         let with_world = overlaps().filter(|&g| bodies(g).contains(&0));
         let mut filter = Self {
             tags,
@@ -137,7 +136,7 @@ impl Filter {
             pairs: model.pairs.clone(),
             explicit: BTreeMap::new(),
             excluded: both_ways(model.excludes.iter().copied()),
-            overlapping_bodies: both_ways(links),
+            overlapping_bodies: both_ways(without_world),
             overlapping_geoms: both_ways(with_world),
         };
         for (k, pair) in model.pairs.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use crate::actuator_fields::{self, GEAR, PARAMETERS};
 use crate::hulls::Source;
-use crate::replaced_geom_fields::ReplacedGeomFields;
+use crate::overridden_geom_fields::OverriddenGeomFields;
 use crate::{Description, Geom, Model, ModelError, Shape};
 
 /// Function that calls a visitor for every value of a field, in order. The visitor may change the value.
@@ -383,7 +383,7 @@ impl Model {
                 model.soft.inverse_weights = None;
             }
         }
-        ReplacedGeomFields::new(self, fields.iter().map(|field| field.0)).check(fields)?;
+        OverriddenGeomFields::new(self, fields.iter().map(|field| field.0)).check(fields)?;
         let strict = !self.omitted.iter().any(|o| o.changes_motion);
         // Meshes have no replaceable field, so that their hulls can be reused.
         model.finish_with(strict, Source::Same(&self.hulls))

@@ -4,8 +4,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::finish::{check_inertia, check_parameters};
+use crate::overridden_geom_fields::OverriddenGeomFields;
 use crate::replace::{find, write};
-use crate::replaced_geom_fields::ReplacedGeomFields;
 use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
 
 /// Declares [`Parameter`] with the names of the model's fields.
@@ -102,7 +102,7 @@ pub struct Variants<'a> {
     model: Model,
     fields: Vec<&'static Field>,
     /// Fields of geoms that contacts of explicit pairs ignore. A new value of such a field is an error.
-    replaced_fields: ReplacedGeomFields<'a>,
+    overridden_fields: OverriddenGeomFields<'a>,
 }
 
 impl<'a> Variants<'a> {
@@ -112,8 +112,8 @@ impl<'a> Variants<'a> {
     /// [`ModelError::Invalid`] for a name that is not a field.
     pub fn new<'n>(base: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Result<Self, ModelError> {
         let fields: Vec<&'static Field> = names.into_iter().map(find).collect::<Result<_, _>>()?;
-        let replaced_fields = ReplacedGeomFields::new(base, fields.iter().map(|field| field.name));
-        Ok(Self { base, model: base.clone(), fields, replaced_fields })
+        let overridden_fields = OverriddenGeomFields::new(base, fields.iter().map(|field| field.name));
+        Ok(Self { base, model: base.clone(), fields, overridden_fields })
     }
 
     /// Variant of the model with new values. `values` has the new values of each field, in the order of the names in [`Variants::new`].
@@ -125,10 +125,10 @@ impl<'a> Variants<'a> {
     pub fn with(&mut self, values: &[Option<&[f64]>], base_values: &[Vec<f64>]) -> Result<&Model, ModelError> {
         let mut given = Vec::with_capacity(values.len());
         for ((field, values), base_values) in self.fields.iter().zip(values).zip(base_values) {
-            write(self.model.trusted_mut(), field, values.unwrap_or(base_values))?;
+            write(self.model.unchecked_mut(), field, values.unwrap_or(base_values))?;
             given.extend(values.map(|values| (field.name, values)));
         }
-        self.replaced_fields.check(&given)?;
+        self.overridden_fields.check(&given)?;
         check_parameters(&self.model)?;
         same_structure(self.base, &self.model)?;
         check_inertia(&self.model)?;

@@ -58,7 +58,7 @@ pub fn solve<'a, R: Real>(
         let (mut worst, mut unsolved) = (R::zero(), lanes);
         while unsolved.any() {
             sweep_until_paused(system, iterate, &mut progress);
-            if !system.certified {
+            if !system.needs_residual {
                 unsolved = unsolved.and_not(progress.sweeps.lt(R::of(progress.most_sweeps)));
                 if unsolved.none() {
                     break;
@@ -101,8 +101,7 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
     })
 }
 
-/// Sweeps until every lane has paused. If the solve must certify its residual (`System::certified`), the scaled velocity change w is then
-/// exactly the sum over the impulses, to the last bit.
+/// Sweeps until every lane has paused. If the solve needs its residual (`System::needs_residual`), the scaled velocity change w is then exactly the sum over the impulses, to the last bit.
 #[inline(always)]
 fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
     // All lanes restart without history, no matter when they paused. Their results then do not depend on other lanes.
@@ -112,7 +111,7 @@ fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, 
             progress.sweep(system, iterate);
         }
     }
-    if system.certified && progress.extrapolated.any() {
+    if system.needs_residual && progress.extrapolated.any() {
         recompute_w(iterate, system.problem, progress.extrapolated);
         progress.extrapolated = R::Mask::splat(false);
     }

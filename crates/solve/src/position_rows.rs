@@ -41,7 +41,7 @@ impl<R: Real> PositionRows<R> {
     /// System for a solver: these rows with the problem `problem`. The rows must be copies of the rows of that problem.
     #[inline(always)]
     pub fn system<'a>(&'a self, problem: &'a Problem<R>) -> System<'a, R> {
-        make_kinds!(System { problem, certified: true, } [own: &self] => own)
+        make_kinds!(System { problem, needs_residual: true, } [own: &self] => own)
     }
 
     /// Changes the offsets g of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free

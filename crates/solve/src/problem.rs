@@ -35,16 +35,15 @@ by_kind! {
     pub struct System['a, R: Real] {
         /// Problem, which the velocity solve and the position solve share.
         pub(crate) problem: &'a Problem<R>,
-        /// Whether the solve ends with a certified residual. For this it recomputes the scaled velocity change w from the impulses, and
-        /// evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little.
-        pub(crate) certified: bool,
+        /// Whether the solve must end with the residual of its impulses. For this it recomputes the scaled velocity change w from the impulses, and evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little.
+        pub(crate) needs_residual: bool,
     } each RowsRef['a]
 }
 
 impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
     #[inline(always)]
     fn from(problem: &'a Problem<R>) -> Self {
-        make_kinds!(System { problem, certified: true, } [set: &problem] => &set.rows)
+        make_kinds!(System { problem, needs_residual: true, } [set: &problem] => &set.rows)
     }
 }
 
@@ -175,8 +174,8 @@ impl<R: Real> System<'_, R> {
     /// Copy of the system whose solve ends without an evaluation of the residual. Lanes whose last sweep changed little then report a
     /// residual of 0.
     #[inline(always)]
-    pub fn uncertified(self) -> Self {
-        Self { certified: false, ..self }
+    pub fn without_final_residual(self) -> Self {
+        Self { needs_residual: false, ..self }
     }
 
     /// Gathers the lanes that `map` selects into `out`, whose registers are half as wide. It gathers only the fields that Gauss-Seidel

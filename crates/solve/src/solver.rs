@@ -137,7 +137,7 @@ fn solve_system<R: Real>(
         // This number of Newton steps also allows a last pass with the exact friction law.
         MIN_STEPS_FOR_EXACT.. => PASSES,
         // A position correction whose residual need not be exact makes one pass. The next step corrects the remaining errors.
-        _ if !system.certified => 1,
+        _ if !system.needs_residual => 1,
         _ => PASSES - 1,
     };
     for pass in 1..passes {

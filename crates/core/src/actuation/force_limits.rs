@@ -82,7 +82,7 @@ impl<R: Real> BoundedForce<R> {
     /// Added inertia of a force on the torque-speed curve, kg or kg m^2.
     #[inline(always)]
     fn curve_added_inertia(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> R {
-        numbers.back_emf * weights.damping * (R::one() + weights.extra_share(self.effective_inertia.rate(numbers.back_emf)))
+        numbers.back_emf * weights.damping * (R::one() + weights.late_fraction(self.effective_inertia.rate(numbers.back_emf)))
     }
 
     /// Copies the active bounds of `other` in the lanes `lanes`.

@@ -14,7 +14,7 @@
 //! a^T. It is an upper bound of a a^T (Gershgorin), so that the rule remains stable.
 //!
 //! The midpoint rule does not damp a motion that is too fast for the step: its amplification tends to -1, while the true motion dies out.
-//! With damping, the force is therefore shifted toward the end of the step by the share `s = z / (6 + z)`, `z = h d / m`. Here m is the
+//! With damping, the step therefore evaluates a part of the force later, by the late fraction `s = z / (6 + z)`, `z = h d / m`. Here m is the
 //! inertia from the diagonal of M:
 //!
 //! ```text
@@ -79,7 +79,7 @@ pub struct Implicit<'a, R: Real> {
 impl<R: Real> Implicit<'_, R> {
     /// No implicit terms, for a mass matrix that is no part of a step.
     pub fn none() -> Self {
-        let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
+        let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), late_step: R::zero() };
         Self { weights, servos: &[], arms: &[], drag_at: None }
     }
 }
@@ -138,7 +138,7 @@ pub struct ActuatorForces<R: Real> {
     /// Generalized forces of the actuators alone (no springs), clamped to the force ranges of joints, N or N m. Computed only with explicit
     /// servos.
     pub without_springs: Vec<R>,
-    /// Force of every actuator, N or N m: only the explicit part of an implicit force, otherwise the whole force.
+    /// Force of every actuator, N or N m. Of an implicit force it is the explicit part e.
     pub force: Vec<R>,
     /// Added inertia of each servo, kg m^2 or kg; zero for an explicit force or a force at a bound.
     pub added_inertia: Vec<R>,
@@ -171,9 +171,9 @@ pub struct ActuatorForces<R: Real> {
     pub arms: Vec<R>,
     /// Lengths of all actuators on sites.
     pub(crate) lengths: Vec<R>,
-    /// Force of each actuator with dynamics, with the active bound that the step assumes.
+    /// Force of each actuator with an actuator model, with its force limits and the active bound that the step assumes.
     pub(super) bounded_forces: Vec<BoundedForce<R>>,
-    /// Force of each actuator with dynamics, with the active bound in the last trial.
+    /// Force of each actuator with an actuator model, with its force limits and the active bound in the last trial.
     trial_bounded_forces: Vec<BoundedForce<R>>,
     /// Whether the active bounds of this step have not been guessed yet.
     pub(crate) active_bounds_unknown: bool,

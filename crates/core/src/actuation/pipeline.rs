@@ -145,10 +145,9 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the parameters of the actuator dynamics of a group into `actuator_dynamics`.
+    /// Loads the parameters of a group's actuator models into `actuator_dynamics`, for readings and inverse dynamics without a step.
     ///
-    /// A lag after a continuous servo passes on only a fraction of the servo's change within a step. The gains of the servo are therefore
-    /// multiplied by this fraction. Here its value at the end of a step is used, in [`Self::advance`] its mean over the step.
+    /// A lag after a continuous servo passes on only a fraction of a change of the servo's output in the same step. The gains of the servo are therefore multiplied by this fraction. It grows during a step: readings use its value at the end, [`Self::advance`] uses its mean.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         kernel!(R, || {
             for pipeline in &self.pipelines {

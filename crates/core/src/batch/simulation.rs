@@ -216,12 +216,12 @@ impl Simulation {
 
     /// Mutable batch of the simulation. The call invalidates cached readings.
     fn engine_mut(&mut self) -> &mut Engine {
-        self.note_change();
+        self.invalidate_caches();
         &mut self.engine
     }
 
     /// Invalidates cached readings and derived quantities.
-    fn note_change(&mut self) {
+    fn invalidate_caches(&mut self) {
         self.revision += 1;
     }
 
@@ -231,8 +231,8 @@ impl Simulation {
         self.revision
     }
 
-    /// Compiled model in f64.
-    fn lane_model(&self) -> &LaneModel<f64> {
+    /// Compiled model in f64, with the parameters that environments share.
+    fn shared_model(&self) -> &LaneModel<f64> {
         self.compiled.get_or_init(|| match &self.actuator_models {
             Some(actuator_models) => CompiledModel::with_actuator_specs(&actuator_models.model, &actuator_models.specs),
             None => CompiledModel::new(&self.model),

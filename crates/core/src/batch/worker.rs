@@ -42,7 +42,7 @@ pub trait Worker<S: Scalar>: Send {
     /// Prepares the [`GroupStep`] of one group for a step with the inputs of `call`, and passes it to the callback `visit`. The argument
     /// `first` is the index of the group's first environment.
     fn lend_step(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, visit: &mut dyn FnMut(&mut dyn Any));
-    /// Discards the worker's copy of the last group's state, because another thread has changed that state.
+    /// Discards the worker's copy of the last group's state. Callers change the state of a group outside the worker.
     fn forget_state(&mut self);
 }
 
@@ -109,8 +109,7 @@ pub struct GroupPosition<'a, 'b, S> {
 /// Evidence: two registers make dm_control's humanoid (243 entries) 4 to 6 % faster, and humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number n of lanes, or 2 n if that is
-/// faster.
+/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number n of lanes, or 2 n if that is faster. `compiled.chain` has one item for each entry of the mass matrix.
 ///
 /// With AVX-512, a group of 2 n lanes uses two registers per value, and a step takes 1.8 times as long. On AVX-512 CPUs with vector units
 /// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it

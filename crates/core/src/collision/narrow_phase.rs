@@ -215,7 +215,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     pub(crate) fn pose(&self, geom: usize, lane: usize) -> Pose {
         let (pos, mat) = (of_lane(&self.poses.pos[geom], lane), of_lane(&self.poses.mat[geom], lane));
-        if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } }
+        if size_of::<R::Scalar>() < size_of::<f64>() { Pose::from_single(pos, mat) } else { Pose { pos, mat } }
     }
 
     /// Lanes in which the bounding boxes of the two geoms of a pair are farther apart than `reach`, m.
@@ -339,10 +339,10 @@ impl<R: Real> Scene<'_, R> {
                 return;
             }
             let closing = self.closing_speed(pair.geoms, &point);
-            let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
+            let can_touch = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
             let id = ContactId::new(index, feature);
             let params = self.compiled.contact(index);
-            contacts.push([touching, over_face].map(Mask::bits), id, &point, params.mu, params.restitution);
+            contacts.push([can_touch, over_face].map(Mask::bits), id, &point, params.mu, params.restitution);
         })
     }
 

@@ -120,8 +120,8 @@ impl<R: Real> StaticSearch<R> {
         for (range, whole) in groups.iter().zip(&mut self.groups) {
             for m in range.clone() {
                 let g = moving[m].geom;
-                let (mut reach, balls) = motion(g);
-                if balls {
+                let (mut reach, enlarges_box) = motion(g);
+                if enlarges_box {
                     reach += compiled.params.bounding_radius(g) + R::splat(self.largest);
                 }
                 let own = bounds(compiled, g, pos[g], &mat[g], reach);

@@ -31,7 +31,7 @@ pub struct CompiledGeom<S> {
     /// Collision shape for [`Kernel::Convex`] and the tunnelling check; `None` if no pair needs it.
     pub solid: Option<Solid>,
     /// Bounding and inscribed radius of a mesh or height field, which are equal in all environments; `None` for other shapes.
-    pub(super) fixed_radii: Option<Bulk>,
+    pub(super) fixed_radii: Option<Radii>,
 }
 
 impl<S: Scalar> CompiledGeom<S> {
@@ -65,14 +65,12 @@ impl<S> CompiledPair<S> {
     }
 }
 
-/// Dynamic pairs: all pairs among a set of many geoms, too numerous for a list. In every step, the broad phase finds the dynamic pairs that
-/// can touch. The geoms of the set are called members.
+/// Dynamic pairs: pairs that are too numerous for a list. In every step, the broad phase finds those that can touch. The geoms of dynamic pairs are called members.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
-    /// Geoms that form the dynamic pairs, ascending. Any two of them may collide.
+    /// Geoms that form the dynamic pairs, ascending.
     pub members: Vec<Member>,
-    /// Indices in `members` of the geoms that are not fixed to the world. The list is empty if all pairs of two moving geoms are in the
-    /// compiled model's list of pairs.
+    /// Indices in `members` of the geoms between which the broad phase searches: all that are not fixed to the world. It is empty if only pairs of a moving and a static geom are dynamic.
     pub moving: Vec<u32>,
     /// Largest bounding radius of a geom in `members` plus its margin, m.
     pub widest: f64,
@@ -286,15 +284,15 @@ fn listed_pairs(model: &Model, filter: &Filter, has_dynamic_pairs: &[bool], list
 /// Bounding radius and inscribed radius of a geom, m. The bounding ball about the geom's origin contains the geom, and the geom contains a
 /// ball of the inscribed radius.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bulk {
+pub(super) struct Radii {
     pub(super) bounding_radius: f64,
     pub(super) inscribed_radius: f64,
 }
 
 /// Bounding radius and inscribed radius of the geom with index `geom` in the model.
-pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
+pub(super) fn radii_of(model: &Model, geom: usize) -> Radii {
     let shape = &model.geoms[geom].shape;
-    Bulk { bounding_radius: bounding_radius(model, shape), inscribed_radius: inscribed_radius(model, shape) }
+    Radii { bounding_radius: bounding_radius(model, shape), inscribed_radius: inscribed_radius(model, shape) }
 }
 
 /// Compiled form of a pair, with the indices `geoms` of its geoms in the compiled model.
@@ -317,7 +315,7 @@ fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom
         mat: matrix(&quat),
         full_orientation: !matches!(g.shape, Shape::Plane | Shape::Sphere { .. } | Shape::Capsule { .. }),
         solid: None,
-        fixed_radii: matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. }).then(|| bulk(model, index)),
+        fixed_radii: matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. }).then(|| radii_of(model, index)),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 
 /// Compiled model of a group of lanes (one environment per lane): structure that all environments share, and parameters of each lane.
 ///
-/// The type gives no access to the shared parameters, so that a step cannot use them by mistake.
+/// In a worker, the parameters are those of its lanes. With one lane (`LaneModel<f64>`), they are those of the model or of one environment.
 pub type LaneModel<R> = CompiledModel<<R as Real>::Scalar, R>;
 
 impl<R: Real> LaneModel<R> {

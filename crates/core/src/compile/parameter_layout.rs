@@ -2,7 +2,7 @@
 
 use stepper_real::Scalar;
 
-use crate::compile::collision::{Bulk, CompiledGeom, bulk, size};
+use crate::compile::collision::{CompiledGeom, Radii, radii_of, size};
 use crate::compile::compiled_model::ModelStructure;
 use crate::compile::limits::is_scalar;
 use crate::compile::merging::{combined, vector};
@@ -74,7 +74,7 @@ impl<S: Scalar> Source<'_, S> {
 
     /// Position and sizes of a geom that takes part in collision.
     fn geom(&self, geom: &CompiledGeom<S>) -> GeomParams<f64> {
-        let Bulk { bounding_radius, inscribed_radius } = geom.fixed_radii.unwrap_or_else(|| bulk(self.model, geom.index));
+        let Radii { bounding_radius, inscribed_radius } = geom.fixed_radii.unwrap_or_else(|| radii_of(self.model, geom.index));
         let rotation_reach = if bounding_radius.is_finite() { bounding_radius - inscribed_radius } else { 0.0 };
         let (pos, size) = (self.position(Object::Geom(geom.index)), size(&self.model.geoms[geom.index].shape));
         GeomParams { pos, size, bounding_radius, inscribed_radius, rotation_reach }

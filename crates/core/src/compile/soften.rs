@@ -3,7 +3,7 @@
 use stepper_real::Scalar;
 use stepper_solve::soft::SlipEffort;
 
-use crate::compile::collision::bulk;
+use crate::compile::collision::radii_of;
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::is_scalar;
 use crate::compile::softness::{CompiledSoftness, LawMaker};
@@ -77,7 +77,7 @@ fn order_by_size<S: Scalar>(model: &Model, structure: &ModelStructure<S>) -> Vec
     let mut sizes = vec![0.0; structure.ntree];
     for geom in &structure.geoms {
         if let Some(tree) = structure.tree_of(geom.frame) {
-            sizes[tree] += bulk(model, geom.index).bounding_radius;
+            sizes[tree] += radii_of(model, geom.index).bounding_radius;
         }
     }
     let tree = |d: u32| structure.dofs[d as usize].tree;

@@ -50,7 +50,8 @@ impl<R: Real> Assembler<'_, R> {
         let options = input.options;
         let resting_speed = R::of(resting_speed(options));
         let gap = contacts.data[k].point.distance;
-        let closes = gap.gt(R::of(options.slop)).and((input.gap_of_slot(contacts, k, lanes.bits()) + input.h * free[0]).lt(R::zero()));
+        let closes =
+            gap.gt(R::of(options.slop)).and((input.closing_part_of_slot(contacts, k, lanes.bits()) + input.h * free[0]).lt(R::zero()));
         let deferred = curved.and(before.lt(-resting_speed).or(closes));
         if deferred.none() { deferred } else { self.without_certain_hits(input, contacts, k, deferred, free) }
     }

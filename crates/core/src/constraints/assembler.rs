@@ -65,20 +65,20 @@ pub(crate) struct RowInput<'a, R: Real> {
 impl<R: Real> RowInput<'_, R> {
     /// Part of the gap `phi` that may close in the step, m. An overlap (negative gap) is returned unchanged.
     #[inline(always)]
-    pub(crate) fn gap(&self, phi: R) -> R {
+    pub(crate) fn closing_part(&self, phi: R) -> R {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
 
     /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It equals the result of
-    /// [`RowInput::gap`], or the whole gap if the gap is wide.
+    /// [`RowInput::closing_part`], or the whole gap if the gap is wide.
     ///
     /// `lanes` (bits) are the lanes with a contact. Very fast bodies without restitution may close a wide gap ([`WIDE_GAP_RATIO`]). Because
     /// such a body is still very fast, the next step is evaluated at its beginning too, where the contact touches. With
-    /// [`RowInput::gap`] the body could close only a part of its gap in each step, and would slow down before it touches.
+    /// [`RowInput::closing_part`] the body could close only a part of its gap in each step, and would slow down before it touches.
     #[inline(always)]
-    pub(crate) fn gap_of_slot(&self, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
+    pub(crate) fn closing_part_of_slot(&self, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];
-        let (phi, part) = (slot.point.distance, self.gap(slot.point.distance));
+        let (phi, part) = (slot.point.distance, self.closing_part(slot.point.distance));
         let fast = self.at_start.and(R::Mask::from_bits(lanes)).and(slot.restitution.le(R::zero()));
         if fast.none() {
             return part;

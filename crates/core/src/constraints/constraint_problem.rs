@@ -35,8 +35,7 @@ pub struct ConstraintProblem<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces, if the integrator is Euler's rule. In them the largest speed of the step bounds the position
-    /// correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns such lanes.
+    /// Lanes in which a contact bounces, if the integrator is Euler's rule. In them the fastest motion in the step bounds the speed of the position correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns such lanes.
     pub euler_rebounding: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
@@ -147,15 +146,15 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`, evenly over the step.
     ///
-    /// The row of an impact also contains the velocity before the impact, which changes by the part of `change` that acts before the
-    /// impact. If inertial forces before the impact differ from those after it, `before_impacts` is added to `change` for this velocity.
+    /// The rows of an impact contain the free velocity at the time t of the impact. It changes by t / h times the sum of `change` and
+    /// `extra_before_impacts`. The latter is nonzero if the forces before the impact changed by other amounts than those after it.
     /// The function overwrites both arrays.
     pub fn shift(
         &mut self,
         compiled: &LaneModel<R>,
         mass: &MassMatrix<R>,
         change: &mut [R],
-        before_impacts: Option<&mut [R]>,
+        extra_before_impacts: Option<&mut [R]>,
         lanes: R::Mask,
     ) {
         let Self { rows, impacts, resolves_impacts, .. } = self;
@@ -173,33 +172,33 @@ impl<R: Real> ConstraintProblem<R> {
                 lanes,
                 R::one(),
                 #[inline(always)]
-                |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
+                |i, impact_lanes, factors| rows.shift_contact(i, change, impact_lanes, factors),
             );
-            if let Some(change) = before_impacts {
+            if let Some(change) = extra_before_impacts {
                 mass.scale(compiled, change);
                 shift_impacts(
                     impacts,
                     lanes,
                     R::zero(),
                     #[inline(always)]
-                    |i, impact_lanes, weights| rows.shift_contact(i, change, impact_lanes, weights),
+                    |i, impact_lanes, factors| rows.shift_contact(i, change, impact_lanes, factors),
                 );
             }
         })
     }
 }
 
-/// Calls `shift` for each contact that bounces in the lanes `lanes`. Its arguments are the index of the contact, these lanes, and weights
-/// of the normal row and of the friction rows. With these weights, a velocity change corrects the offsets of the rows.
+/// Calls `shift` for each contact that bounces in the lanes `lanes`, with the index of the contact, these lanes, and two factors. A velocity
+/// change times the first factor is added to g of the normal row, and times the second to g of the friction rows.
 ///
-/// The change acts before the impact for a fraction of the step. `shifted` is the part of the change that the offsets already contain: 0 or
-/// 1.
+/// A velocity change that is even over the step acts on an impact at the time t with the fraction t / h. In the normal row it is also
+/// multiplied by `normal_factor`. `added` is subtracted: 1 if the caller has already added the whole change to g, otherwise 0.
 #[inline(always)]
-pub(crate) fn shift_impacts<R: Real>(impacts: &[Impact<R>], lanes: R::Mask, shifted: R, mut shift: impl FnMut(usize, R::Mask, [R; 2])) {
+pub(crate) fn shift_impacts<R: Real>(impacts: &[Impact<R>], lanes: R::Mask, added: R, mut shift: impl FnMut(usize, R::Mask, [R; 2])) {
     for (i, impact) in impacts.iter().enumerate() {
         let impact_lanes = lanes.and(impact.lanes);
         if impact_lanes.any() {
-            shift(i, impact_lanes, [impact.normal_factor * impact.time_fraction - shifted, impact.time_fraction - shifted]);
+            shift(i, impact_lanes, [impact.normal_factor * impact.time_fraction - added, impact.time_fraction - added]);
         }
     }
 }

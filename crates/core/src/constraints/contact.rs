@@ -8,7 +8,7 @@
 //! | `jacobian.rs` | `contact_columns`: Jacobian and velocities along the three axes |
 //! | `target_velocities.rs` | `biases`: target velocity for a gap or an overlap |
 //! | `contact_spring.rs` | `comply`: bias and compliance of a soft surface |
-//! | `restitution.rs` | `free_change`, and the functions that begin with `bounce`: target velocity of a rebound |
+//! | `restitution.rs` | `change_by_free_motion`: velocity change of the rows without constraints. The functions that begin with `bounce`: target velocity of a rebound |
 //! | `elimination.rs` | `eliminate` and `add_removed_scales`: remove hard equalities from the rows |
 //! | `approaching.rs` | `approaching_lanes`: lanes in which the rows are deferred |
 //! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`: velocity changes by the motion of the contact point; `remove_curvature` |
@@ -24,7 +24,7 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::approaching::resting_speed;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
-use crate::constraints::elimination::trace_ratio;
+use crate::constraints::elimination::mobility_ratio;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::tuning::MIN_UNMET_TARGET;
@@ -42,31 +42,26 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 /// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. The lever arm is a sum of terms, and this
 /// number is a fraction of their size.
 ///
-/// A force along the normal acts on the joint through this lever arm. The terms may nearly cancel, so that only 1e-5 of their size is
-/// left. The same torque then needs a force 1e5 times as large as with one term. In 32 bits, such a lever arm is rounding error.
+/// A force along the normal acts on the joint through this lever arm. Where the terms nearly cancel, enormous forces would be needed for a small torque. In 32 bits, such a lever arm is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
-/// Approach speed that is negligible for an immovable contact, m/s. No degree of freedom moves such a contact along its normal, so that
-/// nothing can correct its overlap. Example: a face that is normal to a hinge axis or parallel to a slide. `velocity` and `position` are
-/// the offsets g of its normal row in the velocity and position solves, m/s.
+/// Approach speed up to which an immovable contact adds nothing to the residual, m/s. `velocity` and `position` are the offsets g of its
+/// normal row in the velocity and position solves, m/s.
 ///
-/// The solver leaves out immovable contacts. Their approach speed counts as residual unless it is negligible. Rounding in the model file
-/// gives such a contact a small approach speed.
+/// No degree of freedom moves an immovable contact along its normal, as on a face that is normal to a hinge axis or parallel to a slide.
+/// The solver leaves the contact out, and its approach speed counts as residual. Rounding in the model file gives such a contact a small
+/// approach speed, so that speeds up to the resting speed are ignored.
 ///
-/// An overlap that nothing can correct is reported by stage 8 or by the residual, unless it is negligible. It is measured by the speed at
-/// which it should be corrected, the difference of the two offsets:
-///
-/// * Up to the resting speed, neither reports the overlap.
-/// * Above [`MIN_UNMET_TARGET`], stage 8 reports the overlap.
-/// * In between, the function returns 0, so that the contact's approach speed, however small, makes the residual nonzero. In the other two
-///   cases it returns the resting speed.
+/// Nothing can correct an overlap of the contact either. `position` and `velocity` differ by the speed that would correct it. If this speed
+/// exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. If it is smaller, but above the resting speed, only the residual can report
+/// the overlap: then the function returns 0, so that any approach speed counts.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
-    let reported_by_residual = correction.gt(resting).and_not(correction.gt(R::of(MIN_UNMET_TARGET)));
-    R::select(reported_by_residual, R::zero(), resting)
+    let stage_8_reports = correction.gt(R::of(MIN_UNMET_TARGET));
+    R::select(correction.gt(resting).and_not(stage_8_reports), R::zero(), resting)
 }
 
 /// Three rows of the contact in one slot, along the normal and the tangents. Their entries are in `column` of the row builder.
@@ -118,7 +113,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         if let Some([before, after]) = lengths {
             // The residual of a contact is scaled by its mobility. Mobilities are those before equalities were eliminated.
-            self.problem.rows.contacts.set_trace_ratio(trace_ratio(&before, &after));
+            self.problem.rows.contacts.set_mobility_ratio(mobility_ratio(&before, &after));
         }
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
@@ -162,7 +157,7 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.may_have_immovable_rows = true;
         kernel!(R, || {
             let mut squared_speed = R::zero();
-            // A lever arm whose size is below this number is rounding error.
+            // A lever arm is rounding error if its terms are smaller than this number.
             let least_size = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
             self.builder.contact_columns(input, contacts, k, lanes);
             for i in 0..self.builder.dofs.len() {
@@ -202,15 +197,15 @@ impl<R: Real> Assembler<'_, R> {
         let (slot, exists) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
         let has_curvature = input.in_the_middle && self.builder.both_move != 0;
-        let change = if self.problem.resolves_impacts || has_curvature { self.builder.free_change(input) } else { zero() };
+        let change = if self.problem.resolves_impacts || has_curvature { self.builder.change_by_free_motion(input) } else { zero() };
         // Half of a solve with the mass matrix L^T D L: `column` becomes L^-T J^T. `add_contact` multiplies by D^-1/2.
         self.builder.half_solve::<3>(compiled, mass);
         // Normal rows of contacts with soft surfaces, which have a spring and a damper.
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(exists, |row| exists.and_not(row.lanes));
         let solved = input.solved_overlaps.map(|solved| solved.distance(contacts, k));
-        let gap = input.gap_of_slot(contacts, k, lanes);
-        let [mut bias, mut position] = self.biases(input, input.options.max_correction_speed, gap, solved, rigid);
+        let closing_part = input.closing_part_of_slot(contacts, k, lanes);
+        let [mut bias, mut position] = self.biases(input, input.options.max_correction_speed, closing_part, solved, rigid);
         if let Some(row) = &springs {
             // The spring determines the position, so that no position correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));

@@ -44,7 +44,7 @@ impl<R: Real> RowBuilder<R> {
             let Some(spring) = compiled.pair(pair).spring else { continue };
             let there = R::Mask::from_bits(lanes);
             let RowLaw { g, compliance, active, .. } = spring_law(input, &spring, SpringRow { error, before, free, gram, taut: there });
-            let bias = R::select(apart, input.gap(error) / input.h, g[0] - free);
+            let bias = R::select(apart, input.closing_part(error) / input.h, g[0] - free);
             let there = there.and(active);
             row.lanes = row.lanes.or(there);
             row.bias = R::select(there, bias, row.bias);

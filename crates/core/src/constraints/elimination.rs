@@ -188,7 +188,7 @@ impl<R: Real> RowBuilder<R> {
                     }
                 }
             }
-            // Rounding error that the coefficient transfers to entries that have no other terms.
+            // The coefficient also has a rounding error, which the projection transfers to all entries of the equality.
             for k in coupled.iter().flat_map(Range::clone) {
                 let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
                 let (dofs, entries) = rows.scalars.entries(row);
@@ -354,16 +354,16 @@ fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
 
-/// Trace(G) before the elimination of equalities, divided by trace(G) after it, from the squared lengths of the rows.
+/// Mobility of some rows before the elimination of equalities, divided by their mobility after it. The mobility is the sum of the rows' squared lengths, the trace of their block of the Delassus matrix.
 ///
 /// The ratio is 1 if nothing is left, and exactly 1 if nothing was eliminated.
 #[inline(always)]
-pub(crate) fn trace_ratio<R: Real>(before: &[R], after: &[R]) -> R {
-    let [mut trace_before, mut trace_after] = [R::zero(); 2];
+pub(crate) fn mobility_ratio<R: Real>(before: &[R], after: &[R]) -> R {
+    let [mut mobility_before, mut mobility_after] = [R::zero(); 2];
     for (&before, &after) in before.iter().zip(after) {
-        trace_before += before;
-        trace_after += after;
+        mobility_before += before;
+        mobility_after += after;
     }
-    let positive = trace_after.gt(R::zero());
-    R::select(positive, trace_before / R::select(positive, trace_after, R::one()), R::one())
+    let positive = mobility_after.gt(R::zero());
+    R::select(positive, mobility_before / R::select(positive, mobility_after, R::one()), R::one())
 }

@@ -22,7 +22,7 @@ pub(crate) fn nearer_end<R: Real>(x: R, [lowest, highest]: [R; 2]) -> (R, R) {
 /// Axis of the rotation that leads away from limit `i` of a ball joint, and distance of the joint to the limit, rad. At the reference
 /// orientation the axis is zero.
 ///
-/// The length of the rotation vector must stay below the range (MuJoCo's `mj_instantiateLimit`).
+/// The limit keeps the length of the rotation vector below the range (MuJoCo's `mj_instantiateLimit`).
 #[inline(always)]
 pub(crate) fn ball_limit<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> (V3<R>, R) {
     let turn = quat_log(quat_at(q, compiled.ball_limits[i].q));

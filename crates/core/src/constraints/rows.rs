@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::constraints::assembler::{Assembler, RowInput};
-use crate::constraints::elimination::trace_ratio;
+use crate::constraints::elimination::mobility_ratio;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
@@ -78,7 +78,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         if let Some([before, after]) = lengths {
             let compliance = law.compliance.unwrap_or(R::zero());
-            rows.set_trace_ratio(trace_ratio(&[before, compliance], &[after, compliance]));
+            rows.set_mobility_ratio(mobility_ratio(&[before, compliance], &[after, compliance]));
         }
         let impulse = &mut self.velocity.scalar_impulse[impulse_index];
         *impulse = R::select(law.active, *impulse, R::zero());

@@ -9,7 +9,7 @@ use crate::compile::LaneModel;
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::constraint_problem::{CurvatureTerms, DeferredContact};
 use crate::constraints::contact::SlidingRows;
-use crate::constraints::elimination::trace_ratio;
+use crate::constraints::elimination::mobility_ratio;
 use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 
@@ -61,7 +61,7 @@ impl<R: Real> Assembler<'_, R> {
                 |i| dot(axes[i], surface_rotation) * friction.scale[i],
             );
             let free_rotation = self.builder.rotation_columns(input, &axes, friction.scale, surface);
-            let change = if self.problem.resolves_impacts { self.builder.free_change(input) } else { zero() };
+            let change = if self.problem.resolves_impacts { self.builder.change_by_free_motion(input) } else { zero() };
             self.builder.half_solve::<3>(compiled, mass);
             let mut rotation_offsets = [[free_rotation[0]; 2], [free_rotation[1]; 2], [free_rotation[2]; 2]];
             let rotation_lengths = self.builder.eliminate(&self.problem.rows, mass, &mut rotation_offsets);
@@ -100,7 +100,7 @@ impl<R: Real> Assembler<'_, R> {
             if let (Some(sliding), Some(rotation)) = (sliding, rotation_lengths) {
                 let before = [scale_tangents(sliding[0], sliding_factor), rotation[0]];
                 let after = [scale_tangents(sliding[1], sliding_factor), rotation[1]];
-                self.problem.rows.rolling_contacts.set_trace_ratio(trace_ratio(before.as_flattened(), after.as_flattened()));
+                self.problem.rows.rolling_contacts.set_mobility_ratio(mobility_ratio(before.as_flattened(), after.as_flattened()));
             }
             if let Some(compliance) = compliance {
                 self.problem.rows.rolling_contacts.set_compliance(compliance);

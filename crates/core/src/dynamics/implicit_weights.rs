@@ -9,32 +9,31 @@ pub struct ImplicitWeights<R> {
     pub damping: R,
     /// Factor of the stiffness, s^2; zero makes springs explicit.
     pub stiffness: R,
-    /// Time step, s. It determines the fraction of damping that a step evaluates at its end instead of its middle (see
-    /// [`crate::actuation::forces`]). If it is zero, this fraction is zero.
-    pub step: R,
+    /// Time step h of the late fraction h d / (6 m + h d), s ([`Self::late_fraction`]); zero makes the fraction zero.
+    pub late_step: R,
 }
 
 impl<R: Real> ImplicitWeights<R> {
     /// Whether the step evaluates a fraction of the damper `damping` at its end instead of its middle, in any lane. Then
-    /// [`Self::extra_share`] gives the fraction.
+    /// [`Self::late_fraction`] gives the fraction.
     #[inline(always)]
-    pub(crate) fn has_extra_share(self, damping: R) -> bool {
-        (self.step * damping).gt(R::zero()).any()
+    pub(crate) fn has_late_fraction(self, damping: R) -> bool {
+        (self.late_step * damping).gt(R::zero()).any()
     }
 
-    /// Fraction s = z / (6 + z) of a damper, from 0 to 1, that the step evaluates at its end instead of its middle.
+    /// Late fraction s = z / (6 + z) of a damper, from 0 to 1: the fraction that the step evaluates at its end instead of its middle (see [`crate::actuation::forces`]).
     ///
     /// z is the time step times `rate`, the ratio of damping to inertia, 1/s.
     #[inline(always)]
-    pub(crate) fn extra_share(self, rate: R) -> R {
-        let z = self.step * rate;
+    pub(crate) fn late_fraction(self, rate: R) -> R {
+        let z = self.late_step * rate;
         z / (R::of(6.0) + z)
     }
 
-    /// Additional damping 3/2 s h k of a spring with the stiffness k (`stiffness`) and the time step h. Here s (`share`) is the result of
-    /// [`Self::extra_share`] for the spring's damper.
+    /// Additional damping 3/2 s h k of a spring with the stiffness k (`stiffness`) and the time step h. Here s (`late`) is the result of
+    /// [`Self::late_fraction`] for the spring's damper.
     #[inline(always)]
-    pub(crate) fn spring_damping(self, share: R, stiffness: R) -> R {
-        R::of(1.5) * share * self.step * stiffness
+    pub(crate) fn spring_damping(self, late: R, stiffness: R) -> R {
+        R::of(1.5) * late * self.late_step * stiffness
     }
 }

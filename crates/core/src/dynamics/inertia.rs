@@ -65,14 +65,14 @@ impl<R: Real> MassMatrix<R> {
             let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
             let entry = &mut self.entries[dof.chain];
             // Undamped dofs have an extra share of zero. Most dofs of robots are undamped.
-            let share = match weights.has_extra_share(damping) {
-                true => weights.extra_share(damping / *entry),
+            let late = match weights.has_late_fraction(damping) {
+                true => weights.late_fraction(damping / *entry),
                 false => R::zero(),
             };
-            *entry += weights.damping * (R::one() + share) * damping + weights.stiffness * stiffness;
+            *entry += weights.damping * (R::one() + late) * damping + weights.stiffness * stiffness;
             if let Some(spring_damping) = spring_damping.get_mut(d) {
-                *spring_damping = weights.spring_damping(share, stiffness);
-                *entry += weights.step * *spring_damping;
+                *spring_damping = weights.spring_damping(late, stiffness);
+                *entry += weights.late_step * *spring_damping;
             }
         }
     }

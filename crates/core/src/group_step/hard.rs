@@ -18,7 +18,7 @@ use crate::integrators::positions::integrate_positions;
 use crate::integrators::recomputed::Recomputed;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::integrators::velocity_solve::VelocitySolve;
+use crate::integrators::velocity_loop::VelocityLoop;
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::options::{Stabilization, StepSettings};
@@ -167,12 +167,12 @@ impl<R: Real> HardNominal<R> {
             problem.shift(compiled, &free.smooth.mass, &mut self.change, None, R::Mask::splat(true));
         } else {
             // Stage 4, with those contacts active that the solved step has.
-            VelocitySolve { context, free, problem, velocity, builder, collisions }.assemble_problem(NoProbe);
+            VelocityLoop { context, free, problem, velocity, builder, collisions }.assemble_problem(NoProbe);
             problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }
         if self.scheme.predicts() {
             pass.find_step_impulses(Solve::Prediction, options, problem, velocity, &evaluation.contacts, rule);
-            VelocitySolve { context, free, problem, velocity, builder, collisions }.correct_free_velocity(NoProbe);
+            VelocityLoop { context, free, problem, velocity, builder, collisions }.correct_free_velocity(NoProbe);
         }
         self.v_free.copy_from_slice(&free.v);
         pass.find_step_impulses(Solve::Velocity, options, problem, velocity, &evaluation.contacts, rule);

@@ -117,7 +117,7 @@ pub struct NominalEvaluation<R: Real> {
     pub prediction: Option<Prediction<R>>,
 }
 
-/// Comparison of two predictions of the velocity after the step: in the solved step, and in its evaluation from the same state.
+/// Comparison of two predictions of the velocity after the step: that of the solved step, and that of the derivative crate, which evaluates the step again from the same state.
 #[derive(Clone, Copy, Debug)]
 pub struct Prediction<R: Real> {
     /// Whether forces other than inertial ones depend on the predicted velocity, such as drag and some servos.

@@ -12,14 +12,14 @@ use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::state::State;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::integrators::velocity_solve::VelocitySolve;
+use crate::integrators::velocity_loop::VelocityLoop;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::stages::s05_solve::solve_to;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
-impl<R: Real> VelocitySolve<'_, R> {
+impl<R: Real> VelocityLoop<'_, R> {
     /// Lanes in which the solver's residual may change the kinetic energy noticeably, so that the energy after the step is ambiguous.
     ///
     /// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses nearly cancel. The error of their work is the residual
@@ -35,7 +35,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     }
 
     /// Solves lanes with an ambiguous kinetic energy once more, with a smaller tolerance: lanes that meet the tolerance, but whose residual
-    /// could still change the energy ([`VelocitySolve::ambiguous`]).
+    /// could still change the energy ([`VelocityLoop::ambiguous`]).
     ///
     /// Where contacts press a body from several sides (a jam), impulses can be a million times the load and nearly cancel. The residual
     /// must then be a million times smaller than without a jam.

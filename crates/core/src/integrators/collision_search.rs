@@ -159,8 +159,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) margin: f64,
     /// Overlap that the error of the predicted motion may cause, m.
     pub(crate) error: R,
-    /// Lanes in which all colliding pairs count, even those after an earlier collision of the same kinematic trees.
-    pub(crate) includes_later_collisions: R::Mask,
+    /// Lanes in which all colliding pairs count. In the others, only the earliest collision of each kinematic tree counts.
+    pub(crate) finds_all: R::Mask,
 }
 
 impl<'a, R: Real> CollisionQuery<'a, R> {
@@ -251,7 +251,7 @@ impl<R: Real> CollisionSearch<R> {
     }
 
     /// Tests the path of each candidate pair, and reduces the lanes of the candidate to those in which it collides. Outside
-    /// `includes_later_collisions`, it also removes lanes in which another pair of the same trees collides earlier.
+    /// `finds_all`, it also removes lanes in which another pair of the same trees collides earlier.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>) {
         let CollisionQuery { compiled, problem, .. } = *query;
@@ -309,7 +309,7 @@ impl<R: Real> CollisionSearch<R> {
             several = several.or(once.and(candidate.lanes));
             once = once.or(candidate.lanes);
         }
-        let earliest_only = several.and_not(query.includes_later_collisions);
+        let earliest_only = several.and_not(query.finds_all);
         if earliest_only.any() {
             let window = problem.closing_time * R::of(SIMULTANEOUS_FRACTION);
             self.narrow_times(query, earliest_only, window);

@@ -14,7 +14,7 @@ use stepper_solve::residual;
 use crate::integrators::collision_search::CollisionQuery;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::integrators::velocity_solve::VelocitySolve;
+use crate::integrators::velocity_loop::VelocityLoop;
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 
@@ -23,12 +23,11 @@ use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 pub(crate) enum SweptMotion<R: Real> {
     /// Motion with the predicted impulses, before the solve.
     Predicted,
-    /// Motion of the solver's solution. In the lanes `includes_later_collisions`, every colliding pair counts, even after an earlier
-    /// collision of the same bodies.
-    Solved { includes_later_collisions: R::Mask },
+    /// Motion of the solver's solution. In the lanes `finds_all`, every colliding pair counts. In the others, only the earliest collision of each body counts.
+    Solved { finds_all: R::Mask },
 }
 
-impl<R: Real> VelocitySolve<'_, R> {
+impl<R: Real> VelocityLoop<'_, R> {
     /// Activates the deferred contacts that collide in the predicted motion, and repeats the prediction of the impulses with them, in the
     /// lanes `lanes`.
     #[inline(always)]
@@ -53,15 +52,14 @@ impl<R: Real> VelocitySolve<'_, R> {
             return R::Mask::splat(false);
         }
         let predicted = matches!(motion, SweptMotion::Predicted);
-        let (margin, error, includes_later_collisions) = match motion {
+        let (margin, error, finds_all) = match motion {
             SweptMotion::Predicted => {
                 let residual = kernel!(R, || residual(&problem.rows, &velocity.impulses));
                 (PREDICTED_MARGIN, residual * problem.closing_time * R::of(PREDICTED_ERROR_RATIO), R::Mask::splat(false))
             }
-            SweptMotion::Solved { includes_later_collisions } => (0.0, R::zero(), includes_later_collisions),
+            SweptMotion::Solved { finds_all } => (0.0, R::zero(), finds_all),
         };
-        let query =
-            CollisionQuery { problem, compiled, kinematics, collision, contacts, options, lanes, margin, error, includes_later_collisions };
+        let query = CollisionQuery { problem, compiled, kinematics, collision, contacts, options, lanes, margin, error, finds_all };
         if !collisions.list_candidates(&query, &velocity.impulses.w) {
             return R::Mask::splat(false);
         }

@@ -57,9 +57,10 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) free_change: Vec<R>,
     /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
-    /// Velocity after a whole step with the forces before its impacts. `update_free_velocity` in `impact.rs` replaces it by a correction
-    /// of the velocity before impacts, the argument `before_impacts` of `ConstraintProblem::shift`.
-    pub(crate) before_impact: Vec<R>,
+    /// Velocity after a whole step with the forces before its impacts.
+    pub(crate) v_before_impacts: Vec<R>,
+    /// Argument `extra_before_impacts` of `ConstraintProblem::shift`: by how much the velocity changes more before impacts than after them.
+    pub(crate) extra_before_impacts: Vec<R>,
 }
 
 impl<R: Real> Scratch<R> {
@@ -75,7 +76,8 @@ impl<R: Real> Scratch<R> {
             v_free_corrected: v(),
             free_change: v(),
             v_half: v(),
-            before_impact: v(),
+            v_before_impacts: v(),
+            extra_before_impacts: v(),
         }
     }
 
@@ -90,7 +92,8 @@ impl<R: Real> Scratch<R> {
         self.v_free_corrected.fill(nan);
         self.free_change.fill(nan);
         self.v_half.fill(nan);
-        self.before_impact.fill(nan);
+        self.v_before_impacts.fill(nan);
+        self.extra_before_impacts.fill(nan);
     }
 }
 

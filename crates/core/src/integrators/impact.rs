@@ -17,7 +17,7 @@ use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch};
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::integrators::velocity_solve::VelocitySolve;
+use crate::integrators::velocity_loop::VelocityLoop;
 use crate::math::spatial::*;
 use crate::tuning::{
     MAX_IMPACT_RESIDUAL, MAX_RESOLVED_ROTATION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
@@ -149,7 +149,7 @@ pub(crate) fn prepare_position_solve<R: Real>(
     lanes
 }
 
-impl<R: Real> VelocitySolve<'_, R> {
+impl<R: Real> VelocityLoop<'_, R> {
     /// Makes those impacts inelastic whose friction would add energy with Newton's law of restitution. Returns the lanes with such an
     /// impact, which must be solved again.
     ///
@@ -196,7 +196,7 @@ impl<R: Real> VelocitySolve<'_, R> {
     /// Lanes with an impact whose inertial forces must be recomputed, because they were computed with another velocity than the solved one.
     ///
     /// In the lanes `first`, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
-    /// mean of the forces at these two velocities. There, a lane also counts if only this difference matters.
+    /// mean of the forces at these two velocities. The difference of the two also makes a lane count, if it is large enough.
     fn lanes_with_impacts(&self, first: R::Mask) -> R::Mask {
         let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let Self { free, problem, velocity, .. } = self;
@@ -236,7 +236,7 @@ impl<R: Real> VelocitySolve<'_, R> {
         free.accelerate(compiled, kinematics, &state.v, &state.v);
         advance(&state.v, &free.smooth.acc, times[0], &mut free.scratch.v_half);
         if problem.resolves_impacts {
-            advance(&state.v, &free.smooth.acc, scheme.h, &mut free.scratch.before_impact);
+            advance(&state.v, &free.smooth.acc, scheme.h, &mut free.scratch.v_before_impacts);
         }
         free.accelerate(compiled, kinematics, &state.v, &velocity.v);
         let FreeMotion { smooth, scratch, .. } = &mut **free;
@@ -255,14 +255,12 @@ impl<R: Real> VelocitySolve<'_, R> {
 
     /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
     ///
-    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity gets inertial forces at the
-    /// velocity before the step. In other lanes it must not change, so that `before_impact`, which is added to `free_change` for it, is
-    /// set to the negative of `free_change`.
+    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, its inertial forces become those at the velocity before the step. Later corrections do not change it: `extra_before_impacts` cancels `free_change`.
     fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;
         let FreeMotion { v, v_expected, smooth, scratch, .. } = &mut **free;
-        let Scratch { v_free_corrected, free_change, before_impact, .. } = scratch;
+        let Scratch { v_free_corrected, free_change, v_before_impacts, extra_before_impacts, .. } = scratch;
         kernel!(R, || {
             for i in 0..compiled.nv {
                 let new = R::select(lanes, v_free_corrected[i], v[i]);
@@ -270,11 +268,11 @@ impl<R: Real> VelocitySolve<'_, R> {
                 v[i] = new;
                 v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
                 if problem.resolves_impacts {
-                    before_impact[i] = R::select(first, before_impact[i] - new, -free_change[i]);
+                    extra_before_impacts[i] = R::select(first, v_before_impacts[i] - new, -free_change[i]);
                 }
             }
         });
-        let before_impacts = problem.resolves_impacts.then_some(&mut before_impact[..]);
-        problem.shift(compiled, &smooth.mass, free_change, before_impacts, lanes);
+        let extra_before_impacts = problem.resolves_impacts.then_some(&mut extra_before_impacts[..]);
+        problem.shift(compiled, &smooth.mass, free_change, extra_before_impacts, lanes);
     }
 }

@@ -22,5 +22,5 @@ pub(crate) mod state;
 pub(crate) mod step_input;
 pub(crate) mod step_outcome;
 pub mod step_resolution;
-pub(crate) mod velocity_solve;
+pub(crate) mod velocity_loop;
 pub mod workspace;

@@ -9,13 +9,13 @@ use crate::integrators::free_motion::{FreeMotion, Scratch};
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_resolution::assess_corrector;
-use crate::integrators::velocity_solve::VelocitySolve;
+use crate::integrators::velocity_loop::VelocityLoop;
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s05_solve::ImpulsePredictor;
 use crate::tuning::MAX_IMPACT_ROTATION;
 
-impl<R: Real> VelocitySolve<'_, R> {
+impl<R: Real> VelocityLoop<'_, R> {
     /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
     ///
     /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall.

@@ -55,7 +55,7 @@ impl<R: Real> Scheme<R> {
             time_before: none,
             time_after: h,
             time_ahead: none,
-            weights: ImplicitWeights { damping: h, stiffness: none, step: none },
+            weights: ImplicitWeights { damping: h, stiffness: none, late_step: none },
             velocity_weight: none,
             in_the_middle: false,
             implicit_forces: false,
@@ -65,7 +65,7 @@ impl<R: Real> Scheme<R> {
             Integrator::Midpoint | Integrator::Rk4 => Self {
                 time_before: half,
                 time_after: half,
-                weights: ImplicitWeights { damping: half, stiffness: half * half, step: h },
+                weights: ImplicitWeights { damping: half, stiffness: half * half, late_step: h },
                 velocity_weight: R::of(0.5),
                 in_the_middle: true,
                 implicit_forces: true,
@@ -73,7 +73,7 @@ impl<R: Real> Scheme<R> {
             },
             Integrator::Implicit | Integrator::ImplicitFast | Integrator::Discrete => Self {
                 time_ahead: h,
-                weights: ImplicitWeights { damping: h, stiffness: h * h, step: none },
+                weights: ImplicitWeights { damping: h, stiffness: h * h, late_step: none },
                 velocity_weight: R::one(),
                 implicit_forces: true,
                 ..euler

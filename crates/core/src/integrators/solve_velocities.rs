@@ -11,15 +11,15 @@ use crate::integrators::free_motion::{FreeMotion, Scratch, compute_free_motion, 
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{diverging, limit_joint_rates};
-use crate::integrators::velocity_solve::VelocitySolve;
+use crate::integrators::velocity_loop::VelocityLoop;
 use crate::probe::{Counter, Probe, span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
-use crate::tuning::{FIRST_COLLISION_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
+use crate::tuning::{EARLIEST_ONLY_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
-impl<R: Real> VelocitySolve<'_, R> {
-    /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem.
+impl<R: Real> VelocityLoop<'_, R> {
+    /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem. The head of `velocity_loop.rs` lists the files of its methods.
     ///
     /// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred
     /// contact that collides becomes active. (2) The velocity after the step is the predicted one, with which inertial forces were
@@ -59,7 +59,7 @@ impl<R: Real> VelocitySolve<'_, R> {
             let Self { free, velocity, .. } = self;
             span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
             unchecked = unchecked.or(lanes);
-            let motion = SweptMotion::Solved { includes_later_collisions: passes.ge(R::of(FIRST_COLLISION_PASSES)) };
+            let motion = SweptMotion::Solved { finds_all: passes.ge(R::of(EARLIEST_ONLY_PASSES)) };
             passes = R::select(lanes, passes + R::one(), passes);
             lanes = span!(probe, Solve, || self.activate_colliding(motion));
             if lanes.none() && scheme.in_the_middle {
@@ -135,8 +135,7 @@ impl<R: Real> VelocitySolve<'_, R> {
         outcome
     }
 
-    /// Limits the velocity after the step in lanes with a large Baumgarte correction, a motion that is too fast for the time step, or an
-    /// ambiguous energy.
+    /// Limits the velocity after the step in lanes with a large Baumgarte correction, a motion that is too fast for the time step, or an ambiguous energy (one that the solver's residual may change noticeably).
     #[inline(always)]
     pub(crate) fn bound_velocities(
         &mut self,

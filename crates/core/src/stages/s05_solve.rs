@@ -129,7 +129,7 @@ impl<R: Real> ImpulsePredictor<R> {
     /// contact group: three or more contacts between two bodies, one of which floats freely.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
-        let error = ESTIMATE_ERROR / options.tolerance_ratio();
+        let error = ESTIMATE_ERROR / options.accuracy_factor();
         let never_rough = error < ESTIMATE_ERROR || options.solver == Solver::Newton;
         let least = if compiled.ntree > 1 { MIN_ROUGH_MOTION_OF_SEVERAL_TREES } else { REST_MOTION };
         kernel!(R, || {
@@ -164,7 +164,7 @@ impl<R: Real> ImpulsePredictor<R> {
         if solved.any() {
             // Rounding may prevent a small tolerance from being met, so that the iteration limit of the solver applies too.
             let limit = f64::from(options.iterations).max(ESTIMATE_ITERATIONS);
-            let sweeps = (ESTIMATE_ITERATIONS * options.tolerance_ratio()).min(limit) as u32;
+            let sweeps = (ESTIMATE_ITERATIONS * options.accuracy_factor()).min(limit) as u32;
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
             stepper_solve::gauss_seidel::estimate(rows, impulses, settings, solved, solved.and(self.moving));
         }

@@ -178,20 +178,19 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let PositionInput { compiled, options, lanes, .. } = *input;
     damp_rows(input, &velocity.impulses, position);
     let [sweeps, newton] = options.effort();
-    let tolerance_ratio = options.tolerance_ratio();
-    let tolerance = (CORRECTION_TOLERANCE / tolerance_ratio).max(options.tolerance);
-    let sweeps = sweeps.min((CORRECTION_ITERATIONS * tolerance_ratio) as u32);
-    let newton = newton.min((CORRECTION_NEWTON_STEPS * tolerance_ratio) as u32);
-    let rough = CORRECTION_NEWTON_THRESHOLD / tolerance_ratio.powi(2);
+    let accuracy_factor = options.accuracy_factor();
+    let tolerance = (CORRECTION_TOLERANCE / accuracy_factor).max(options.tolerance);
+    let sweeps = sweeps.min((CORRECTION_ITERATIONS * accuracy_factor) as u32);
+    let newton = newton.min((CORRECTION_NEWTON_STEPS * accuracy_factor) as u32);
+    let rough = CORRECTION_NEWTON_THRESHOLD / accuracy_factor.powi(2);
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
     let VelocitySolution { impulses, v: v_next, newton, saved_impulses, .. } = velocity;
     let PositionSolution { rows, reference, islands, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
-    // The residual of a correction is not reported. A certified residual is therefore computed only for a smaller tolerance than the
-    // default.
-    let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.uncertified() };
+    // The residual of a correction is not reported. It is therefore evaluated only for a smaller tolerance than the default.
+    let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.without_final_residual() };
     stepper_solve::solve(system, impulses, settings, lanes, newton);
     let bounds = Bounds::new(options, input.h);
     let (fast, lacking) = kernel!(R, || {

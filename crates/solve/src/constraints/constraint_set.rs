@@ -322,7 +322,7 @@ pub struct LaneConstraint {
     pub(crate) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
     /// Delassus matrix.
-    pub(crate) trace_ratio: f64,
+    pub(crate) mobility_ratio: f64,
 }
 
 /// Constraint of one lane, of any kind, as a file stores it. Lists with a number per row are in the order of the rows.
@@ -344,7 +344,7 @@ pub struct SavedConstraint {
     pub(crate) compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
     /// Delassus matrix.
-    pub(crate) trace_ratio: f64,
+    pub(crate) mobility_ratio: f64,
     /// Mobility that scales the damping of a scalar row, 1/kg or 1/(kg m^2).
     pub(crate) mobility: f64,
     /// Velocity by which damping at assembly reduced the target of a scalar row, m/s or rad/s.
@@ -367,7 +367,7 @@ impl SavedConstraint {
             && numbers.copied().all(f64::is_finite)
             && self.set[0] <= self.set[1]
             && (0.0..f64::INFINITY).contains(&self.compliance)
-            && (1.0..f64::INFINITY).contains(&self.trace_ratio)
+            && (1.0..f64::INFINITY).contains(&self.mobility_ratio)
     }
 
     /// Entry of each row at the coordinate `c`.

@@ -63,23 +63,22 @@ pub struct NaturalStep<R> {
     pub(super) rho: R,
     /// Inverse 1 / rho of the step length, 1/kg.
     pub(super) inv_rho: R,
-    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the contact's block of the Delassus
-    /// matrix.
-    pub(super) trace_ratio: R,
+    /// Mobility of the contact before the elimination of equality rows, divided by that after it, at least 1. The mobility is trace(G_ii).
+    pub(super) mobility_ratio: R,
 }
 
 impl<R: Real> NaturalStep<R> {
     /// Step of a contact with `N` rows, whose block of the Delassus matrix has the trace `trace`, 1/kg.
     #[inline(always)]
     pub(super) fn of_trace<const N: usize>(trace: R) -> Self {
-        Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
+        Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), mobility_ratio: R::one() }
     }
 
     /// Step before elimination of equality rows, from `self`, which is the step after it. Before elimination, the trace of the contact's
     /// block of the Delassus matrix was larger by the factor `ratio`.
     #[inline(always)]
-    pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
-        Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }
+    pub(super) fn with_mobility_ratio(self, ratio: R) -> Self {
+        Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, mobility_ratio: ratio }
     }
 }
 
@@ -198,12 +197,11 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         })
     }
 
-    /// Sets the trace ratio of the last contact of the list: trace(G_ii) before elimination of equality rows divided by that after it. The
-    /// scale of the residual uses the trace before elimination.
+    /// Sets the mobility ratio of the last contact of the list: its mobility trace(G_ii) before the elimination of equality rows, divided by that after it. The scale of the residual uses the mobility before the elimination.
     #[inline(always)]
-    pub fn set_trace_ratio(&mut self, ratio: R) {
+    pub fn set_mobility_ratio(&mut self, ratio: R) {
         if let Some(contact) = self.rows.items.last_mut() {
-            contact.step = contact.step.with_trace_ratio(ratio);
+            contact.step = contact.step.with_mobility_ratio(ratio);
         }
     }
 
@@ -334,7 +332,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
         self.push(&saved.columns, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
         self.set_position_offset(std::array::from_fn(|k| R::of(saved.position_g[k])));
-        self.set_trace_ratio(R::of(saved.trace_ratio));
+        self.set_mobility_ratio(R::of(saved.mobility_ratio));
         if saved.compliance > 0.0 {
             self.set_compliance(R::of(saved.compliance));
         }
@@ -480,13 +478,13 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
             set: AdmissibleSet::Cone { mu: number(self.mu) },
             compliance: number(self.damping),
             normal_compliance: number(self.compliance),
-            trace_ratio: number(self.step.trace_ratio),
+            mobility_ratio: number(self.step.mobility_ratio),
         }
     }
 
     fn save(&self, lane: usize) -> SavedConstraint {
-        let [mu, compliance, trace_ratio] = [self.mu, self.compliance, self.step.trace_ratio].map(|x| number_of(x, lane));
-        SavedConstraint { set: [mu; 2], compliance, trace_ratio, ..SavedConstraint::default() }
+        let [mu, compliance, mobility_ratio] = [self.mu, self.compliance, self.step.mobility_ratio].map(|x| number_of(x, lane));
+        SavedConstraint { set: [mu; 2], compliance, mobility_ratio, ..SavedConstraint::default() }
     }
 
     #[inline(always)]

@@ -212,7 +212,7 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     #[inline(always)]
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>) {
         self.add_compliance([compliance; 2]);
-        step.inv_rho += compliance * step.trace_ratio;
+        step.inv_rho += compliance * step.mobility_ratio;
         step.rho = R::one() / step.inv_rho;
     }
 

@@ -34,8 +34,8 @@ pub struct ScalarRow<R: Real> {
     pub(super) diagonal: R,
     /// Inverse of the row's diagonal entry of the Delassus matrix, kg; 1 in lanes in which the row does not exist or cannot move.
     pub(super) inv_diagonal: R,
-    /// Ratio of the row's diagonal entry of the Delassus matrix before elimination of equality rows to that after it, at least 1.
-    pub(crate) trace_ratio: R,
+    /// Mobility of the row before the elimination of equality rows, divided by that after it, at least 1. The mobility is the row's diagonal entry of the Delassus matrix.
+    pub(crate) mobility_ratio: R,
     /// Mobility that scales the damping of the row's target, 1/kg. It is 0 for a row whose force law has a compliance.
     pub(super) mobility: R,
     /// Velocity by which damping at assembly reduced the row's target, m/s or rad/s, see [`ScalarRow::damp_correction`].
@@ -119,7 +119,7 @@ impl<R: Real> ScalarRows<R> {
             compliance: R::zero(),
             diagonal,
             inv_diagonal: R::one() / R::select(movable, diagonal, R::one()),
-            trace_ratio: R::one(),
+            mobility_ratio: R::one(),
             mobility: diagonal,
             damping_deficit: R::zero(),
             immovable: active.and_not(movable),
@@ -150,9 +150,9 @@ impl<R: Real> ScalarRows<R> {
     /// Sets the trace ratio of the last row of the list: its diagonal entry before elimination of equality rows divided by that after it.
     /// The scale of the residual uses the entry before elimination.
     #[inline(always)]
-    pub fn set_trace_ratio(&mut self, ratio: R) {
+    pub fn set_mobility_ratio(&mut self, ratio: R) {
         if let Some(row) = self.rows.items.last_mut() {
-            row.trace_ratio = ratio;
+            row.mobility_ratio = ratio;
             row.mobility *= ratio;
         }
     }
@@ -204,7 +204,7 @@ impl<R: Real> ScalarRows<R> {
         self.set_compliance(R::of(saved.compliance));
         self.set_position_offset(R::of(saved.position_g[0]));
         if let Some(row) = self.rows.items.last_mut() {
-            (row.trace_ratio, row.mobility) = (R::of(saved.trace_ratio), R::of(saved.mobility));
+            (row.mobility_ratio, row.mobility) = (R::of(saved.mobility_ratio), R::of(saved.mobility));
             (row.damping_deficit, row.immovable) = (R::of(saved.damping_deficit), immovable);
         }
     }
@@ -255,7 +255,7 @@ impl<R: Real> Row<R> for ScalarRow<R> {
             compliance: zero,
             diagonal: zero,
             inv_diagonal: R::one(),
-            trace_ratio: R::one(),
+            mobility_ratio: R::one(),
             mobility: zero,
             damping_deficit: zero,
             immovable: none,
@@ -305,7 +305,7 @@ impl<R: Real> Row<R> for ScalarRow<R> {
             set: AdmissibleSet::Interval { lo: number(self.lo), hi: number(self.hi) },
             compliance: number(self.compliance),
             normal_compliance: 0.0,
-            trace_ratio: number(self.trace_ratio),
+            mobility_ratio: number(self.mobility_ratio),
         }
     }
 
@@ -314,7 +314,7 @@ impl<R: Real> Row<R> for ScalarRow<R> {
         SavedConstraint {
             set: [number(self.lo), number(self.hi)],
             compliance: number(self.compliance),
-            trace_ratio: number(self.trace_ratio),
+            mobility_ratio: number(self.mobility_ratio),
             mobility: number(self.mobility),
             damping_deficit: number(self.damping_deficit),
             ..SavedConstraint::default()
@@ -352,7 +352,7 @@ impl<R: Real> Row<R> for ScalarRow<R> {
     fn residual(&self, v: R, lambda: R, has_eliminated: bool) -> R {
         let (mut rho, mut inv_rho) = (self.inv_diagonal, self.diagonal);
         if has_eliminated {
-            (rho, inv_rho) = (rho / self.trace_ratio, inv_rho * self.trace_ratio);
+            (rho, inv_rho) = (rho / self.mobility_ratio, inv_rho * self.mobility_ratio);
         }
         let mapped = clamp(lambda - rho * v, self.lo, self.hi);
         // `clamp` replaces a velocity v that is NaN by a bound. The product of v with 0 restores the NaN.

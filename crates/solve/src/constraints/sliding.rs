@@ -222,7 +222,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
 
     #[inline(always)]
     fn mobility(&self, step: &NaturalStep<R>) -> R {
-        (self.gram[0] + self.gram[3] + self.gram[5] - self.normal_compliance) * step.trace_ratio * R::of(1.0 / 3.0)
+        (self.gram[0] + self.gram[3] + self.gram[5] - self.normal_compliance) * step.mobility_ratio * R::of(1.0 / 3.0)
     }
 
     #[inline(always)]
@@ -230,7 +230,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         for k in [0, 3, 5] {
             self.gram[k] += compliance;
         }
-        *step = NaturalStep::of_trace::<3>(self.prepare()).with_trace_ratio(step.trace_ratio);
+        *step = NaturalStep::of_trace::<3>(self.prepare()).with_mobility_ratio(step.mobility_ratio);
     }
 
     #[inline(always)]

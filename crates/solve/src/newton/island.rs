@@ -94,11 +94,11 @@ impl Island {
             }
             self.g.extend(bits(used_rows).map(|r| lane.g[block.rows.start + r]));
             self.lambda.extend(bits(used_rows).map(|r| lane.lambda[block.rows.start + r]));
-            let LaneConstraint { set, compliance, normal_compliance, trace_ratio } = block.constraint;
+            let LaneConstraint { set, compliance, normal_compliance, mobility_ratio } = block.constraint;
             let own = if normal_compliance > 0.0 { dim } else { 0 };
             let bodies = &entries[..entries.len() - own];
             let damped = compliance * dim as f64;
-            let trace = (inner(entries, entries) + damped) * trace_ratio;
+            let trace = (inner(entries, entries) + damped) * mobility_ratio;
             let normal = bodies.iter().step_by(dim).map(|y| y * y).sum::<f64>() + compliance;
             self.blocks.push(Block {
                 set,
@@ -109,7 +109,7 @@ impl Island {
                 trace,
                 rho: dim as f64 / trace,
                 compliance,
-                natural_step: if own == 0 { dim as f64 / trace } else { dim as f64 / ((inner(bodies, bodies) + damped) * trace_ratio) },
+                natural_step: if own == 0 { dim as f64 / trace } else { dim as f64 / ((inner(bodies, bodies) + damped) * mobility_ratio) },
                 rigid_fraction: if own == 0 { 1.0 } else { normal / (normal + normal_compliance) },
             });
         }

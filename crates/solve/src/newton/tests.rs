@@ -26,7 +26,7 @@ fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64
     let n = lane.w.len();
     let columns: Vec<u32> = (0..n as u32).collect();
     let entries = (0..n).map(|c| -> [f64; N] { std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)) });
-    let constraint = LaneConstraint { set, compliance, normal_compliance: 0.0, trace_ratio: 1.0 };
+    let constraint = LaneConstraint { set, compliance, normal_compliance: 0.0, mobility_ratio: 1.0 };
     lane.add(constraint, 0, [&g, &[0.0; N]], &columns, entries);
 }
 
@@ -112,7 +112,7 @@ fn islands_are_solved_apart() {
     for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
         let entries = (0..3).map(|c| [noise(100 * i + c)]);
         let columns = [start, start + 1, start + 3];
-        let constraint = LaneConstraint { set: FREE, compliance: 0.0, normal_compliance: 0.0, trace_ratio: 1.0 };
+        let constraint = LaneConstraint { set: FREE, compliance: 0.0, normal_compliance: 0.0, mobility_ratio: 1.0 };
         newton.lane.add(constraint, 0, [&[1.0], &[0.0]], &columns, entries);
     }
     let result = newton.solve_lane::<f64>(SEARCH);

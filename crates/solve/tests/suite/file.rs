@@ -30,7 +30,7 @@ fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
     for k in 0..2 {
         let y: Vec<[f64; 3]> = (0..N).map(|_| [number(), number(), number()]).collect();
         problem.push_contact(&all[1..], |c| y[c], true, 0.5, [number(), number(), number()]);
-        problem.contacts.set_trace_ratio(1.25);
+        problem.contacts.set_mobility_ratio(1.25);
         problem.contacts.set_position_offset([number(), 0.0, number()]);
         if k == 1 {
             problem.contacts.set_compliance(0.1);

@@ -135,7 +135,7 @@ proptest! {
         prop_assume!(left > 1e-2 * whole);
         apart.scalars.mark_eliminated();
         apart.scalars.push(&columns, |i| rest[i], 1.0, true, target, limits);
-        apart.scalars.set_trace_ratio(whole / left);
+        apart.scalars.set_mobility_ratio(whole / left);
         // One sweep is enough if the equalities are eliminated. Otherwise sweeps alternate between the equalities and the limit.
         let [one, many] = [(&apart, 1), (&together, 20_000)].map(|(problem, sweeps)| {
             let mut iterate = Iterate::with_capacity(n, rows + 1, 0);

@@ -35,7 +35,7 @@ impl Simulation {
         if nstep == 0 {
             return Ok(());
         }
-        self.note_change();
+        self.invalidate_caches();
         let each = rows.len() == self.ctrl.len();
         match mask {
             [] if each => self.ctrl.copy_from_slice(rows),
@@ -102,7 +102,7 @@ impl Simulation {
         if !inputs.ctrl.is_empty() {
             self.set_ctrl_of(inputs.ctrl, nstep, inputs.mask)?;
         }
-        self.note_change();
+        self.invalidate_caches();
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(inputs) };
         with_batch!(&mut self.engine, batch => batch.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch))
     }
@@ -152,7 +152,7 @@ impl Simulation {
         }
         self.check_inputs(inputs, controls)?;
         self.check_recording(&recording, controls)?;
-        self.note_change();
+        self.invalidate_caches();
         let (ctrl, inputs) = (inputs.ctrl, self.applied.complete(inputs));
         if ctrl.is_empty() {
             let held = self.ctrl.repeat(controls);

@@ -48,6 +48,6 @@ impl Simulation {
     /// Compiled model in f64.
     #[doc(hidden)]
     pub fn compiled(&self) -> &LaneModel<f64> {
-        self.lane_model()
+        self.shared_model()
     }
 }

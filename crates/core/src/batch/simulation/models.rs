@@ -16,7 +16,7 @@ impl Simulation {
     /// range, with the sensor's name. [`Error::Memory`] when there is not enough memory for the sensors of all environments.
     pub fn set_sensor_models(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
         check_count("transfers", transfers.len(), self.model.sensors.len(), "sensor")?;
-        self.note_change();
+        self.invalidate_caches();
         with_batch!(&mut self.engine, batch => batch.set_sensor_models(&self.model, transfers))
     }
 

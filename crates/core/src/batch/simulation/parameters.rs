@@ -57,7 +57,7 @@ impl Simulation {
         if let (Some(actuator_models), Some(resampled)) = (&mut self.actuator_models, resampled) {
             with_batch!(&mut self.engine, batch => batch.resample_actuators(&resampled.specs, &resampled.envs));
             actuator_models.take(resampled);
-            self.note_change();
+            self.invalidate_caches();
         }
         Ok(())
     }
@@ -127,14 +127,14 @@ impl Simulation {
     /// assignments `assigned` ([`Randomization::differences`]).
     fn parameter_differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
         let Some(ActuatorModels { specs, .. }) = &self.actuator_models else {
-            return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
+            return self.randomization.differences(&self.model, self.shared_model(), None, assigned, envs);
         };
         let with_actuator_models = |variant: &Model| {
             // `specs` already include the actuator delays of the model, so that the variant must not add them again.
             let combined = ActuatorSpec::combine(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
             combined.expect("actuator models that were checked with the model, whose structure the variant has").0
         };
-        self.randomization.differences(&self.model, self.lane_model(), Some(&with_actuator_models), assigned, envs)
+        self.randomization.differences(&self.model, self.shared_model(), Some(&with_actuator_models), assigned, envs)
     }
 
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
@@ -161,7 +161,7 @@ impl Simulation {
 
     /// Compiled model of environment `env` with its parameters, in f64.
     pub(super) fn lane_model_of(&self, env: usize) -> Cow<'_, LaneModel<f64>> {
-        let shared = self.lane_model();
+        let shared = self.shared_model();
         if self.randomization.is_empty() {
             return Cow::Borrowed(shared);
         }

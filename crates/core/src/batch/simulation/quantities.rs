@@ -85,6 +85,11 @@ impl Simulation {
     /// `pos` is empty, the result is the poses in the model.
     pub(super) fn mocap_poses(&self, pos: &[f64], quat: &[f64]) -> Vec<([f64; 3], [f64; 4])> {
         let (pos, quat) = (pos.as_chunks::<3>().0, quat.as_chunks::<4>().0);
-        self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) }).collect()
+        self.shared_model()
+            .mocap
+            .iter()
+            .enumerate()
+            .map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })
+            .collect()
     }
 }

@@ -255,7 +255,7 @@ impl Simulation {
         self.check_env(env)?;
         self.check_inputs(inputs, 1)?;
         let inputs = &self.applied.complete(inputs);
-        let compiled = self.lane_model();
+        let compiled = self.shared_model();
         let mocap = compiled.mocap.len();
         let (pos, quat) = match inputs.mocap_pos.is_empty() {
             true => (&[][..], &[][..]),

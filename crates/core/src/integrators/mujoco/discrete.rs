@@ -36,7 +36,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
     let (smooth, forces, applied) = (&mut free.smooth, &mut free.actuator_forces, &mut free.applied);
     kernel!(R, || {
         effective.begin(compiled, &smooth.mass.entries, h);
-        smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: h * h, step: R::zero() }, &mut []);
+        smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: h * h, late_step: R::zero() }, &mut []);
         let entries = &mut smooth.mass.entries;
         for (d, (applied, &v)) in applied.iter_mut().zip(v).enumerate() {
             *applied -= h * compiled.params.dof(d).stiffness * v;

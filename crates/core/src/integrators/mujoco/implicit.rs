@@ -53,7 +53,7 @@ pub(super) fn integrate_velocity<R: Real>(
     kernel!(R, || {
         system.multiply_mass(compiled, work);
         smooth.mass.entries.copy_from_slice(&system.mass);
-        smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), step: R::zero() }, &mut []);
+        smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), late_step: R::zero() }, &mut []);
     });
     if all {
         let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);

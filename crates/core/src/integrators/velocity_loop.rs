@@ -15,7 +15,7 @@ use crate::stages::s04_assemble::assemble;
 /// Solve for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder:
 /// `solve_velocities.rs`, `predict.rs`, `contact_activation.rs`, `impact.rs` (forces and restitution of impacts) and `acceptance.rs`
 /// (ambiguous energy).
-pub(crate) struct VelocitySolve<'a, R: Real> {
+pub(crate) struct VelocityLoop<'a, R: Real> {
     /// Input of the step and its evaluation point.
     pub(crate) context: StepContext<'a, R>,
     /// Free motion, whose velocity-dependent forces are recomputed.
@@ -30,7 +30,7 @@ pub(crate) struct VelocitySolve<'a, R: Real> {
     pub(crate) collisions: &'a mut CollisionSearch<R>,
 }
 
-impl<R: Real> VelocitySolve<'_, R> {
+impl<R: Real> VelocityLoop<'_, R> {
     /// Assembles the constraint problem at the evaluation point of the step (the time at which contacts are found). Also sets the impulses
     /// from which the solver starts.
     #[inline(always)]

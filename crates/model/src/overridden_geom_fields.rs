@@ -18,7 +18,7 @@ const REPLACEMENTS: [(&str, &str); 10] = [
 ];
 
 /// Explicit pairs of a model, and geom fields with new values that contacts of these pairs ignore.
-pub(super) struct ReplacedGeomFields<'a> {
+pub(super) struct OverriddenGeomFields<'a> {
     model: &'a Model,
     /// Indices of the model's explicit pairs whose geoms can collide.
     pairs: Vec<usize>,
@@ -32,7 +32,7 @@ struct ReplacedField {
     present: Vec<f64>,
 }
 
-impl<'a> ReplacedGeomFields<'a> {
+impl<'a> OverriddenGeomFields<'a> {
     /// Finds the explicit pairs of a model that can collide, and the geom fields among `names` that a field of the pair replaces.
     pub(super) fn new<'n>(model: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Self {
         if model.pairs.is_empty() {

@@ -302,7 +302,8 @@ pub struct StepSettings {
 impl StepSettings {
     /// Factor by which the user's tolerance is smaller than the default tolerance of double precision, at least 1.
     ///
-    /// The module `tuning` has tolerances and iteration limits of predictions and corrections, which hold at the default tolerance. A step divides these tolerances by the factor, and multiplies these iteration limits by it.
+    /// The module `tuning` has tolerances and iteration limits of predictions and corrections, which hold at the default tolerance. A
+    /// step divides these tolerances by the factor, and multiplies these iteration limits by it.
     pub(crate) fn accuracy_factor(&self) -> f64 {
         (Precision::F64.tolerance() / self.tolerance).max(1.0)
     }

@@ -66,7 +66,8 @@ pub fn step<R: Real>(
         span!(probe, Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
         // 10 record
         let record = span!(probe, Record, || record(input, free_motion, problem, &outcome, finite));
-        // Contacts that are still deferred (left out by the solver) are not stored for the next step: their geoms passed each other without touching. `solve_velocities` has activated all other contacts.
+        // Contacts that are still deferred (left out by the solver) are not stored for the next step: their geoms passed each other
+        // without touching. `solve_velocities` has activated all other contacts.
         problem.remove_deferred(&mut state.contacts);
         record
     })

@@ -79,10 +79,13 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// Ratio of a gap to the tunnelling distance of its pair above which a very fast body is allowed to close the whole gap within one step.
 /// The tunnelling distance is the displacement above which two geoms may pass through each other.
 ///
-/// A body that closes such a gap covers more than the tunnelling distance in half a step. The next step is then also evaluated at its beginning, where the body is still ahead of the surface. If another contact slows the body down, that step is evaluated in its middle, and there too the body is still ahead of the surface.
+/// A body that closes such a gap covers more than the tunnelling distance in half a step. The next step is then also evaluated at its
+/// beginning, where the body is still ahead of the surface. If another contact slows the body down, that step is evaluated in its middle,
+/// and there too the body is still ahead of the surface.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of first solves in a step after which only the earliest collision of each body is activated. After later solves, all pairs that collide within the step are activated.
+/// Number of first solves in a step after which only the earliest collision of each body is activated. After later solves, all pairs that
+/// collide within the step are activated.
 pub(crate) const EARLIEST_ONLY_PASSES: f64 = 6.0;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5

@@ -10,7 +10,9 @@
 //! 4. their bodies are excluded;
 //! 5. neither's `contype` shares a bit with the other's `conaffinity`.
 //!
-//! Excluded overlaps ([`Description::excluded_overlaps`]) are checked before explicit pairs. Each names two geoms that overlap in the reference pose, and excludes all pairs of their two bodies, like `<exclude>` in MJCF and `disable_collisions` in SRDF. If one of the bodies is the world, only these two geoms are excluded.
+//! Excluded overlaps ([`Description::excluded_overlaps`]) are checked before explicit pairs. Each names two geoms that overlap in the
+//! reference pose, and excludes all pairs of their two bodies, like `<exclude>` in MJCF and `disable_collisions` in SRDF. If one of the
+//! bodies is the world, only these two geoms are excluded.
 //!
 //! Margins and gaps of a pair are **sums** of those of the geoms. A gap is beyond the margin: a contact is found within margin + gap, and
 //! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`). MuJoCo 2 and 3 used the larger of two margins, and contacts

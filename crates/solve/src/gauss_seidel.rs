@@ -101,7 +101,8 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
     })
 }
 
-/// Sweeps until every lane has paused. If the solve needs its residual (`System::needs_residual`), the scaled velocity change w is then exactly the sum over the impulses, to the last bit.
+/// Sweeps until every lane has paused. If the solve needs its residual (`System::needs_residual`), the scaled velocity change w is then
+/// exactly the sum over the impulses, to the last bit.
 #[inline(always)]
 fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
     // All lanes restart without history, no matter when they paused. Their results then do not depend on other lanes.

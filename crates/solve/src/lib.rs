@@ -18,8 +18,8 @@
 //! A solve reads a [`System`], that of the problem or that of [`PositionRows`].
 //!
 //! All code is generic over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. Each kind of constraint has one file in
-//! `constraints/`. The file has the operations of the kind in a sweep, in the residual, in lane compaction (unsolved lanes move to a smaller register), in Newton's method and in the
-//! position solve.
+//! `constraints/`. The file has the operations of the kind in a sweep, in the residual, in lane compaction (unsolved lanes move to a
+//! smaller register), in Newton's method and in the position solve.
 
 mod admissible_set;
 mod capacity;

@@ -35,7 +35,8 @@ by_kind! {
     pub struct System['a, R: Real] {
         /// Problem, which the velocity solve and the position solve share.
         pub(crate) problem: &'a Problem<R>,
-        /// Whether the solve must end with the residual of its impulses. For this it recomputes the scaled velocity change w from the impulses, and evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little.
+        /// Whether the solve must end with the residual of its impulses. For this it recomputes the scaled velocity change w from the
+        /// impulses, and evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little.
         pub(crate) needs_residual: bool,
     } each RowsRef['a]
 }

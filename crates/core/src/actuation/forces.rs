@@ -14,8 +14,8 @@
 //! a^T. It is an upper bound of a a^T (Gershgorin), so that the rule remains stable.
 //!
 //! The midpoint rule does not damp a motion that is too fast for the step: its amplification tends to -1, while the true motion dies out.
-//! With damping, the step therefore evaluates a part of the force later, by the late fraction `s = z / (6 + z)`, `z = h d / m`. Here m is the
-//! inertia from the diagonal of M:
+//! With damping, the step therefore evaluates a part of the force later, by the late fraction `s = z / (6 + z)`, `z = h d / m`. Here m is
+//! the inertia from the diagonal of M:
 //!
 //! ```text
 //! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)

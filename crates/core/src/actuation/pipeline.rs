@@ -147,7 +147,9 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Loads the parameters of a group's actuator models into `actuator_dynamics`, for readings and inverse dynamics without a step.
     ///
-    /// A lag after a continuous servo passes on only a fraction of a change of the servo's output in the same step. The gains of the servo are therefore multiplied by this fraction. It grows during a step: readings use its value at the end, [`Self::advance`] uses its mean.
+    /// A lag after a continuous servo passes on only a fraction of a change of the servo's output in the same step. The gains of the
+    /// servo are therefore multiplied by this fraction. It grows during a step: readings use its value at the end, [`Self::advance`] uses
+    /// its mean.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         kernel!(R, || {
             for pipeline in &self.pipelines {

@@ -109,7 +109,8 @@ pub struct GroupPosition<'a, 'b, S> {
 /// Evidence: two registers make dm_control's humanoid (243 entries) 4 to 6 % faster, and humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number n of lanes, or 2 n if that is faster. `compiled.chain` has one item for each entry of the mass matrix.
+/// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number n of lanes, or 2 n if that is
+/// faster. `compiled.chain` has one item for each entry of the mass matrix.
 ///
 /// With AVX-512, a group of 2 n lanes uses two registers per value, and a step takes 1.8 times as long. On AVX-512 CPUs with vector units
 /// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it

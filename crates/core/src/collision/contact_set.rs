@@ -203,7 +203,8 @@ impl<R: Real> Contacts<R> {
     /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
     ///
-    /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is added if the sum of both errors exceeds [`DISTANCE_ROUNDINGS`] * [`FORCE_ERROR`] * `drop`. Smaller errors hardly change the force.
+    /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
+    /// added if the sum of both errors exceeds [`DISTANCE_ROUNDINGS`] * [`FORCE_ERROR`] * `drop`. Smaller errors hardly change the force.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

@@ -71,7 +71,8 @@ pub(crate) struct GeomPoses<R: Real> {
     /// Upper bound of the displacement of any point of each geom during [`Scene::passing_time`], m. The tests whether geoms passed through
     /// each other use it.
     pub(crate) passing_displacement: Vec<R>,
-    /// For each geom, a flag of the tunnelling check: whether the geom moves within the step by more than half of its inscribed radius, in any lane. The inscribed radius is half of the geom's least width.
+    /// For each geom, a flag of the tunnelling check: whether the geom moves within the step by more than half of its inscribed radius,
+    /// in any lane. The inscribed radius is half of the geom's least width.
     pub(crate) moved_far: Vec<bool>,
     /// Spatial velocity of each link from which `passing_displacement` is computed.
     pub(crate) passing_velocity: Vec<V6<R>>,

@@ -65,12 +65,14 @@ impl<S> CompiledPair<S> {
     }
 }
 
-/// Dynamic pairs: pairs that are too numerous for a list. In every step, the broad phase finds those that can touch. The geoms of dynamic pairs are called members.
+/// Dynamic pairs: pairs that are too numerous for a list. In every step, the broad phase finds those that can touch. The geoms of dynamic
+/// pairs are called members.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
     /// Geoms that form the dynamic pairs, ascending.
     pub members: Vec<Member>,
-    /// Indices in `members` of the geoms between which the broad phase searches: all that are not fixed to the world. It is empty if only pairs of a moving and a static geom are dynamic.
+    /// Indices in `members` of the geoms between which the broad phase searches: all that are not fixed to the world. It is empty if only
+    /// pairs of a moving and a static geom are dynamic.
     pub moving: Vec<u32>,
     /// Largest bounding radius of a geom in `members` plus its margin, m.
     pub widest: f64,

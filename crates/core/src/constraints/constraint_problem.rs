@@ -35,7 +35,9 @@ pub struct ConstraintProblem<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces, if the integrator is Euler's rule. In them the fastest motion in the step bounds the speed of the position correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns such lanes.
+    /// Lanes in which a contact bounces, if the integrator is Euler's rule. In them the fastest motion in the step bounds the speed of
+    /// the position correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns such
+    /// lanes.
     pub euler_rebounding: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
@@ -188,8 +190,8 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// Calls `shift` for each contact that bounces in the lanes `lanes`, with the index of the contact, these lanes, and two factors. A velocity
-/// change times the first factor is added to g of the normal row, and times the second to g of the friction rows.
+/// Calls `shift` for each contact that bounces in the lanes `lanes`, with the index of the contact, these lanes, and two factors. A
+/// velocity change times the first factor is added to g of the normal row, and times the second to g of the friction rows.
 ///
 /// A velocity change that is even over the step acts on an impact at the time t with the fraction t / h. In the normal row it is also
 /// multiplied by `normal_factor`. `added` is subtracted: 1 if the caller has already added the whole change to g, otherwise 0.

@@ -8,7 +8,7 @@
 //! | `jacobian.rs` | `contact_columns`: Jacobian and velocities along the three axes |
 //! | `target_velocities.rs` | `biases`: target velocity for a gap or an overlap |
 //! | `contact_spring.rs` | `comply`: bias and compliance of a soft surface |
-//! | `restitution.rs` | `change_by_free_motion`: velocity change of the rows without constraints. The functions that begin with `bounce`: target velocity of a rebound |
+//! | `restitution.rs` | `change_by_free_motion`: free motion of the rows. `bounce...`: target velocity of a rebound |
 //! | `elimination.rs` | `eliminate` and `add_removed_scales`: remove hard equalities from the rows |
 //! | `approaching.rs` | `approaching_lanes`: lanes in which the rows are deferred |
 //! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`: velocity changes by the motion of the contact point; `remove_curvature` |
@@ -42,7 +42,8 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 /// Smallest lever arm of a degree of freedom along a contact's normal that counts as nonzero. The lever arm is a sum of terms, and this
 /// number is a fraction of their size.
 ///
-/// A force along the normal acts on the joint through this lever arm. Where the terms nearly cancel, enormous forces would be needed for a small torque. In 32 bits, such a lever arm is rounding error.
+/// A force along the normal acts on the joint through this lever arm. Where the terms nearly cancel, enormous forces would be needed for
+/// a small torque. In 32 bits, such a lever arm is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
@@ -55,8 +56,8 @@ fn least_lever<R: Real>() -> f64 {
 /// approach speed, so that speeds up to the resting speed are ignored.
 ///
 /// Nothing can correct an overlap of the contact either. `position` and `velocity` differ by the speed that would correct it. If this speed
-/// exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. If it is smaller, but above the resting speed, only the residual can report
-/// the overlap: then the function returns 0, so that any approach speed counts.
+/// exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. Between the resting speed and this number, only the residual can report the
+/// overlap. The function then returns 0, so that any approach speed counts.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());

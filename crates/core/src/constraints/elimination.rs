@@ -354,7 +354,8 @@ fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
 
-/// Mobility of some rows before the elimination of equalities, divided by their mobility after it. The mobility is the sum of the rows' squared lengths, the trace of their block of the Delassus matrix.
+/// Mobility of some rows before the elimination of equalities, divided by their mobility after it. The mobility is the sum of the rows'
+/// squared lengths, the trace of their block of the Delassus matrix.
 ///
 /// The ratio is 1 if nothing is left, and exactly 1 if nothing was eliminated.
 #[inline(always)]

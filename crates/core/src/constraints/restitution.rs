@@ -31,7 +31,8 @@ use crate::tuning::MAX_REBOUND_SPEED_RATIO;
 type Offsets<R> = [[R; 2]; 3];
 
 impl<R: Real> RowBuilder<R> {
-    /// Change of the velocities of the three rows in `column` by the free motion: free velocity after the step minus velocity before the step, m/s.
+    /// Change of the velocities of the three rows in `column` by the free motion: free velocity after the step minus velocity before the
+    /// step, m/s.
     #[inline(always)]
     pub(crate) fn change_by_free_motion(&self, input: &RowInput<'_, R>) -> V3<R> {
         let mut change = zero();
@@ -48,7 +49,8 @@ impl<R: Real> Assembler<'_, R> {
     /// the function returns `bias` and `exists` unchanged.
     ///
     /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All elastic contacts whose gap is
-    /// closed take part in an impact: 0 <= lambda, complementary to v+ + e v- >= 0. A contact that the free velocity opens takes part too. A contact that is slower than the threshold before the step rests, even if gravity makes it faster within the step.
+    /// closed take part in an impact: 0 <= lambda, complementary to v+ + e v- >= 0. A contact that the free velocity opens takes part
+    /// too. A contact that is slower than the threshold before the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
     pub(crate) fn bounce_euler(
         &mut self,

@@ -21,7 +21,8 @@ impl<R: Real> ImplicitWeights<R> {
         (self.late_step * damping).gt(R::zero()).any()
     }
 
-    /// Late fraction s = z / (6 + z) of a damper, from 0 to 1: the fraction that the step evaluates at its end instead of its middle (see [`crate::actuation::forces`]).
+    /// Late fraction s = z / (6 + z) of a damper, from 0 to 1: the fraction that the step evaluates at its end instead of its middle (see
+    /// [`crate::actuation::forces`]).
     ///
     /// z is the time step times `rate`, the ratio of damping to inertia, 1/s.
     #[inline(always)]

@@ -117,7 +117,8 @@ pub struct NominalEvaluation<R: Real> {
     pub prediction: Option<Prediction<R>>,
 }
 
-/// Comparison of two predictions of the velocity after the step: that of the solved step, and that of the derivative crate, which evaluates the step again from the same state.
+/// Comparison of two predictions of the velocity after the step. One was made in the solved step, the other when the step
+/// was evaluated again from the same state.
 #[derive(Clone, Copy, Debug)]
 pub struct Prediction<R: Real> {
     /// Whether forces other than inertial ones depend on the predicted velocity, such as drag and some servos.

@@ -23,7 +23,8 @@ use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 pub(crate) enum SweptMotion<R: Real> {
     /// Motion with the predicted impulses, before the solve.
     Predicted,
-    /// Motion of the solver's solution. In the lanes `finds_all`, every colliding pair counts. In the others, only the earliest collision of each body counts.
+    /// Motion of the solver's solution. In the lanes `finds_all`, every colliding pair counts. In the others, only the earliest collision
+    /// of each body counts.
     Solved { finds_all: R::Mask },
 }
 

@@ -255,7 +255,8 @@ impl<R: Real> VelocityLoop<'_, R> {
 
     /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
     ///
-    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, its inertial forces become those at the velocity before the step. Later corrections do not change it: `extra_before_impacts` cancels `free_change`.
+    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, its inertial forces become those at the
+    /// velocity before the step. Later corrections do not change it: `extra_before_impacts` cancels `free_change`.
     fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;

@@ -66,7 +66,9 @@ pub(crate) fn correct_positions<R: Real>(
 
 /// Lanes in which one geom may have passed through another (tunnelling check).
 ///
-/// The check assumes motion at a constant velocity. In lanes with a rebound, this is the velocity of the position correction, plus the velocity after the step times the fraction of the step after the impact. The buffer `position.impact_displacement` stores it, because it has no other use after stage 8.
+/// The check assumes motion at a constant velocity. In lanes with a rebound, two velocities are added: that of the position correction,
+/// and a fraction of the velocity after the step. It is the fraction of the step after the impact. The buffer
+/// `position.impact_displacement` stores the sum, because it has no other use after stage 8.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,

@@ -19,7 +19,8 @@ use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{EARLIEST_ONLY_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
 impl<R: Real> VelocityLoop<'_, R> {
-    /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem. The head of `velocity_loop.rs` lists the files of its methods.
+    /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled
+    /// problem. The head of `velocity_loop.rs` lists the files of its methods.
     ///
     /// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred
     /// contact that collides becomes active. (2) The velocity after the step is the predicted one, with which inertial forces were
@@ -135,7 +136,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         outcome
     }
 
-    /// Limits the velocity after the step in lanes with a large Baumgarte correction, a motion that is too fast for the time step, or an ambiguous energy (one that the solver's residual may change noticeably).
+    /// Limits the velocity after the step in lanes with a large Baumgarte correction, a motion that is too fast for the time step, or an
+    /// ambiguous energy (one that the solver's residual may change noticeably).
     #[inline(always)]
     pub(crate) fn bound_velocities(
         &mut self,

@@ -197,7 +197,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         })
     }
 
-    /// Sets the mobility ratio of the last contact of the list: its mobility trace(G_ii) before the elimination of equality rows, divided by that after it. The scale of the residual uses the mobility before the elimination.
+    /// Sets the mobility ratio of the last contact of the list: its mobility trace(G_ii) before the elimination of equality rows, divided
+    /// by that after it. The scale of the residual uses the mobility before the elimination.
     #[inline(always)]
     pub fn set_mobility_ratio(&mut self, ratio: R) {
         if let Some(contact) = self.rows.items.last_mut() {

@@ -34,7 +34,8 @@ pub struct ScalarRow<R: Real> {
     pub(super) diagonal: R,
     /// Inverse of the row's diagonal entry of the Delassus matrix, kg; 1 in lanes in which the row does not exist or cannot move.
     pub(super) inv_diagonal: R,
-    /// Mobility of the row before the elimination of equality rows, divided by that after it, at least 1. The mobility is the row's diagonal entry of the Delassus matrix.
+    /// Mobility of the row before the elimination of equality rows, divided by that after it, at least 1. The mobility is the row's
+    /// diagonal entry of the Delassus matrix.
     pub(crate) mobility_ratio: R,
     /// Mobility that scales the damping of the row's target, 1/kg. It is 0 for a row whose force law has a compliance.
     pub(super) mobility: R,

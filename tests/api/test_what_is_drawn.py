@@ -371,7 +371,7 @@ def test_a_task_of_dm_control_is_shown(monkeypatch):
     monkeypatch.setattr(
         stepper.cli.view, "View", lambda sim, **_: shown.append(sim) or SimpleNamespace(url="", run=lambda advance: advance())
     )
-    monkeypatch.setattr(sys, "argv", ["stepper", "view", "stepper/dm_control.cartpole-balance-v0", "--envs", "2"])
+    monkeypatch.setattr(sys, "argv", ["stepper", "view", "stepper/dm_control.cartpole-balance-v0", "--num-envs", "2"])
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 0

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def compare(model: str, out: Path, *, seconds: float, envs: int, seed: int) -> None:
+def compare(model: str, out: Path, *, seconds: float, num_envs: int, seed: int) -> None:
     """Compares hard contact, MuJoCo's contact law in stepper, and MuJoCo, on a model with random controls: a table and a picture.
 
     Example: stepper compare humanoid.xml --seconds 3
     """
     with progress() as tick:
-        found = run(model, seconds=seconds, num_envs=envs, seed=seed, tick=tick)
+        found = run(model, seconds=seconds, num_envs=num_envs, seed=seed, tick=tick)
     print(found.table())
     show_files([found.draw(out / "compare.png")])
 
@@ -34,7 +34,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         model: str = typer.Argument(help="MJCF, URDF or a saved model."),
         out: Path = folder,
         seconds: float = typer.Option(2.0, help="Length of an episode, s."),
-        envs: int = typer.Option(8, min=1, help="Number of episodes."),
+        num_envs: int = typer.Option(8, min=1, help="Number of episodes."),
         seed: int = typer.Option(0, help="Seed of the random controls."),
     ) -> None:
-        compare(model, out, seconds=seconds, envs=envs, seed=seed)
+        compare(model, out, seconds=seconds, num_envs=num_envs, seed=seed)

@@ -42,7 +42,7 @@ class ViewOptions(NamedTuple):
     with the meshes and colours to show.
     """
 
-    envs: int
+    num_envs: int
     looks: Path | None
     contact: Literal["hard", "mujoco"] | None
     keyframe: str | None
@@ -67,7 +67,7 @@ def view(what: str, options: ViewOptions, of_study: StudyOptions, rerun: Path | 
 
     Environments stand side by side, and the mouse can drag bodies.
 
-    Examples: stepper view humanoid.xml --envs 9; stepper view run; stepper view stepper/HalfCheetah-v5 --envs 4;
+    Examples: stepper view humanoid.xml --num-envs 9; stepper view run; stepper view stepper/HalfCheetah-v5 --num-envs 4;
     stepper view examples/studies/tray.toml --values friction=0.5 --values push=2.2
     """
     is_study = Path(what).suffix in STUDIES
@@ -91,7 +91,7 @@ def view(what: str, options: ViewOptions, of_study: StudyOptions, rerun: Path | 
         return
     _refuse(what, "a model", actions=options.actions) if is_model else _refuse(what, "an environment", keyframe=options.keyframe)
     sim, advance, reset = _model(what, options) if is_model else _environments(what, options, arguments_of(of_study.values))
-    opened = View(sim, envs=options.envs, source=options.looks, host=options.host, port=options.port, reset=reset)
+    opened = View(sim, envs=options.num_envs, source=options.looks, host=options.host, port=options.port, reset=reset)
     opened.paused = options.pause
     print(f"{opened.url} shows {what}; Ctrl-C ends it", flush=True)
     opened.run(advance)
@@ -103,7 +103,7 @@ def _study(file: str, options: ViewOptions, of_study: StudyOptions) -> None:
     study = study if options.seed is None else replace(study, seed=options.seed)
     values = values_of(of_study.values)
     first, setting = of_study.episode or 0, of_study.setting or USUAL
-    episodes = Episodes(study, values, range(first, first + options.envs), setting)
+    episodes = Episodes(study, values, range(first, first + options.num_envs), setting)
     if of_study.record is not None:
         for number, row in enumerate(episodes.rows(of_study.record), first):
             print(f"episode {number}: {_result(study, row['outcomes'], lost=diverged(row))}")
@@ -170,7 +170,7 @@ def _refuse(what: str, kind: str, **given: object) -> None:
 def _play(folder: Path, options: ViewOptions, rerun: Path | None) -> None:
     """Shows a recording in the browser, or converts it to a log for the viewer Rerun if the path `rerun` is not None."""
     # The default of 1 means all environments for a recording.
-    envs = options.envs if options.envs > 1 else None
+    envs = options.num_envs if options.num_envs > 1 else None
     if rerun is not None:
         with progress() as tick:
             frames = log_rerun(folder, rerun, envs=envs, source=options.looks, tick=tick)
@@ -191,7 +191,7 @@ def _model(file: str, options: ViewOptions) -> Simulation:
         warnings.simplefilter("ignore", ModelWarning)  # `stepper explain` lists the warnings.
         model = load(file, strict=False)
     of_step = Options.from_model(model) if options.contact == "mujoco" else Options()
-    sim = Stepper(model, options.envs, options=of_step, seed=options.seed or 0)
+    sim = Stepper(model, options.num_envs, options=of_step, seed=options.seed or 0)
     key = int(options.keyframe) if options.keyframe is not None and options.keyframe.isdigit() else options.keyframe
 
     def reset() -> None:
@@ -207,7 +207,7 @@ def _environments(name: str, options: ViewOptions, arguments: dict[str, Any]) ->
     importlib.import_module("stepper.envs")
     try:
         law = {} if options.contact is None else {"contact": options.contact}
-        envs = gymnasium.make_vec(import_env(name), num_envs=options.envs, **law, **arguments)
+        envs = gymnasium.make_vec(import_env(name), num_envs=options.num_envs, **law, **arguments)
     except gymnasium.error.Error as error:
         raise ValueError(f"{name} is neither a file nor a recording nor an environment: {error}") from error
     sim = getattr(envs.unwrapped, "sim", None)
@@ -234,7 +234,7 @@ def register(app: Typer, typer: ModuleType) -> None:
     def _(
         what: str = typer.Argument(help="Model file, study file (.toml, .py), folder of a recording, or environment id."),
         *,
-        envs: int = typer.Option(
+        num_envs: int = typer.Option(
             1, min=1, help="Number of environments or episodes to show; for a recording, 1 shows all of them, up to 16."
         ),
         model: Path | None = file,
@@ -254,5 +254,5 @@ def register(app: Typer, typer: ModuleType) -> None:
         for name, given, words in (("contact", contact, (None, "hard", "mujoco")), ("actions", actions, (None, *ACTIONS))):
             if given not in words:
                 raise ValueError(f"{name} is {given!r}, must be {' or '.join(repr(word) for word in words if word)}")
-        options = ViewOptions(envs, model, cast("Any", contact), keyframe, actions, seed, pause, host, port)
+        options = ViewOptions(num_envs, model, cast("Any", contact), keyframe, actions, seed, pause, host, port)
         view(what, options, StudyOptions(tuple(values), episode, setting, record), rerun)

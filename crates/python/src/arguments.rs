@@ -1,4 +1,4 @@
-//! Conversion of arguments from Python: integers, indices of environments, unknown keywords.
+//! Conversion of arguments from Python: integers, flags, indices of environments, unknown keywords.
 
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
@@ -31,6 +31,23 @@ impl Whole<'_> {
         match self {
             Self::Number(number) => Ok(*number),
             Self::Other(given) => whole(given, name, least),
+        }
+    }
+}
+
+/// Argument of a Python call that is True or False. `Other` is any other object, which [`Flag::from`] rejects.
+#[derive(FromPyObject)]
+pub(crate) enum Flag<'py> {
+    Value(bool),
+    Other(Bound<'py, PyAny>),
+}
+
+impl Flag<'_> {
+    /// Value of the argument. Errors contain the argument's `name`.
+    pub(crate) fn from(&self, name: &str) -> PyResult<bool> {
+        match self {
+            Self::Value(value) => Ok(*value),
+            Self::Other(given) => Err(PyTypeError::new_err(format!("{name} is {}, must be True or False", given.repr()?))),
         }
     }
 }

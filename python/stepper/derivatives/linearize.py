@@ -15,7 +15,7 @@ from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
 from stepper.derivatives.kinks import LEAST_SLOPE, Bools, Kink, KinkDetector, RowGroup
 from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
-from stepper.shared.arguments import check_kind
+from stepper.shared.arguments import check_flag, check_kind
 
 TOLERANCE = 1e-13
 """Default residual to which perturbed copies are solved, m/s. If the tolerance of the stepper is smaller, it is used instead.
@@ -154,6 +154,8 @@ def linearize(
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
     if not isinstance(nstep, int | np.integer) or nstep < 1:
         raise ValueError(f"nstep is {nstep!r}, must be a positive integer")
+    for name, flag in {"centered": centered, "extrapolate": extrapolate, "sensors": sensors}.items():
+        check_flag(name, flag)
     tolerance = min(TOLERANCE, sim.tolerance) if tolerance is None else _positive("tolerance", tolerance)
     blocks = blocks_of(sim.model, (*STATE, "ctrl") if wrt is None else wrt)
     if method == "implicit":

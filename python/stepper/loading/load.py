@@ -15,7 +15,7 @@ from stepper.loading.origins import remember
 from stepper.loading.urdf import resolve_meshes
 from stepper.loading.urdf_actuators import KINDS, Actuators, add_actuators
 from stepper.loading.urdf_elements import Urdf, omissions, refuse_xacro
-from stepper.shared.arguments import path_of
+from stepper.shared.arguments import check_flag, path_of
 from stepper.shared.files import existing
 
 Source: TypeAlias = "str | os.PathLike[str] | Any"
@@ -88,8 +88,7 @@ def _check_choices(overlaps: str, actuators: str | None, package_dirs: Any, *, s
         raise TypeError(f"package_dirs is {package_dirs!r}, must be a list of folders, or None")
     for folder in package_dirs or ():
         path_of("an entry of package_dirs", folder)
-    if not isinstance(strict, bool):
-        raise TypeError(f"strict is {strict!r}, must be True or False")
+    check_flag("strict", strict)
     if overlaps not in ("keep", "exclude"):
         raise ValueError(f'overlaps is {overlaps!r}, must be "keep" or "exclude"')
     if actuators not in (None, *KINDS):

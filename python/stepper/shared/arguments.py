@@ -65,6 +65,12 @@ def check_whole(name: str, value: Any, *, least: float = -math.inf, most: float 
         raise ValueError(f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}")
 
 
+def check_flag(name: str, value: Any) -> None:
+    """Raises TypeError unless a value is True or False; `name` is the name of the argument."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} is {value!r}, must be True or False")
+
+
 def check_pair(name: str, value: Any, *, meaning: str) -> None:
     """Raises an error unless a value is a sequence of two numbers.
 

@@ -37,32 +37,40 @@ impl Stepper {
     ///     ValueError: A name is unknown, a shape is wrong, or `step` or `nstep` is not positive. Or `method="implicit"` does not support
     ///         the options or derivatives.
     ///     ModelError: A parameter cannot be perturbed; the message has its element.
-    #[pyo3(signature = (
-        wrt=None, *, ctrl=None, nstep=1, method="fd", step=None, tolerance=None, centered=true, extrapolate=false, sensors=false
-    ))]
+    #[pyo3(
+        signature = (wrt=None, *, ctrl=None, nstep=None, method=None, step=None, tolerance=None, centered=None, extrapolate=None, sensors=None),
+        text_signature = "($self, wrt=None, *, ctrl=None, nstep=1, method='fd', step=None, tolerance=None, centered=True, extrapolate=False, sensors=False)"
+    )]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn linearize<'py>(
         slf: &Bound<'py, Self>,
         wrt: Option<Bound<'py, PyAny>>,
         ctrl: Option<Bound<'py, PyAny>>,
-        nstep: i64,
-        method: &str,
+        nstep: Option<Bound<'py, PyAny>>,
+        method: Option<Bound<'py, PyAny>>,
         step: Option<Bound<'py, PyAny>>,
         tolerance: Option<Bound<'py, PyAny>>,
-        centered: bool,
-        extrapolate: bool,
-        sensors: bool,
+        centered: Option<Bound<'py, PyAny>>,
+        extrapolate: Option<Bound<'py, PyAny>>,
+        sensors: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let settings = PyDict::new(slf.py());
-        settings.set_item("wrt", wrt)?;
-        settings.set_item("ctrl", ctrl)?;
-        settings.set_item("nstep", nstep)?;
-        settings.set_item("method", method)?;
-        settings.set_item("step", step)?;
-        settings.set_item("tolerance", tolerance)?;
-        settings.set_item("centered", centered)?;
-        settings.set_item("extrapolate", extrapolate)?;
-        settings.set_item("sensors", sensors)?;
+        let arguments = [
+            ("wrt", wrt),
+            ("ctrl", ctrl),
+            ("nstep", nstep),
+            ("method", method),
+            ("step", step),
+            ("tolerance", tolerance),
+            ("centered", centered),
+            ("extrapolate", extrapolate),
+            ("sensors", sensors),
+        ];
+        for (name, value) in arguments {
+            if let Some(value) = value {
+                settings.set_item(name, value)?;
+            }
+        }
         slf.py().import("stepper.derivatives")?.call_method("linearize", (slf,), Some(&settings))
     }
 

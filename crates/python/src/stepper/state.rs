@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 use stepper_core::{Episode, Field, StateRows};
 
-use crate::arguments::{Env, no_others};
+use crate::arguments::{Env, Flag, no_others};
 use crate::array::{array, check_shape, read_only, readonly, seeds};
 use crate::error::value_error;
 use crate::getters::getters;
@@ -128,7 +128,7 @@ impl Stepper {
     /// Raises:
     ///     ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a state belongs to another model. No environment
     ///         changes.
-    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=false, **others), text_signature = "($self, qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
+    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=Flag::Value(false), **others), text_signature = "($self, qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn set_state(
         slf: &Bound<'_, Self>,
@@ -137,10 +137,11 @@ impl Stepper {
         envs: Option<Bound<'_, PyAny>>,
         act: Option<Bound<'_, PyAny>>,
         time: Option<Bound<'_, PyAny>>,
-        keep_warmstart: bool,
+        keep_warmstart: Flag<'_>,
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
         no_others("Stepper.set_state", others, &["qpos", "qvel", "envs", "act", "time", "keep_warmstart"])?;
+        let keep_warmstart = keep_warmstart.from("keep_warmstart")?;
         let mut this = borrow(slf)?;
         let selection = this.selection(envs.as_ref())?;
         if let Some(states) = qpos.as_ref().and_then(states_of) {

@@ -146,14 +146,23 @@ fn bounded<R: Real>([at_limit, on_curve, at_upper]: [R::Mask; 3], numbers: &Actu
     R::select(on_curve, edge, R::select(at_limit, limit, force))
 }
 
-/// Force of an actuator, clamped to its limits and to the torque-speed curve of its motor, and the lanes in which they reduce it.
+/// Force of an actuator after its limits and the torque-speed curve of its motor.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LimitedForce<R: Real> {
+    /// Force, N or N m.
+    pub(crate) force: R,
+    /// Lanes in which a limit or the curve determines the force.
+    pub(crate) is_limited: R::Mask,
+}
+
+/// Clamps the force of an actuator, N or N m, to its limits and to the torque-speed curve of its motor at the velocity `velocity`.
 #[inline(always)]
 pub(crate) fn clamp_to_limits<R: Real>(
     dynamics: &CompiledActuatorDynamics<R::Scalar>,
     numbers: &ActuatorDynamics<R>,
     force: R,
     velocity: R,
-) -> (R, R::Mask) {
+) -> LimitedForce<R> {
     let active @ [at_limit, on_curve, _] = active_bound(dynamics, numbers, force, velocity);
-    (bounded(active, numbers, force, velocity), at_limit.or(on_curve))
+    LimitedForce { force: bounded(active, numbers, force, velocity), is_limited: at_limit.or(on_curve) }
 }

@@ -221,12 +221,13 @@ impl<R: Real> RowBuilder<R> {
                     independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
                 }
                 let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
-                let depends = short[n].and(lengths[1][n].lt(lengths[0][n] * R::of(threshold))).and_not(independent);
+                let [before, after_first] = [lengths[0][n], lengths[1][n]];
+                let depends = short[n].and(after_first.lt(before * R::of(threshold))).and_not(independent);
                 for &d in &*dofs {
                     let x = &mut column[d as usize][n];
                     *x = R::select(depends, R::zero(), *x);
                 }
-                lengths[1][n] = R::select(short[n], R::select(depends, R::zero(), after), lengths[1][n]);
+                lengths[1][n] = R::select(short[n], R::select(depends, R::zero(), after), after_first);
                 for (g, speed) in offsets[n].iter_mut().zip(speed[n]) {
                     let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
                     *g = R::select(none, R::zero(), *g);

@@ -37,9 +37,9 @@ pub fn actuate<R: Real>(
                 actuator_forces.force[i] = match &actuator.dynamics {
                     Some(dynamics) => {
                         let (numbers, saturated) = (&at.actuator_dynamics[dynamics.index], &mut actuator_forces.found_saturated[i]);
-                        let (clamped, is_reduced) = clamp_to_limits(dynamics, numbers, force, R::zero());
-                        *saturated = saturated.or(is_reduced);
-                        clamped
+                        let limited = clamp_to_limits(dynamics, numbers, force, R::zero());
+                        *saturated = saturated.or(limited.is_limited);
+                        limited.force
                     }
                     None => force,
                 };
@@ -70,7 +70,7 @@ pub fn actuate<R: Real>(
                 }
                 (None, Some(dynamics)) => {
                     actuator_forces.force[i] =
-                        clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity).0;
+                        clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity).force;
                 }
                 (_, None) => {
                     let requested = affine.force(&motion);
@@ -137,7 +137,7 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
     if let Some(dynamics) = &own.dynamics {
         let velocity = forces.project(own, at.v);
         let requested = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
-        at_bound = at_bound.or(clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], requested, velocity).1);
+        at_bound = at_bound.or(clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], requested, velocity).is_limited);
     }
     [slope, rate].map(
         #[inline(always)]

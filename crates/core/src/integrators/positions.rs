@@ -66,9 +66,7 @@ pub(crate) fn correct_positions<R: Real>(
 
 /// Lanes in which one geom may have passed through another (tunnelling check).
 ///
-/// The check assumes motion at a constant velocity. In lanes with a rebound, two velocities are added: that of the position correction,
-/// and a fraction of the velocity after the step. It is the fraction of the step after the impact. The buffer
-/// `position.impact_displacement` stores the sum, because it has no other use after stage 8.
+/// The check assumes motion at a constant velocity. In lanes with a rebound, this is the velocity of the position correction plus a fraction of the velocity after the step: the fraction of the step that follows the impact.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,
@@ -79,7 +77,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
     let Evaluation { scheme, kinematics, collision, impact_lanes, .. } = evaluation;
-    let PositionSolution { impact_displacement: motion, correction, .. } = position;
+    let PositionSolution { mean_velocity, correction, .. } = position;
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
     let rebounding = corrected.all.and(corrected.rebounding);
@@ -88,10 +86,10 @@ pub(crate) fn find_tunnelling<R: Real>(
         &velocity.v
     } else {
         let part = scheme.time_after / scheme.h;
-        for (motion, (&v, &correction)) in motion.iter_mut().zip(velocity.v.iter().zip(&*correction)) {
-            *motion = R::select(rebounding, v * part + correction, v);
+        for (mean, (&v, &correction)) in mean_velocity.iter_mut().zip(velocity.v.iter().zip(&*correction)) {
+            *mean = R::select(rebounding, v * part + correction, v);
         }
-        &*motion
+        &*mean_velocity
     };
     let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
     let passed = may_have_passed(input.compiled, kinematics, step, input.alive, collision);

@@ -56,7 +56,10 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
     shape = () if sim.num_envs is None else (sim.num_envs,)
     wanted = _numbers("qacc", qacc)
     if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
-        raise ValueError(f"qacc has shape {wanted.shape}, must be {(*shape, sim.model.nv)} or ({sim.model.nv},)")
+        raise ValueError(f"qacc has shape {wanted.shape}, must be {_shapes(shape, sim.model.nv)}")
+    if not np.isfinite(wanted).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(wanted))[0])
+        raise ValueError(f"qacc{list(place)} is {wanted[place]}, must be a finite number")
     # qacc_smooth contains bias, passive, actuator and applied forces. Inverse dynamics must not subtract the last two, so they are added
     # below.
     free = sim.qacc_smooth
@@ -113,12 +116,23 @@ def _numbers(name: str, given: ArrayLike) -> Array:
         raise TypeError(f"{name} is {given!r}, must be an array of numbers, with rows of equal length") from None
 
 
+def _shapes(envs: tuple[int, ...], *row: int | str) -> str:
+    """Accepted shapes of an argument, for a message: one row for each environment, or one row for all.
+
+    Args:
+        envs: (num_envs,), or () for a stepper without an axis of environments.
+        row: Shape of one row.
+    """
+    one = f"({', '.join(map(str, row))}{',' if len(row) == 1 else ''})"
+    return f"({', '.join(map(str, (*envs, *row)))}) or {one}" if envs else one
+
+
 def _of_rays(sim: Stepper, given: ArrayLike, name: str) -> Array:
     """Array of points or directions of rays, (n, 3) or (num_envs, n, 3), after a check of its shape."""
     rows = _numbers(name, given)
     shape = () if sim.num_envs is None else (sim.num_envs,)
     if rows.ndim < 2 or rows.shape[-1] != 3 or rows.shape[:-2] not in ((), shape):
-        raise ValueError(f"{name} has shape {rows.shape}, must be {(*shape, 'n', 3)} or ('n', 3)")
+        raise ValueError(f"{name} has shape {rows.shape}, must be {_shapes(shape, 'n', 3)}")
     return rows
 
 

@@ -1419,7 +1419,9 @@ class Stepper:
         They are computed in 64 bits, also for a stepper with precision "f32".
         """
     def energy(self) -> tuple[Any, Any]:
-        """Potential energy (gravity, joint springs) and kinetic energy (including armature) at the current states.
+        """Potential energy (gravity, springs of joints and tendons) and kinetic energy (including armature) at the current states.
+
+        Bodies that are fixed to the world do not count. MuJoCo's `energy` adds their constant potential energy.
 
         Returns:
             Two arrays (num_envs,) float64, J.

@@ -444,12 +444,13 @@ impl Model {
     /// Keyframe from its name or index in a Python argument.
     pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<CoreKeyframe> {
         let all = &self.core.keyframes;
+        let none = || PyKeyError::new_err(format!("no keyframe {given:?}: this model has none; give reset(qpos=..., qvel=...)"));
         if all.is_empty() && given.is_instance_of::<PyString>() {
-            let given = given.str().map_or_else(|_| String::new(), |text| text.to_string());
-            return Err(PyKeyError::new_err(format!("no keyframe \"{given}\": this model has none; give reset(qpos=..., qvel=...)")));
+            return Err(none());
         }
         match Kind::Keyframe.find(&self.core, given) {
             Ok(index) => Ok(all[index].clone()),
+            Err(error) if all.is_empty() && error.is_instance_of::<PyIndexError>(given.py()) => Err(none()),
             // An index out of range raises the same error as an unknown name.
             Err(error) if error.is_instance_of::<PyIndexError>(given.py()) => {
                 let known = all.iter().enumerate().map(|(i, k)| if k.name.is_empty() { i.to_string() } else { k.name.clone() });

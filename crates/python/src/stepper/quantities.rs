@@ -66,7 +66,9 @@ impl Stepper {
         arrays.into_iter().map(|(shape, values)| array(py, &shape, values, Precision::F64)).collect()
     }
 
-    /// Potential energy (gravity, joint springs) and kinetic energy (including armature) at the current states.
+    /// Potential energy (gravity, springs of joints and tendons) and kinetic energy (including armature) at the current states.
+    ///
+    /// Bodies that are fixed to the world do not count. MuJoCo's `energy` adds their constant potential energy.
     ///
     /// Returns:
     ///     Two arrays (num_envs,) float64, J.

@@ -7,8 +7,8 @@ pub(crate) const GEAR: usize = 6;
 /// Number of values of one actuator in the fields `actuator_gainprm` and `actuator_biasprm`.
 pub(crate) const PARAMETERS: usize = 10;
 
-/// Coefficients of an affine actuator force: first of the gain, then of the bias. Both consist of a constant, a factor of length, and a
-/// factor of velocity.
+/// Coefficients of an affine actuator force: first those of the gain, then those of the bias. Each array has the constant, the factor of
+/// the length, and the factor of the velocity.
 pub type AffineForce = ([f64; 3], [f64; 3]);
 
 impl Actuator {
@@ -18,7 +18,8 @@ impl Actuator {
         [gain[1], gain[2], bias[1], bias[2]].iter().any(|&x| x != 0.0)
     }
 
-    /// Coefficients of the actuator's affine force, for any type of gain and bias.
+    /// Coefficients of the affine force that equals the actuator's force, for any type of gain and bias. They are zero for a disabled
+    /// actuator.
     pub fn affine_force(&self) -> AffineForce {
         const ZERO: [f64; 3] = [0.0; 3];
         let ForceModel { gain, bias, disabled } = self.force_model;
@@ -40,8 +41,8 @@ impl Actuator {
 }
 
 impl Actuator {
-    /// Values of this actuator in the field `actuator_gear`. For an actuator on a site, they are force and torque per unit of actuator
-    /// force. For other transmissions, the first value scales length, velocity and force.
+    /// Values of this actuator in the field `actuator_gear`. For an actuator on a site, the values are force and torque per unit of
+    /// actuator force. For other transmissions, the first value scales length, velocity and force, and the other values are 0.
     pub fn gear_row(&self) -> [f64; GEAR] {
         match self.transmission {
             Transmission::Site { wrench, .. } => wrench.map(|x| x * self.gear),
@@ -91,8 +92,8 @@ pub(crate) fn gear(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
     }
 }
 
-/// Calls `f` for each parameter of every actuator: for the values that `read` returns, which the actuator uses, and for a zero in each
-/// remaining column.
+/// Calls `f` for each of the [`PARAMETERS`] columns of every actuator. `read` returns the values that the actuator uses, which are the
+/// first columns, and which `f` may change. For each remaining column, `f` gets a zero, whose change has no effect.
 pub(crate) fn parameters(model: &mut Description, f: &mut dyn FnMut(&mut f64), read: fn(&mut Actuator) -> &mut [f64]) {
     for values in model.actuators.iter_mut().map(read) {
         let others = PARAMETERS - values.len();

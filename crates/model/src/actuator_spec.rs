@@ -18,7 +18,7 @@ pub struct ActuatorSpec {
     pub low: Vec<f64>,
     /// Highest force of the actuator, N or N m.
     pub high: Vec<f64>,
-    /// Dry friction, N or N m, before the actuator's gear.
+    /// Dry friction, N or N m. The friction at the joint is this value times the absolute value of the actuator's gear.
     pub friction: Vec<f64>,
     /// Servo that replaces the actuator's affine force; `None` keeps the affine force.
     pub servo: Option<Servo>,
@@ -42,7 +42,7 @@ pub struct Servo {
     pub period: Vec<f64>,
 }
 
-/// DC motor behind a gear. All values refer to the motor shaft.
+/// DC motor that drives the actuator through a gear. Torques, speed and inertia are those of the motor shaft.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motor {
@@ -56,7 +56,7 @@ pub struct Motor {
     pub gear: f64,
     /// Efficiency of the gear: fraction of the power that it transmits.
     pub efficiency: Vec<f64>,
-    /// Whether the control is the fraction of the nominal voltage; otherwise it is the torque.
+    /// Whether the input of the motor is a fraction of the nominal voltage, from -1 to 1. Otherwise the input is the actuator's force.
     pub voltage: bool,
 }
 
@@ -92,7 +92,7 @@ impl ActuatorSpec {
         Self { delay, delay_steps, lag, low, high, friction: none, servo: None, motor: None }
     }
 
-    /// Delay of environment `env` in steps of `h` seconds.
+    /// Delay of the control in environment `env`, in steps of `h` seconds.
     pub fn steps(&self, env: usize, h: f64) -> f64 {
         let of = |x: &[f64]| x[env % x.len()];
         of(&self.delay) / h + of(&self.delay_steps)
@@ -108,7 +108,8 @@ impl ActuatorSpec {
         self.servo.as_ref().is_some_and(|s| s.period.is_empty())
     }
 
-    /// Whether the control of a motor with a torque-speed curve is its voltage. The result is `None` for actuators without such a motor.
+    /// For a motor with a torque-speed curve: whether the motor's input is a voltage ([`Motor::voltage`]). The result is `None` for
+    /// actuators without such a motor.
     pub fn curve(&self) -> Option<bool> {
         self.motor.as_ref().filter(|m| !m.stall_torque.is_empty()).map(|m| m.voltage)
     }
@@ -136,7 +137,8 @@ impl ActuatorSpec {
     /// the delays of the specs, and force limits of both are combined. `num_envs` is the number of environments, `h` the time step, s.
     ///
     /// # Errors
-    /// The first value out of range, or the first part of a spec that an actuator cannot have, with the actuator's name.
+    /// For the first value out of range, and for the first part of a spec that the actuator cannot have, such as a servo on a site. The
+    /// error has the actuator's name.
     pub fn combine(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
         let (mut combined, mut specs) = (model.clone(), specs.to_vec());
         let model = combined.unchecked_mut();

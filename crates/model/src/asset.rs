@@ -13,7 +13,7 @@ pub struct Mesh {
     pub name: String,
     /// Vertices, m.
     pub vertices: Vec<[f64; 3]>,
-    /// Vertex indices of the triangles, counter-clockwise seen from outside. They may be empty if only the convex hull is used.
+    /// Vertex indices of the triangles, counter-clockwise seen from outside. The list may be empty if only the convex hull is used.
     pub faces: Vec<[u32; 3]>,
 }
 

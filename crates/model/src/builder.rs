@@ -33,7 +33,8 @@ pub use crate::builder::geom::GeomBuilder;
 pub use crate::builder::joint::JointBuilder;
 pub use crate::builder::tendon::TendonBuilder;
 
-/// Quantity of an added sensor: a kind of sensor of a joint with a name, or any kind.
+/// Kind of an added sensor. `OfJoint` has the name of a joint, and the function that returns the kind for the index of this joint. `Kind`
+/// is the kind itself.
 #[derive(Clone, Debug)]
 enum Reading {
     OfJoint(String, fn(usize) -> SensorKind),
@@ -139,8 +140,8 @@ impl ModelBuilder {
         self
     }
 
-    /// Adds a fixed tendon from pairs of joint name and coefficient: its length is a linear combination of hinge and slide positions.
-    /// Returns its index.
+    /// Adds a fixed tendon from pairs of joint name and coefficient: the tendon's length is a linear combination of hinge and slide
+    /// positions. Returns the index of the tendon.
     pub fn tendon(&mut self, name: &str, joints: &[(&str, f64)]) -> usize {
         self.fixed_tendon(TendonBuilder::new(name, joints))
     }
@@ -182,8 +183,8 @@ impl ModelBuilder {
         push(&mut self.sensors, (name.into(), Reading::Kind(kind)))
     }
 
-    /// Adds an explicit pair: two geoms that collide regardless of filters. `friction` is sliding, torsional (m) and rolling (m). Returns
-    /// its index.
+    /// Adds an explicit pair: two geoms that collide regardless of filters. `friction` has the sliding, torsional (m) and rolling (m)
+    /// friction coefficients. Returns the index of the pair.
     pub fn pair(&mut self, geom_a: &str, geom_b: &str, friction: [f64; 3]) -> usize {
         push(&mut self.pairs, ([geom_a.into(), geom_b.into()], friction))
     }

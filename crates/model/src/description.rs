@@ -28,7 +28,8 @@ pub struct Description {
     pub magnetic: [f64; 3],
     /// Fluid that surrounds the bodies.
     pub medium: Medium,
-    /// Whether the integrator `euler` treats joint damping explicitly. The other integrators never do.
+    /// Whether the integrator `euler` treats joint damping explicitly, as MuJoCo does if the flag `eulerdamp` is disabled. Other
+    /// integrators ignore this setting.
     pub explicit_damping: bool,
     /// Bodies, parents before children; body 0 is the world.
     pub bodies: Vec<Body>,
@@ -77,7 +78,7 @@ pub struct Description {
 pub struct Overlap {
     /// Indices of the geoms in the model.
     pub geoms: [usize; 2],
-    /// Depth of the deepest point beyond the pair's margin, m.
+    /// Largest penetration of a contact point, m: the margin of the pair minus the signed distance of the geoms.
     pub depth: f64,
 }
 
@@ -194,12 +195,13 @@ pub struct Geom {
     pub contype: u32,
     /// Bit mask: the geom may collide with geoms whose `contype` shares a bit with it.
     pub conaffinity: u32,
-    /// Dimension of contacts: 1 frictionless, 3 sliding friction, 4 also torsional, 6 also rolling. A contact has the larger dimension of
-    /// its two geoms.
+    /// Dimension of contacts: 1 frictionless, 3 sliding friction, 4 also torsional, 6 also rolling. With equal priorities, a contact has
+    /// the larger dimension of its two geoms.
     pub condim: u8,
     /// Priority. A contact of two geoms has the friction and condim of the geom with the higher priority.
     pub priority: i32,
-    /// Sliding, torsional (m) and rolling (m) friction coefficients. For each coefficient, a contact has the larger value of its two geoms.
+    /// Sliding, torsional (m) and rolling (m) friction coefficients. With equal priorities, a contact has the larger value of its two geoms
+    /// for each coefficient.
     pub friction: [f64; 3],
     /// Newton's coefficient of restitution, 0 to 1. A contact has the larger value of its two geoms. Compliant contacts have no
     /// restitution.
@@ -305,7 +307,8 @@ pub struct Actuator {
     pub gear: f64,
     /// Delay of the control, s.
     pub delay: f64,
-    /// Whether the delay is rounded up to whole time steps. Otherwise a control between two samples is interpolated.
+    /// Whether the delay is rounded up to whole time steps. Otherwise the delayed control is interpolated between the controls of two
+    /// steps.
     pub delay_holds: bool,
     /// Range to which the control is clamped.
     pub ctrl_range: Option<[f64; 2]>,
@@ -452,7 +455,7 @@ pub fn label(name: &str, index: usize) -> String {
 }
 
 impl Geom {
-    /// Semi-axes of the ellipsoid that approximates the shape in the fluid model, m; `None` for shapes without a finite size.
+    /// Semi-axes of the ellipsoid that approximates the shape in the fluid model, m; `None` for planes, meshes and height fields.
     pub fn semi_axes(&self) -> Option<[f64; 3]> {
         match self.shape {
             Shape::Sphere { radius } => Some([radius; 3]),

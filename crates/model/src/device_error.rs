@@ -1,4 +1,4 @@
-//! Errors of the error models of sensors and of the dynamics of actuators.
+//! Errors for invalid error models of sensors, and for invalid actuator models.
 
 use thiserror::Error;
 
@@ -12,18 +12,17 @@ pub struct SensorError {
     pub error: DeviceError,
 }
 
-/// Error for invalid dynamics of an actuator.
+/// Error for an invalid actuator model: the delay, servo, lag, motor, limits and friction of an actuator.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("drive of actuator {actuator:?}: {error}")]
 pub struct ActuatorError {
     /// Name of the actuator.
     pub actuator: String,
-    /// Reason why the dynamics are invalid.
+    /// Reason why the actuator model is invalid.
     pub error: DeviceError,
 }
 
-/// Reason why the error model of a sensor or the dynamics of an actuator is invalid. The `name` in a variant is the name of the invalid
-/// field.
+/// Reason why the error model of a sensor or an actuator model is invalid. The `name` in a variant is the name of the invalid field.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum DeviceError {
@@ -105,12 +104,12 @@ pub enum DeviceError {
     /// Rotor inertia of an actuator on a site.
     #[error("rotor_inertia is set, but the actuator acts on a site, which has no inertia of a joint; leave rotor_inertia out")]
     RotorOnSite,
-    /// Dynamics for an actuator of a simulation that was created without dynamics for it.
+    /// Actuator model for an actuator that had no actuator model when the simulation was created.
     #[error(
         "the simulation was created without a drive for this actuator; give one to Simulation::set_actuator_models, at least in one environment"
     )]
     MadeWithoutDynamics,
-    /// Stage of the dynamics, such as a lag, for an actuator that was created without this stage.
+    /// Actuator model with a stage, such as a lag, that the actuator did not have when the simulation was created.
     #[error(
         "{name} is given, but the simulation was created without {name}; give {name} to Simulation::set_actuator_models, at least in one environment"
     )]
@@ -118,13 +117,13 @@ pub enum DeviceError {
         /// Name of the field with the stage, such as "lag".
         name: &'static str,
     },
-    /// Actuator dynamics without a stage, such as a lag, for an actuator that was created with this stage.
+    /// Actuator model without a stage, such as a lag, that the actuator had when the simulation was created.
     #[error("{name} is missing, but the simulation was created with {name}; give {name} here too")]
     MadeWith {
         /// Name of the field with the stage, such as "lag".
         name: &'static str,
     },
-    /// Changed value of a property that all environments must share.
+    /// Changed value of a property that must be equal in all environments.
     #[error("{name} is {found}, must be {must}, because all environments share it; create a simulation with the new value")]
     Shared {
         /// Name of the invalid field, such as "delay".

@@ -51,7 +51,8 @@ impl ModelError {
         Self::Invalid { what: what.into(), place: place.into(), remedy: remedy.into() }
     }
 
-    /// Error with the text `whole` in front of the label of the element, for example `environment 3: body "torso"`.
+    /// Adds the text `whole` in front of the element's label in an error of the variant `Invalid`, for example `environment 3: body
+    /// "torso"`. Other errors are returned unchanged.
     pub fn of(self, whole: &str) -> Self {
         match self {
             Self::Invalid { what, place, remedy } => Self::Invalid { what, place: format!("{whole}: {place}"), remedy },

@@ -10,7 +10,7 @@
 //! The payload has these parts:
 //!
 //! - the [`Description`],
-//! - for every mesh the triangles of its convex hull, if the model has them,
+//! - for every mesh the triangles of its convex hull, or no triangles if no geom collides as this hull,
 //! - the [`NoSlip`], from version 13 on,
 //! - the `Added` fields, from version 14 on,
 //! - the [`ForceModel`] of every actuator, from version 15 on.
@@ -94,9 +94,10 @@ fn with_affine_forces(description: &Description) -> Cow<'_, Description> {
 }
 
 impl Model {
-    /// SHA-256 of all data that determine the motion. Equal models have equal digests on every machine.
+    /// SHA-256 of the description, including all names. Equal models have equal digests on every machine.
     ///
-    /// The digest depends on the forces of the actuators, and not on the parameters that determine these forces (see [`ForceModel`]).
+    /// Of each actuator, only the affine force counts ([`Actuator::affine_force`](crate::Actuator::affine_force)). Models whose actuators
+    /// have different [`ForceModel`]s but equal affine forces have equal digests.
     pub fn digest(&self) -> [u8; 32] {
         let description = with_affine_forces(&self.description);
         // Without noslip iterations and added fields, the digest must equal that of older stepper versions, which had no such fields.
@@ -159,12 +160,12 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     })
 }
 
-/// Whether a file has no values of a list of elements, or one value for each element.
+/// Whether the list `values` of a file is empty or has one value for each element.
 fn fits<V, E>(values: &[V], elements: &[E]) -> bool {
     values.is_empty() || values.len() == elements.len()
 }
 
-/// File with the contents `data`, after the header.
+/// Bytes of a file: the header with the format version `version`, then the encoded payload `data`.
 fn sealed(version: u32, data: &impl Serialize) -> Vec<u8> {
     let payload = encoded(data);
     [&MAGIC[..], &version.to_le_bytes(), &Sha256::digest(&payload), &payload].concat()

@@ -30,7 +30,7 @@ pub enum BiasType {
     DcMotor,
 }
 
-/// Types of an actuator's gain and bias, which define how its force follows from the parameters.
+/// Types of an actuator's gain and bias, which define how the actuator's force follows from its parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ForceModel {

@@ -86,8 +86,8 @@ struct Grid {
     step: [f64; 3],
 }
 
-/// Intersections of the grid lines along one axis with triangles: position on the line, m, and whether the triangle's normal points against
-/// the axis.
+/// Intersections of the grid lines along one axis with triangles, one list for each grid line. An intersection has its coordinate on the
+/// axis, m, and whether the triangle's normal points against the axis.
 struct Sights {
     axis: usize,
     lines: Vec<Vec<(f64, bool)>>,

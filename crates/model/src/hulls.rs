@@ -42,7 +42,7 @@ impl Hulls {
     ///
     /// # Errors
     /// [`HullError`] if the mesh has no hull, or if the hull in a model file is not the hull of the mesh.
-    pub(super) fn get_or_make(&mut self, index: usize, mesh: &Mesh, source: Source<'_>) -> Result<(), HullError> {
+    pub(super) fn store(&mut self, index: usize, mesh: &Mesh, source: Source<'_>) -> Result<(), HullError> {
         if self.0.len() <= index {
             self.0.resize(index + 1, None);
         }

@@ -52,7 +52,8 @@ impl MassProperties {
         Some(Self { mass, com: Vector3::zeros(), inertia: Matrix3::from_diagonal(&Vector3::from(moments.map(|i| i * mass))) })
     }
 
-    /// Mass properties in a parent frame. `pos` (m) and `quat` are the position and orientation of the present frame in the parent frame.
+    /// Mass properties in a parent frame. `pos` (m) and `quat` are the position and orientation, in the parent frame, of the frame to which
+    /// `self` refers.
     pub fn placed(&self, pos: Vector3<f64>, quat: UnitQuaternion<f64>) -> Self {
         let r = quat.to_rotation_matrix();
         Self { mass: self.mass, com: pos + r * self.com, inertia: r.matrix() * self.inertia * r.matrix().transpose() }
@@ -74,8 +75,8 @@ impl MassProperties {
         self.inertia + (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * self.mass
     }
 
-    /// Orientation of the principal axes in the frame, and the principal moments, kg m^2. If the frame's axes are principal axes, they are
-    /// kept.
+    /// Orientation of the principal axes in the frame, and the principal moments, kg m^2. If the inertia is diagonal, the orientation is
+    /// the identity.
     pub fn principal(&self) -> (UnitQuaternion<f64>, Vector3<f64>) {
         let i = &self.inertia;
         let off = i.m12.abs().max(i.m13.abs()).max(i.m23.abs());

@@ -51,10 +51,10 @@ impl<'a> OverriddenGeomFields<'a> {
         Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
     }
 
-    /// Checks that no explicit pair replaces a geom value that changes. `given` lists the changed fields, each with its name and new
-    /// values.
+    /// Checks that every changed value of a geom has an effect, because no explicit pair replaces it. `given` lists the changed fields,
+    /// each with its name and new values.
     ///
-    /// Values are not checked if `given` also contains the field of the pair that replaces them.
+    /// A geom field is not checked if `given` also contains the pair field that replaces it.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the first geom whose new value has no effect, the pair and the remedy.

@@ -81,12 +81,13 @@ struct Tag {
     group: usize,
     /// Index of the parent group: the rigid group of the parent of this group's leading body.
     parent: usize,
-    /// Whether the rigid group has joints.
+    /// Whether the leading body of the rigid group has joints.
     moves: bool,
     masks: [u32; 2],
 }
 
-/// Rigid groups of bodies (MuJoCo's `body_weldid`): for each body, the index of the group's leading body, and whether the body has joints.
+/// Rigid groups of bodies (MuJoCo's `body_weldid`): two lists with one entry for each body. The first has the index of the leading body of
+/// the group, the second whether the body has joints.
 ///
 /// Bodies with joints and mocap bodies lead a group; others belong to the group of their parent. The world leads the group of everything
 /// that is fixed to it.
@@ -153,7 +154,7 @@ impl Filter {
         (0..count).flat_map(move |a| (a + 1..count).map(move |b| self.ordered([a, b])))
     }
 
-    /// Two geoms in the order of a [`Pair`] that can collide. The simpler shape comes first (plane, height field, sphere, capsule,
+    /// Sorts two geoms into the order in which a [`Pair`] lists them. The simpler shape comes first (plane, height field, sphere, capsule,
     /// ellipsoid, cylinder, box, mesh). For equal shapes, the lower index comes first.
     #[inline]
     pub fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
@@ -205,7 +206,7 @@ impl Filter {
         precedence(geoms.map(|g| &self.geoms[g]))
     }
 
-    /// Whether a contact of two geoms is rigid.
+    /// Whether a contact of two geoms without an explicit pair is rigid: neither surface has a spring.
     #[inline(always)]
     pub fn is_rigid(&self, [a, b]: [usize; 2]) -> bool {
         self.geoms[a].spring.is_rigid() && self.geoms[b].spring.is_rigid()
@@ -269,8 +270,9 @@ fn mix(geoms: [usize; 2], [a, b]: [&Geom; 2]) -> Pair {
 }
 
 impl Description {
-    /// Pairs of geoms that can collide, in ascending order of the geom indices. An explicit pair overrides the filters; if two explicit
-    /// pairs have the same geoms, the first one applies. Geoms that cannot move relative to each other are never in the list.
+    /// Pairs of geoms that can collide, in ascending order of the geom indices. Geoms with an explicit pair collide regardless of bit
+    /// masks, excluded bodies and the filter of parent and child. If two explicit pairs have the same geoms, the first one applies. Geoms
+    /// that cannot move relative to each other are never in the list.
     pub fn collision_pairs(&self) -> Vec<Pair> {
         let filter = Filter::new(self);
         let mut pairs: Vec<Pair> = filter.all().filter_map(|g| filter.pair(g)).collect();
@@ -298,7 +300,8 @@ mod tests {
         GeomBuilder::sphere(name, 0.1)
     }
 
-    /// Scene with a floor, two balls on an arm, one of them welded, and a mocap hand with a ball hanging from it.
+    /// Scene with a floor, an arm and a mocap hand. The arm has a ball, a plate with a ball welded to it, and a lower arm with a ball on a
+    /// hinge. A ball hangs from the hand by a ball joint.
     fn scene() -> ModelBuilder {
         let mut scene = Model::builder("filters");
         scene.geom(WORLD, GeomBuilder::plane("floor"));

@@ -8,7 +8,7 @@ use crate::{Description, Geom, Model, ModelError, Shape};
 /// Function that calls a visitor for every value of a field, in order. The visitor may change the value.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 
-/// Number or numbers of a description as values that a visitor may change.
+/// Part of a description with one or more numbers, which a visitor can read and change.
 trait Visited {
     /// Calls `f` for each value, in order.
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64));
@@ -86,8 +86,8 @@ macro_rules! each {
     };
 }
 
-/// Visit of one field of each joint, once for each degree of freedom of the joint. The degrees of freedom share the field, so that the
-/// values that the visitor writes last remain.
+/// Visit of one field of each joint, once for each degree of freedom of the joint. The field has one value for the whole joint: the value
+/// that the visitor writes for the last degree of freedom remains.
 macro_rules! each_dof {
     ($($field:ident).+) => {
         |m, f| {
@@ -358,7 +358,7 @@ impl Model {
     /// Copy of the model with new values in one field, checked like any other model, see [`REPLACEABLE`].
     ///
     /// If the new values need a feature that stepper does not simulate, the result is an error. If the model already omits an element that
-    /// changes the motion, it omits the affected elements instead.
+    /// changes the motion, the copy omits the affected elements instead.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] if there is no such field, for a wrong number of values (the message has both shapes), for invalid values,

@@ -151,9 +151,9 @@ pub enum SensorKind {
     JointVel(usize),
     /// Sum of the actuator forces on a hinge or slide, clamped to the joint's force range, N or N m.
     JointActuatorForce(usize),
-    /// Distance of a hinge or slide beyond the nearer end of its range, m or rad; 0 within the range.
+    /// Minus the distance of a hinge or slide beyond the nearer end of its range, m or rad; 0 within the range.
     JointLimitPos(usize),
-    /// Time derivative of the distance of a hinge or slide beyond its range, m/s or rad/s; 0 within the range.
+    /// Time derivative of the reading of [`SensorKind::JointLimitPos`], m/s or rad/s; 0 within the range.
     JointLimitVel(usize),
     /// Force of the limit of a hinge or slide, N or N m.
     JointLimitForce(usize),
@@ -167,9 +167,9 @@ pub enum SensorKind {
     TendonVel(usize),
     /// Sum of the actuator forces on a tendon, N or N m.
     TendonActuatorForce(usize),
-    /// Distance of the length of a tendon beyond the nearer end of its range, m or rad; 0 within the range.
+    /// Minus the distance of the length of a tendon beyond the nearer end of its range, m or rad; 0 within the range.
     TendonLimitPos(usize),
-    /// Time derivative of the distance of a tendon's length beyond its range, m/s or rad/s; 0 within the range.
+    /// Time derivative of the reading of [`SensorKind::TendonLimitPos`], m/s or rad/s; 0 within the range.
     TendonLimitVel(usize),
     /// Force of the limit of a tendon, N or N m.
     TendonLimitForce(usize),

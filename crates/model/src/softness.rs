@@ -34,7 +34,8 @@ impl Default for Softness {
 }
 
 impl Softness {
-    /// Mixture of the softnesses of two geoms with equal priority (MuJoCo's `mj_contactParam`). `share` is the weight of the first geom.
+    /// Mixture of the softnesses of two geoms with equal priority (MuJoCo's `mj_contactParam`). `share` is the weight of the first geom,
+    /// from 0 to 1.
     pub(crate) fn mix(a: Self, b: Self, share: f64) -> Self {
         let blend = |a: f64, b: f64| share * a + (1.0 - share) * b;
         let standard = a.solref[0] > 0.0 && b.solref[0] > 0.0;
@@ -69,8 +70,8 @@ impl ContactSpring {
 
     /// Combined spring and damper of two surfaces in contact, as two springs in series.
     ///
-    /// The penetration is divided between the springs in inverse proportion to their stiffness. The combined damper dissipates as much as
-    /// both dampers together, each with its share of the velocity.
+    /// The penetration is divided between the springs in inverse proportion to their stiffness. The velocity is divided in the same way.
+    /// The combined damper dissipates as much as both dampers together.
     pub(crate) fn in_series([a, b]: [Self; 2]) -> Self {
         if a.is_rigid() || b.is_rigid() {
             return if a.is_rigid() { b } else { a };
@@ -100,11 +101,11 @@ pub struct SoftSettings {
     pub cone: Cone,
     /// Ratio of frictional to normal impedance (`impratio`).
     pub impratio: f64,
-    /// Whether time constants are raised to at least two time steps.
+    /// Whether the time constants in `solref` are raised to at least two time steps (MuJoCo's flag `refsafe`).
     pub refsafe: bool,
     /// Inverse weights (mean inverse inertias) that scale the softness of constraints. With `None`, stepper computes them from the model.
     pub inverse_weights: Option<InverseWeights>,
-    /// Settings of the noslip iterations, which run after the solver and remove slip of sticking contacts.
+    /// Settings of the noslip iterations, which run after the solver and reduce the slip of sticking contacts.
     #[serde(default, with = "added_fields")]
     pub noslip: NoSlip,
 }
@@ -115,8 +116,8 @@ pub struct SoftSettings {
 pub struct NoSlip {
     /// Largest number of iterations per step; 0 disables the iterations.
     pub iterations: u32,
-    /// Improvement of the cost function by one iteration, below which the iterations of an island (connected bodies) stop. It is relative
-    /// to the trace of the island's mass matrix.
+    /// Improvement of the cost function by one iteration, below which the iterations of an island (connected bodies) stop, divided by the
+    /// trace of the island's mass matrix.
     pub tolerance: f64,
 }
 

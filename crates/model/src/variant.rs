@@ -13,7 +13,7 @@ macro_rules! parameters {
     ($($(#[$doc:meta])* $parameter:ident = $name:literal,)*) => {
         /// Field of [`REPLACEABLE`](crate::REPLACEABLE) that can differ between environments, see `Simulation::randomize`.
         ///
-        /// `"body_mass".parse()` gives the parameter with that name in MuJoCo's vocabulary.
+        /// `"body_mass".parse()` returns the parameter for the field with this name.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum Parameter {
@@ -121,7 +121,8 @@ impl<'a> Variants<'a> {
     /// A field with `None` in `values` gets the values of the base model. `base_values` has these values for each field, in the same order.
     ///
     /// # Errors
-    /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a number would add rows or terms that the base does not have.
+    /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a value needs a constraint row or a force that the base model does not
+    /// have, such as dry friction.
     pub fn with(&mut self, values: &[Option<&[f64]>], base_values: &[Vec<f64>]) -> Result<&Model, ModelError> {
         let mut given = Vec::with_capacity(values.len());
         for ((field, values), base_values) in self.fields.iter().zip(values).zip(base_values) {

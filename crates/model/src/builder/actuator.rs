@@ -72,7 +72,7 @@ setters! { ActuatorBuilder
     ctrl_range(low: f64, high: f64) { actuator.ctrl_range = Some([low, high]) }
     /// Sets the range to which the force is clamped, N or N m.
     force_range(low: f64, high: f64) { actuator.force_range = Some([low, high]) }
-    /// Sets the dynamics between control and force.
+    /// Sets the activation dynamics between control and force.
     activation(activation: Activation) { actuator.activation = activation }
     /// Makes the actuator act on a tendon instead of a joint. The joint name that was given before is then the name of the tendon.
     on_tendon() { target = Target::Tendon }

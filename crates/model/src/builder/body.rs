@@ -44,7 +44,8 @@ impl BodyBuilder {
         self
     }
 
-    /// Sets mass (kg), centre of mass (m) and principal moments (kg m^2, along the body's axes). These replace the values from the geoms.
+    /// Sets mass (kg), centre of mass (m) and principal moments of inertia (kg m^2). These replace the values from the geoms. The principal
+    /// axes are the body's axes, unless [`BodyBuilder::inertial_quat`] sets others.
     pub fn inertial(mut self, mass: f64, com: impl Into<[f64; 3]>, moments: impl Into<[f64; 3]>) -> Self {
         (self.body.mass, self.body.ipos, self.body.inertia, self.inertial) = (mass, com.into(), moments.into(), true);
         self

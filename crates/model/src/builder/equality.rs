@@ -42,7 +42,8 @@ impl EqualityBuilder {
     /// Creates a builder of an equality that couples the length of the fixed tendon `tendon` to the length of a second one, `other`, by a
     /// polynomial; see [`EqualityKind::Tendon`].
     ///
-    /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the length is constant.
+    /// `polycoef` has the coefficients of the powers 0 to 4. If `other` is `None`, the length is fixed at the distance `polycoef[0]` from
+    /// its value in `qpos0`.
     pub fn tendon(name: &str, tendon: &str, other: Option<&str>, polycoef: [f64; 5]) -> Self {
         Self::new(name, EqualityKind::Tendon { tendon: 0, other: None, polycoef }, tendon, other)
     }

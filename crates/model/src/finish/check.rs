@@ -115,7 +115,7 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     Ok(hulls)
 }
 
-/// Checks the settings of MuJoCo's contact law for the whole scene, and its inverse weights.
+/// Checks the scene's settings of MuJoCo's contact law, including the inverse weights ([`InverseWeights`](crate::InverseWeights)).
 fn softness(model: &Description) -> Checked {
     let scene = Element("model".into());
     scene.positive("impratio", &[model.soft.impratio], "")?;

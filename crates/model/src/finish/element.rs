@@ -9,7 +9,7 @@ pub(crate) type Checked = Result<(), ModelError>;
 /// Dimensions that a contact may have: frictionless, sliding, torsional, rolling.
 const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
 
-/// Element of a model, by its description in errors such as `body "torso"`.
+/// Element of a model, represented by its label in errors, such as `body "torso"`.
 pub(crate) struct Element(pub(crate) String);
 
 /// Elements of a list, each with its label for errors. `name` returns the name of an element.

@@ -2,22 +2,22 @@
 //!
 //! In the reference configuration, degrees of freedom are eliminated from the leaves to the roots (the order of Featherstone's L^T D L,
 //! "Rigid Body Dynamics Algorithms" 2008, section 6.5). The pivot of a degree of freedom is the inertia that its force accelerates while
-//! all degrees of freedom farther out move freely. It is zero exactly if the mass matrix is singular there.
+//! all degrees of freedom farther from the root move freely. The mass matrix is singular if a pivot is zero.
 //!
 //! MuJoCo instead requires that every moving body has mass. Here a universal joint without mass between heavy bodies is valid, and two
-//! hinges on one line with nothing between them are an error. Other configurations are not checked; the step reports a singular matrix
-//! there.
+//! hinges on one line with nothing between them are an error. Only the reference configuration is checked. If the mass matrix is singular
+//! in another configuration, the step reports it.
 
 use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use crate::{Description, JointKind, MassProperties, ModelError};
 
-/// Ratio of the pivot of a degree of freedom to the inertia of the whole subtree, below which the pivot counts as zero. The pivot is
-/// explained at the top of this file.
+/// Ratio of a degree of freedom's pivot (see the top of this file) to its diagonal entry of the mass matrix, below which the pivot counts
+/// as zero. The diagonal entry is the inertia of the whole subtree that the degree of freedom moves.
 const NOTHING: f64 = 1e-13;
 
-/// Ratio of the kinetic energies of two degrees of freedom in the same motion of a mechanism, below which the smaller energy counts as
-/// rounding error.
+/// Ratio of kinetic energies below which a degree of freedom counts as not moving, in a motion that [`partners`] computes. The ratio is
+/// that of the degree of freedom's energy to the energy of the degree of freedom without inertia.
 const ROUNDING: f64 = 1e-9;
 
 /// Degree of freedom: index of its joint, spatial velocity per unit of joint velocity, and index of the parent degree of freedom. The
@@ -97,7 +97,7 @@ fn quaternion(q: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]))
 }
 
-/// World pose of every body with all joints at their reference, and origin of its kinematic tree.
+/// World pose of every body in the reference configuration, and world position of the origin of the kinematic tree that contains the body.
 fn poses(model: &Description) -> (Vec<Pose>, Vec<Vector3<f64>>) {
     let (mut poses, mut origins): (Vec<Pose>, Vec<Vector3<f64>>) = (vec![], vec![]);
     for (i, body) in model.bodies.iter().enumerate() {
@@ -145,7 +145,7 @@ fn spatial(angular: Vector3<f64>, linear: Vector3<f64>) -> Vector6<f64> {
     Vector6::new(angular.x, angular.y, angular.z, linear.x, linear.y, linear.z)
 }
 
-/// Spatial inertia of each body together with its descendants, about the origin of its kinematic tree.
+/// Spatial inertia of each body together with its descendants, about the origin of the kinematic tree that contains the body.
 fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Matrix6<f64>> {
     let mut inertias = vec![Matrix6::zeros(); model.bodies.len()];
     for (b, body) in model.bodies.iter().enumerate().skip(1).rev() {

@@ -12,10 +12,10 @@ pub(super) fn is_own(omission: &Omission) -> bool {
     omission.kind == COLLISION
 }
 
-/// Omissions for geoms that pass through other geoms, because stepper has no collision function for the two shapes. The reason of each geom
-/// names these other geoms.
+/// Omissions for geoms that pass through other geoms, because stepper has no collision function for the two shapes. The reason in an
+/// omission names these other geoms.
 ///
-/// The result has one geom of each such pair: the height field if the pair has one, otherwise the second geom.
+/// Of each such pair of geoms, one geom is omitted: the height field if the pair has one, otherwise the second geom.
 pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
     for [a, b] in model.collision_pairs().into_iter().map(|p| p.geoms) {

@@ -104,8 +104,8 @@ impl Model {
         model.check(Source::Same(&self.hulls))
     }
 
-    /// Checks that no force sensor is part of a loop closed by active equalities. `acts(k)` returns whether the equality with the index k
-    /// is active.
+    /// Checks that no force or torque sensor is part of a loop that active equalities close. `acts(k)` returns whether the equality with
+    /// the index k is active.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the sensor and the equality.
@@ -148,7 +148,8 @@ fn object(model: &Description, at: &Element, object: Object) -> Checked {
     }
 }
 
-/// Checks that the distance of two geoms can be computed: a plane and a simple shape, or balls and capsules.
+/// Checks that stepper can compute the distance of two geoms. One geom must be a plane and the other a primitive shape, or both must be
+/// balls or capsules.
 fn near(model: &Description, at: &Element, a: usize, b: usize) -> Checked {
     let round = |s: &Shape| matches!(s, Shape::Sphere { .. } | Shape::Capsule { .. });
     let simple = |s: &Shape| !matches!(s, Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. });

@@ -63,7 +63,7 @@ fn form(model: &Description, index: usize, hulls: &mut Hulls, source: Source<'_>
                 let none = model.meshes[mesh].faces.is_empty();
                 return if none { of_mesh("it has no faces".into(), "give its triangles, or set geom_concave to 0") } else { Ok(()) };
             }
-            match hulls.get_or_make(mesh, &model.meshes[mesh], source) {
+            match hulls.store(mesh, &model.meshes[mesh], source) {
                 Err(e @ HullError::OtherSurface) => of_mesh(e.to_string(), "save the model again"),
                 Err(e) => of_mesh(format!("{e}, so it has no convex hull"), "give it at least four points that span a volume"),
                 Ok(()) => Ok(()),

@@ -1,4 +1,4 @@
-//! Benchmark run of the derivatives of a step by the state and the controls.
+//! Benchmark run of the derivatives of a step with respect to the state and the controls.
 
 use stepper_core::{Level, Precision, Simulation};
 use stepper_derivative::{DerivativeQuery, DerivativeRows, StatePart, differentiate};
@@ -7,11 +7,11 @@ use crate::clock::Run;
 use crate::episode::Episode;
 use crate::scenes::Scene;
 
-/// Inputs by which the step is differentiated. They are the columns of the derivatives.
+/// Inputs with respect to which the step is differentiated. Their coordinates are the columns of the derivatives.
 const PARTS: [StatePart; 3] = [StatePart::Qpos, StatePart::Qvel, StatePart::Ctrl];
 /// Displacements of a coordinate for central differences, in SI units.
 const OFFSETS: [f64; 2] = [1e-6, -1e-6];
-/// Residual at which the solver stops, m/s. It equals the default of `linearize` in Python.
+/// Residual at which the solver stops, m/s. Python's `linearize` has the smaller default 1e-13.
 const TOLERANCE: f64 = 1e-12;
 
 /// Benchmark run that computes the derivatives of one step for a batch of environments.

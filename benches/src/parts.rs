@@ -15,9 +15,9 @@ use crate::replay::Replay;
 
 /// Largest number of times that the steps of an episode are repeated.
 const ROUNDS: usize = 15;
-/// Time that all repetitions of an episode may take together. It limits the number of repetitions.
+/// Time that all repetitions of an episode may take together, which limits the number of repetitions.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Number of environments whose operations are counted. They are spread evenly over the batch.
+/// Largest number of environments whose operations are counted. These environments are spread evenly over the batch.
 const COUNTED: usize = 8;
 
 /// Mean times of the parts of a step, and mean numbers of events (such as contacts) in a step, over a recorded episode.
@@ -48,7 +48,8 @@ pub struct Part {
     pub name: &'static str,
     /// Mean number of times that a SIMD group of environments runs the part in one step.
     pub times: f64,
-    /// Time of the part in a step, us: the processor time of the whole step, times the share of the part in the recorded times.
+    /// Time of the part per environment step, us: the processor time of the whole step, times the fraction of the recorded time that the
+    /// part takes.
     ///
     /// The steps are repeated in several rounds. The recorded times of each call of `step` are those of its fastest round.
     pub micros: f64,

@@ -199,12 +199,12 @@ pub fn noise(seed: u64) -> f64 {
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// Hinge of the humanoid's trunk or hip.
+/// Hinge of the humanoid's trunk or hip, with a damping of 5 N m s/rad. `stiffness` is that of a spring, N m/rad.
 fn stiff(name: &str, axis: [f64; 3], range: [f64; 2], stiffness: f64) -> JointBuilder {
     JointBuilder::hinge(name, axis).range(range[0], range[1]).damping(5.0).armature(0.01).spring(stiffness, 0.0)
 }
 
-/// Hinge of an arm or a lower leg of the humanoid.
+/// Hinge of an arm, knee or ankle of the humanoid, with a damping of 0.2 N m s/rad. `stiffness` is that of a spring, N m/rad.
 fn loose(name: &str, axis: [f64; 3], range: [f64; 2], stiffness: f64) -> JointBuilder {
     JointBuilder::hinge(name, axis).range(range[0], range[1]).damping(0.2).armature(0.01).spring(stiffness, 0.0)
 }

@@ -21,7 +21,8 @@ use stepper_core::internals::probe::{Counter, Span};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
 
-/// Number of repeats of each measurement. For parts of a step, the smallest time counts, and for whole steps the median.
+/// Number of repeats of each measurement. The smallest time counts, except for the whole step of the humanoid, whose table shows the
+/// median.
 const ROUNDS: usize = 15;
 /// Smallest floor (least time of the arithmetic) of a part of the step that the tables show, us. Smaller values give empty cells.
 const WORTH_A_CELL: f64 = 5e-4;
@@ -78,8 +79,8 @@ fn humanoid(level: Level) {
 
 /// Measures the recorded episodes in `folders`, and prints a table of the step's parts for each episode, and a table of all episodes.
 ///
-/// Recordings of one episode in f64 and in f32 share a table. `json` is the JSON file to which the results are written; `None` writes no
-/// file.
+/// Recordings of the same episode in f64 and in f32 are columns of the same table. `json` is the JSON file to which the results are
+/// written; `None` writes no file.
 fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<(), String> {
     pin();
     let (mut found, mut refused): (Vec<Anatomy>, Vec<String>) = (vec![], vec![]);

@@ -54,7 +54,8 @@ fn main() -> ExitCode {
     exit_code(run().map(|kept| if kept { ExitCode::SUCCESS } else { ExitCode::from(2) }))
 }
 
-/// Counts the instructions, prints a table, and saves it if requested. The result is true if no count increased or the counts were saved.
+/// Counts the instructions, prints a table, and saves it if requested. The result is true if no count increased by more than [`GREW`], or
+/// if the counts were saved.
 fn run() -> Result<bool, String> {
     let kept = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("instructions.json");
     let (mut save, mut against) = (None, None);
@@ -220,7 +221,7 @@ const PARTS: &str = "humanoid f64, ";
 ///
 /// The first count has the instructions inside empty spans (instrumented parts without work), the second those around these spans.
 const EMPTY: [&str; 2] = ["inside an empty span", "outside of it"];
-/// Number of empty spans in the measurement of this cost.
+/// Number of empty spans in the measurement of the cost of the instrumentation.
 const EMPTY_SPANS: usize = 1000;
 
 fn name_of(part: Option<Span>) -> &'static str {

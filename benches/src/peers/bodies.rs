@@ -27,7 +27,7 @@ const FALL: usize = 600;
 /// Half sizes of a brick, m.
 const BRICK: [f64; 3] = [0.1, 0.05, 0.03];
 /// Gap between neighbouring bricks of a course, m.
-const JOINT: f64 = 0.004;
+const COURSE_GAP: f64 = 0.004;
 /// Mass of the plate in SimBenchmark's scene of balls on a plate, kg.
 const PLATE: f64 = 10.0;
 /// Mass of each ball on the plate, kg.
@@ -39,7 +39,7 @@ const FORCE: f64 = 150.0;
 /// Friction coefficient between the plate and the ground. Contacts of the balls have a coefficient of 0.8.
 const SLIPPERY: f64 = 0.4;
 /// Unit direction of the force on the plate, 60 degrees from x.
-const WAY: [f64; 3] = [0.5, 0.866_025_403_784_438_6, 0.0];
+const DIRECTION: [f64; 3] = [0.5, 0.866_025_403_784_438_6, 0.0];
 
 /// Pose of a body: position of its centre, m, and orientation as a quaternion (w, x, y, z).
 pub type Pose = ([f64; 3], [f64; 4]);
@@ -140,7 +140,7 @@ impl Bodies {
     pub fn wall() -> Self {
         let brick = |k: usize| {
             let (course, place) = (k / 3, (k % 3) as f64);
-            let x = (2.0 * BRICK[0] + JOINT) * (place - 1.0 + if course % 2 == 1 { 0.2 } else { -0.2 });
+            let x = (2.0 * BRICK[0] + COURSE_GAP) * (place - 1.0 + if course % 2 == 1 { 0.2 } else { -0.2 });
             Solid::wooden(BRICK, [x, 0.0, BRICK[2] * (2 * course + 1) as f64])
         };
         Self::new(ROUGH, (0..15).map(brick).collect())
@@ -152,7 +152,7 @@ impl Bodies {
         let place = |k: usize| 2.0 * k as f64 - 4.0;
         let ball = |k: usize| Solid::upright(Shape::Ball(0.5), BALL, 0.8, [place(k / SIDE), place(k % SIDE), 1.5]);
         let solids = std::iter::once(plate).chain((0..SIDE * SIDE).map(ball)).collect();
-        Self { push: WAY.map(|x| FORCE * x), ..Self::new(SLIPPERY, solids) }
+        Self { push: DIRECTION.map(|x| FORCE * x), ..Self::new(SLIPPERY, solids) }
     }
 
     /// Exact accelerations in the scene balls, m/s^2: plate first, then each ball.
@@ -163,17 +163,17 @@ impl Bodies {
         let n = (SIDE * SIDE) as f64;
         let driving = FORCE - SLIPPERY * (PLATE + n * BALL) * GRAVITY;
         let f = driving / PLATE / (3.5 / BALL + n / PLATE);
-        let along = |a: f64| WAY.map(|x| a * x);
+        let along = |a: f64| DIRECTION.map(|x| a * x);
         std::iter::once(along((driving - n * f) / PLATE)).chain(std::iter::repeat_n(along(f / BALL), SIDE * SIDE)).collect()
     }
 
-    /// Scene with the free bodies at rest in the given poses.
+    /// Copy of the scene with the free bodies at rest in the given poses.
     pub fn at(&self, poses: &[Pose]) -> Self {
         let solids = self.solids.iter().zip(poses).map(|(&solid, &pose)| Solid { pose, velocity: [0.0; 3], ..solid });
         Self { solids: solids.collect(), ..self.clone() }
     }
 
-    /// Depth of the deepest overlap in the initial poses, m; 0 if it is less than 0.1 mm.
+    /// Depth of the deepest overlap in the initial poses, m; 0 if no overlap is deeper than 0.01 mm.
     pub fn deepest_overlap(&self) -> f64 {
         overlaps(&self.model()).first().map_or(0.0, |overlap| overlap.depth)
     }

@@ -2,7 +2,7 @@
 //!
 //! A speed is meaningful only together with the error at the same setting. Rapier's accuracy setting is `num_solver_iterations`, the number
 //! of substeps per step. The default is 4; the documentation of `IntegrationParameters` recommends "8-12: demanding scenarios (complex
-//! machinery)". A substep evaluates the whole multibody dynamics, as a smaller time step would.
+//! machinery)". A substep evaluates the whole multibody dynamics, like a step with a smaller time step.
 
 mod bodies;
 mod ours;

@@ -11,8 +11,8 @@ use crate::step_derivative::StepDerivative;
 
 /// Computes the derivatives of a step by the implicit function theorem, in all environments.
 ///
-/// The step starts at the present state of `sim` and has the controls `ctrl`, (num_envs, nu). `query` selects the columns of the
-/// derivative, and `rows` receives the results. The state does not change.
+/// The step starts at the current state of `sim` and has the controls `ctrl`, (num_envs, nu). `query` selects the columns of the
+/// derivative, and `rows` receives the results. The state of `sim` does not change.
 ///
 /// # Errors
 /// [`Error::Option`] for settings without implicit derivatives, [`Error::Length`] for arrays of the wrong length, [`Error::Threads`]

@@ -29,21 +29,22 @@ const HELD: f64 = 1e-9;
 
 /// Layout of the perturbed copies of environments in a batch, and the inputs of their comparison.
 ///
-/// Environment e * count + k of the batch is copy k of environment e. Copy 0 is unperturbed. Copy 1 + side * columns + column is perturbed
-/// in one coordinate (column), on one of at most two sides. Further copies are compared, but give no distance.
+/// The batch contains `count` copies of each original environment e, with the indices e * count + k for the copies k. Copy 0 is
+/// unperturbed. Copy 1 + side * columns + column is perturbed in the coordinate with the index `column`. The first copies, with a side
+/// below `sides`, determine the distance to a kink. Further copies are only compared with copy 0.
 #[derive(Clone, Copy, Debug)]
 pub struct PerturbedCopies<'a> {
     /// Number of copies of each environment, including the unperturbed one.
     pub count: usize,
     /// Number of coordinates that are perturbed (columns of the derivative).
     pub columns: usize,
-    /// Number of copies per coordinate that determine the distance to a kink: 1 or 2. Two copies are displaced in opposite directions, or
-    /// in the same direction (`one_sided`).
+    /// Number of copies per coordinate that determine the distance to a kink: 1 or 2. Two copies are displaced in opposite directions,
+    /// unless `one_sided` is true.
     pub sides: usize,
-    /// Whether both copies of a coordinate are displaced in the same direction, (environments, columns). The displacements are then one and
-    /// two times the perturbation.
+    /// Whether both copies of a coordinate are displaced in the same direction, (environments, columns), for each original environment. The
+    /// displacements are then one and two times the perturbation.
     pub one_sided: &'a [bool],
-    /// Addresses in qpos and qvel of the joints whose limits are checked for kinks.
+    /// Joints whose limits are checked for kinks: address of each in qpos, and in qvel.
     pub limited: &'a [[usize; 2]],
     /// Lowest and highest position of each joint in `limited`, m or rad: (num_envs, joints, 2), or (joints, 2) for all environments.
     pub ranges: &'a [f64],
@@ -51,8 +52,8 @@ pub struct PerturbedCopies<'a> {
     pub limit_positions: &'a [f64],
     /// Indices of the degrees of freedom whose dry friction is checked for kinks.
     pub rubbing: &'a [usize],
-    /// Whether the target velocity of a contact is the same function of the distance for open and for overlapping contacts. Then the
-    /// distance 0 is no kink.
+    /// Whether one smooth function of the distance gives the target velocity of open and of overlapping contacts. Then the distance 0 is no
+    /// kink.
     pub smooth_at_rest: bool,
     /// Residual above which a step counts as unsolved, m/s.
     pub tolerance: f64,
@@ -61,7 +62,8 @@ pub struct PerturbedCopies<'a> {
 /// Result of the search for kinks between copies of environments.
 #[derive(Clone, Debug)]
 pub struct Kinks {
-    /// Flags of the kinks that were found for each perturbed coordinate (column), (environments, columns), see [`kink`](crate::kink).
+    /// Flags of the kinks between the copies of each original environment, for each perturbed coordinate (column): (environments, columns),
+    /// see [`kink`](crate::kink).
     pub causes: Vec<u32>,
     /// Distance to the nearest kink in each environment, as a multiple of the perturbation; infinite if no distance is known.
     pub distance: Vec<f64>,
@@ -74,13 +76,15 @@ struct ActiveSet {
     lists: [Vec<usize>; 6],
     /// Switch values of each contact that pushes: normal force, margin to slipping, and gap. A NaN gives no distance to a kink.
     contacts: Vec<[f64; 3]>,
-    /// Switch values of joint limits and of dry friction: distances from the limits, and joint speeds. A NaN gives no distance to a kink.
+    /// Switch values of joint limits and of dry friction: distances from the limits, m or rad, and joint velocities, m/s or rad/s. A NaN
+    /// gives no distance to a kink.
     joints: Vec<f64>,
-    /// Whether the step was not solved, not finite, or is unreliable for another reason.
+    /// Whether the step of the environment is unreliable: not solved, not finite, or with one of the flags CONTACTS_FULL, UNRESOLVED and
+    /// INFEASIBLE of [`Status`].
     unsolved: bool,
 }
 
-/// Finds the kinks between perturbed copies of environments, after a step.
+/// Finds the kinks between the perturbed copies of each environment, after a step of the batch `sim`.
 ///
 /// # Errors
 /// [`Error::Length`] for an array of the wrong length; [`Error::Element`] for a degree of freedom that does not exist.
@@ -279,8 +283,8 @@ impl ActiveSet {
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
     }
 
-    /// Switch values of the active set `of`, in an order that can be compared with the active set `self`. They begin with as many contacts
-    /// as `self` has. Contacts that `of` does not have get NaN. The values of the joints follow.
+    /// Switch values of the active set `of`: first those of as many contacts as `self` has, then those of the joints. Contacts that `of`
+    /// does not have get NaN. So the values of `self` and `of` can be compared one by one.
     fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
         let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
         contacts.chain(of.joints.iter().copied())
@@ -295,8 +299,8 @@ impl ActiveSet {
     /// Distance to the nearest kink in one column of the derivative, to first order, as a multiple of the perturbation.
     ///
     /// `self` is the active set of the unperturbed copy. `first` has the changes of the switch values at the first perturbed copy, and
-    /// `last` is the active set of the last perturbed copy. The slope of a switch value is a sum of its changes at both copies, with the
-    /// factors `weights`.
+    /// `last` is the active set of the last perturbed copy. The slope of a switch value is the sum of the value's changes at the first and
+    /// at the last copy, multiplied by `weights`.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {
         let first = first.iter().copied().chain(std::iter::repeat(0.0));
         let widths = self.numbers(self).zip(self.numbers(last)).zip(first).map(|((now, there), first)| {

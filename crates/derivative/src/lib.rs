@@ -4,8 +4,8 @@
 //! controls, in all environments. It solves the step once. All contacts then keep their modes (open, sticking, slipping). The implicit
 //! function theorem gives the response of the impulses: their first-order change with the state and the controls. Each coordinate is
 //! displaced in turn. Stages 1 to 8 of the step are evaluated at the displaced state, with this response in place of the solver
-//! ([`stepper_core::group_step`]). Differences of these evaluations are the derivatives. They include geometry, forces and inertia, and
-//! have no kinks because the contact modes are fixed.
+//! ([`stepper_core::group_step`]). Differences of these evaluations are the derivatives. The evaluations include the changes of geometry,
+//! forces and inertia. They have no kinks, because the contact modes are fixed.
 //!
 //! ```
 //! use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};

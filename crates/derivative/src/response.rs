@@ -9,17 +9,19 @@ use stepper_solve::newton::{Response, Switch, SwitchDistance};
 
 /// Largest residual at which a step counts as solved, m/s; ten times the solver's tolerance if that is larger.
 ///
-/// At such a residual the contact modes (open, sticking, slipping) are certain, and the error of the response is of the same order.
+/// At such a residual the contact modes (open, sticking, slipping) are certain, and the error of the response is of the order of the
+/// residual.
 const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of the prediction error in the test whether a step has a response, per rad or m of motion within the step. The weight is at most
-/// 1.
+/// Weight of the prediction error in the test whether a step has a response, per rad or m of motion within the step. A step has a response
+/// if the weighted error is below the residual of a solved step. The weight of any motion is at most 1.
 ///
 /// The prediction error is the difference between the velocity that the solved step predicted and the velocity of a second prediction at
 /// the same state. Errors of slow motion count less, because inertial forces are quadratic in velocities.
 const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
-/// Smallest distance of a position correction from its bound at which it counts as differentiable, as a fraction of the bound.
+/// Smallest distance of a position correction's speed from its upper bound at which the correction counts as differentiable, as a fraction
+/// of the bound.
 const BOUND_DISTANCE: f64 = 1e-3;
 
 /// Lanes whose residual is small enough that the step has a derivative.
@@ -51,7 +53,7 @@ pub(crate) struct Rule<'a, R: Real> {
     impulses: &'a mut Impulses<R>,
     /// Settings of the step, which define when a solution counts as solved.
     settings: StepSettings,
-    /// Lanes (bits) that have a response, and in which all constraints of the solved step still exist.
+    /// Lanes (bits) that have a response, and in which all constraints of the solved step also exist at the displaced state.
     lanes: u32,
     /// Callback for each constraint that has come closer to another mode (open, sticking, slipping).
     near: &'a mut dyn FnMut(SwitchDistance),
@@ -60,8 +62,8 @@ pub(crate) struct Rule<'a, R: Real> {
 impl<R: Real> Impulses<R> {
     /// Response of one solve of the step: prediction, velocity or position.
     ///
-    /// For the position solve, the second result is the response of the velocity solve. It is needed because damping in the position solve
-    /// acts on the difference of the impulses of both solves.
+    /// For the position solve, the second result is the response of the velocity solve. Damping in the position solve acts on the
+    /// difference between the impulses of the position solve and of the velocity solve.
     fn of(&mut self, solve: Solve) -> (&mut Response<R>, Option<&Response<R>>) {
         match solve {
             Solve::Prediction => (&mut self.prediction, None),
@@ -129,8 +131,8 @@ impl<R: Real> HardResponse<R> {
 
     /// Evaluates the step at the displaced state in the lanes `lanes` (bits), with impulses from the response.
     ///
-    /// Returns the lanes in which all constraints with impulses in the solved step also exist at the displaced state. The function calls
-    /// `near` with each constraint that has come closer to another mode (open, sticking, slipping).
+    /// Of the lanes `lanes`, returns those in which all constraints with impulses in the solved step also exist at the displaced state. The
+    /// function calls `near` with each constraint that has come closer to another mode (open, sticking, slipping).
     pub(crate) fn follow(
         &mut self,
         step: &mut GroupStep<R>,

@@ -24,9 +24,9 @@ const LARGEST_BEND: f64 = 0.1;
 /// where there are none.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Largest difference, relative to the largest velocity, that counts as rounding. It is the difference between the solved step and its
-/// evaluation at the same state, with impulses from the first-order response. A larger difference means that the response does not model a
-/// part of the step.
+/// Largest difference between two results of a step at the same state that counts as rounding, relative to the largest velocity. One result
+/// is that of the solver, the other that of an evaluation with impulses from the first-order response. A larger difference means that the
+/// response does not model a part of the step.
 const FAITHFUL: f64 = 1e-8;
 
 /// Workspace for the derivatives of the step of a SIMD group of environments.
@@ -85,7 +85,8 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Computes the step from the present state. Returns the lanes (bits) in which the step is solved.
+    /// Computes the step from the current state, and writes residual, status and resulting state to `rows`. Returns the lanes (bits) in
+    /// which the step is solved.
     fn solve(&mut self, step: &mut GroupStep<R>, rows: &mut [MutexGuard<'_, DerivativeRows<'_>>]) -> u32 {
         let solved = step.solve();
         let outcome = step.outcome();
@@ -105,7 +106,7 @@ impl<R: Real> StepDerivative<R> {
     /// Computes the first derivatives of the impulses with respect to displacements of the state, in the lanes `solved` (bits).
     ///
     /// As a check, the function evaluates the step with these impulses at the undisplaced state. It returns the lanes in which the result
-    /// equals the result of the solved step.
+    /// equals the result of the solved step within rounding.
     fn prepare_response(&mut self, step: &mut GroupStep<R>, solved: u32) -> u32 {
         let sound = if self.is_hard { self.response.prepare(step, solved) } else { solved };
         let sound = self.evaluate(step, Recomputed::Configuration, sound, &mut |_| {});

@@ -82,15 +82,15 @@ pub(crate) fn seeds(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>
     words.as_slice().map(<[u64]>::to_vec).map_err(|e| PyValueError::new_err(format!("seed: {e}")))
 }
 
-/// Makes the array of a Python attribute read-only, and returns it. Writing to it raises an error that names the call that sets `field`
-/// (`stepper._hints`).
+/// Makes the array of a Python attribute read-only, and returns the array. A write to the array raises an error with the name of the call
+/// that sets `field` (`stepper._hints`).
 pub(crate) fn read_only<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
     static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
     read_only_as(array, field, "kind", &KINDS)
 }
 
-/// Makes the array of a Python attribute with values per environment read-only, and returns it. Writing to it raises an error that names
-/// the call that sets `field`.
+/// Makes the array of a Python attribute with values per environment read-only, and returns the array. A write to the array raises an error
+/// with the name of the call that sets `field`.
 pub(crate) fn read_only_of_environments<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
     static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
     read_only_as(array, field, "kind_of_environments", &KINDS)

@@ -13,8 +13,8 @@ pub(crate) fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs:
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("sensors: {e}")))
 }
 
-/// Drives (models of single actuators) from a `stepper.ActuatorModel` for all actuators of a model; `None` for ideal actuators. They are
-/// for all environments, or for the environments `envs`.
+/// Drives (models of single actuators) from a `stepper.ActuatorModel` for all actuators of a model; `None` for ideal actuators. The drives
+/// have values for all environments, or for the environments `envs` only.
 pub(crate) fn drives(
     actuators: &Bound<'_, PyAny>,
     model: &Py<Model>,

@@ -11,10 +11,11 @@ use stepper_core::model::{Activation, JointKind, Keyframe as CoreKeyframe, Model
 use crate::array::{array, described, read_only};
 use crate::model::Model;
 
-/// Declares each kind of element, such as `Body`. It is a Python class with a read-only attribute for each field. `Model` has a method that
-/// gives an element, and one that gives the names of all. Doc comments of fields and methods become their documentation.
+/// Declares the kinds of elements, such as `Body`. Each kind is a Python class with a read-only attribute for each field. `Model` gets a
+/// method that returns an element of this kind, and an attribute with the names of all. Doc comments become the documentation in Python.
 ///
-/// The closure before the fields names the converter of values, the model, the element and its index, and computes what fields share.
+/// The closure before the fields names the converter of values, the model, the element and the element's index. Its body computes values
+/// that several fields use.
 macro_rules! elements {
     ($(
         $(#[$doc:meta])*
@@ -222,7 +223,7 @@ elements! {
         contype: v.of(geom.contype),
         /// Bit mask: this geom may collide with geoms whose contype has a common bit with it.
         conaffinity: v.of(geom.conaffinity),
-        /// Dimension of the geom's contacts: 1, 3, 4 or 6, as in MuJoCo.
+        /// Dimension of the geom's contacts as in MuJoCo: 1 frictionless, 3 sliding, 4 also torsional, 6 also rolling friction.
         condim: v.of(geom.condim),
         /// Priority of the geom: a contact uses the friction and condim of its geom with the higher priority.
         priority: v.of(geom.priority),
@@ -230,7 +231,7 @@ elements! {
         friction: v.row(&geom.friction, "geom_friction"),
         /// Newton's coefficient of restitution, 0 to 1.
         restitution: v.of(geom.restitution),
-        /// Distance from the geom at which a contact begins to push, m.
+        /// Distance from the geom at which a contact begins to push, m. A contact has the sum of the margins of its two geoms.
         margin: v.of(geom.margin),
         /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
         gap: v.of(geom.gap),
@@ -255,7 +256,7 @@ elements! {
         geom1: v.of(pair.geoms[0]),
         /// Index of the second geom.
         geom2: v.of(pair.geoms[1]),
-        /// Dimension of the pair's contacts: 1, 3, 4 or 6, as in MuJoCo.
+        /// Dimension of the pair's contacts as in MuJoCo: 1 frictionless, 3 sliding, 4 also torsional, 6 also rolling friction.
         dim: v.of(pair.condim),
         /// Sliding (1), torsional (m) and rolling (m) friction of the pair: (3,).
         friction: v.row(&pair.friction, "pair_friction"),
@@ -386,9 +387,9 @@ elements! {
         id: v.of(i),
         /// Name of the tendon; may be empty.
         name: v.of(&tendon.name),
-        /// Indices of the joints of the tendon: (n,) int64.
+        /// Indices of the n joints of the tendon: (n,) int64.
         jntid: v.of(jntid),
-        /// Coefficients of the joints in the tendon length: (n,).
+        /// Coefficients of the n joints in the tendon length: (n,).
         coef: v.row(&coefficients, "tendon_coef"),
         /// Whether the tendon length has bounds.
         limited: v.of(tendon.range.is_some()),

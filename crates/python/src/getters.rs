@@ -3,8 +3,8 @@
 /// Declares read-only attributes of a Python class, each with the expression that computes it. The doc comment of an entry becomes the
 /// documentation of the attribute.
 ///
-/// `|slf, py| (Reading<'_>)` names the borrowed object and the interpreter, and gives the type of the object. An entry gives the type of
-/// the attribute, if they do not all have the same.
+/// `|slf, py| (Reading<'_>)` names the borrowed object and the interpreter, and gives the type of the object. Each entry gives the type of
+/// its attribute, unless the first line gives one type for all attributes.
 macro_rules! getters {
     ($class:ident, |$slf:pat_param, $py:ident| ($borrow:ty) -> $type:ty; $($(#[$doc:meta])* $name:ident: $value:expr,)*) => {
         getters! { $class, |$slf, $py| ($borrow); $($(#[$doc])* $name -> $type { $value })* }

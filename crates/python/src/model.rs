@@ -182,8 +182,8 @@ impl Model {
     ///
     /// Args:
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-    ///         values. Each array has the axes of the selected entries. A selector with a single name, index or column has no axis for it.
-    ///         A scalar sets all selected entries.
+    ///         values. Each array has an axis for the selected elements and one for the selected columns, as in NumPy's indexing. A single
+    ///         name, index or column has no axis. A scalar sets all selected entries.
     ///     **fields: Values of whole fields, in the shape of the model's attribute.
     ///
     /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore the fields of its geoms.
@@ -260,9 +260,9 @@ impl Model {
     /// Stiffness and damping of the contacts under MuJoCo's contact law, from solref and solimp at the time step of the model.
     ///
     /// Returns:
-    ///     Dictionary of arrays with a row for each pair of geoms that can collide: "geoms" (npair, 2), "stiffness" (npair, 2) in N/m, and
-    ///     "damping" (npair, 2) in N s/m. Both describe a contact whose geoms do not accelerate. Column 0 has the values at first touch,
-    ///     and column 1 has the values at the depth of the largest impedance. In large scenes, some pairs are found only during the
+    ///     Dictionary of arrays with a row for each of the n pairs of geoms that can collide: "geoms" (n, 2), indices; "stiffness" (n, 2),
+    ///     N/m; and "damping" (n, 2), N s/m. Stiffness and damping are those of a contact whose geoms do not accelerate: in column 0 at
+    ///     first touch, in column 1 at the depth of the largest impedance. In large scenes, some pairs are found only during the
     ///     simulation; these are not listed.
     fn equivalent_springs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let springs = equivalent_springs(&self.core);
@@ -343,8 +343,8 @@ impl Model {
     }
 
     /// Dictionary of the settings of the source file that default options replace: integrator, solver, iterations, cone, constrained
-    /// (whether the model has constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). It is None for
-    /// models made in code.
+    /// (whether the model has constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). The attribute
+    /// is None for models made in code.
     #[getter]
     fn requested<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let asked = self.core.requested.as_ref().map(|asked| pythonize::pythonize(py, asked));
@@ -358,7 +358,8 @@ impl Model {
     }
 
     /// Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and
-    /// interval. The last four are properties from the source file, and 0 if it does not specify them.
+    /// interval. The datatype is "real", "positive", "axis" or "quaternion". The last four are properties from the source file, and 0 if
+    /// the file does not specify them.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let one = |(sensor, at): (&Sensor, usize)| {
@@ -428,7 +429,7 @@ getters! { Model, |slf, _py| (PyRef<'py, Self>);
     /// Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
     /// Each is a line of text.
     deviations -> Vec<String> { slf.core.deviations(false).into_iter().map(in_python).collect() }
-    /// Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. They have the format of
+    /// Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. The list has the format of
     /// `overlaps()`.
     excluded_overlaps -> Vec<(String, String, f64)> { slf.core.excluded_overlaps.iter().map(|overlap| slf.named(overlap)).collect() }
     /// Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
@@ -436,6 +437,6 @@ getters! { Model, |slf, _py| (PyRef<'py, Self>);
     /// The list has geoms with a ratio of 2 or more, and fixed geoms with a ratio of 1.25 or more. The mesh volume is the space that the
     /// mesh encloses. The ratio is infinite for a mesh that encloses no space, such as an open surface.
     wide_hulls -> Vec<(usize, f64)> { slf.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect() }
-    /// SHA-256 of the model, in hexadecimal.
+    /// SHA-256 of the model's description, in hexadecimal. Equal models have equal digests.
     digest -> String { slf.core.digest().iter().map(|b| format!("{b:02x}")).collect() }
 }

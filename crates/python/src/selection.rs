@@ -10,8 +10,8 @@ use crate::array::{check_shape, check_shape_of, is_single_number, readonly, shap
 /// Selection of environments by an argument `envs`: their indices, in the order of the argument.
 pub(crate) struct Selection {
     pub(crate) envs: Vec<usize>,
-    /// Whether the argument `envs` has indices instead of a mask. Then the other array arguments of the method have a row for each index,
-    /// in the same order.
+    /// Whether the argument `envs` has indices; false for a mask and for None. With indices, the other array arguments of the method have a
+    /// row for each index, in the same order.
     pub(crate) by_index: bool,
 }
 

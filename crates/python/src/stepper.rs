@@ -37,14 +37,15 @@ use crate::model::Model;
 use crate::options::settings;
 use crate::selection::{Numbers, Selection};
 
-/// Batch of environments of one model. The GIL is released while stepping. A pickle includes the state.
+/// Batch of environments of one model. Calls release the GIL while they step, unless they take only a few microseconds. A pickle includes
+/// the state.
 ///
 /// Args:
 ///     model: Model of the scene.
 ///     num_envs: Number of environments. None makes a single environment, whose arrays do not have the leading axis.
 ///     options: Settings of the step. None uses `Options()`.
 ///     precision: Floating-point precision: "f64", "f32", or a NumPy type such as `np.float32`.
-///     threads: Number of threads; 0 uses all processors of this process. Results do not depend on it.
+///     threads: Number of threads; 0 uses all processors of this process. Results do not depend on the number of threads.
 ///     seed: Seed of the random sensor errors.
 ///     sensors: Sensor model. None simulates ideal sensors.
 ///     actuators: Actuator model between controls and forces. None simulates ideal actuators.
@@ -74,7 +75,8 @@ impl Stepper {
         self.simulation.num_envs()
     }
 
-    /// Shape of an array with a value of shape `tail` per environment: (num_envs, *tail), or `tail` alone for a single environment.
+    /// Shape of an array with a value of shape `tail` per environment: (num_envs, *tail), or `tail` alone if the stepper was created
+    /// without `num_envs`.
     pub(crate) fn shape(&self, tail: &[usize]) -> Vec<usize> {
         let lead = self.batched.then(|| self.n());
         lead.into_iter().chain(tail.iter().copied()).collect()
@@ -108,8 +110,8 @@ impl Stepper {
         Ok(numbers)
     }
 
-    /// Numbers of the array argument `name` with rows for selected environments. With indices the shape is (k, width), otherwise (num_envs,
-    /// width). A single row (width,) is valid too.
+    /// Numbers of the array argument `name` with rows for selected environments. If k environments were selected by indices, the shape is
+    /// (k, width), otherwise (num_envs, width). A single row (width,) is valid too.
     fn selected_rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize, selection: &Selection) -> PyResult<Numbers<'py>> {
         if !self.batched && !selection.by_index {
             return self.rows(given, name, width).map(Numbers::Given);
@@ -265,7 +267,8 @@ getters! { Stepper, |slf, py| (Reading<'_>);
     model -> Py<Model> { slf.model.clone_ref(py) }
     /// Settings of the step, as given at construction.
     options -> Py<PyAny> { slf.options.clone_ref(py) }
-    /// Actuator model given at construction. None means ideal actuators. `randomized` has later changes by `randomize`.
+    /// Actuator model given at construction. None means ideal actuators. After changes by `randomize`, the attribute
+    /// `randomized` has the current drives.
     actuators -> Option<Py<PyAny>> { slf.actuators.as_ref().map(|a| a.clone_ref(py)) }
     /// Sensor model given at construction. None means ideal sensors.
     sensors -> Option<Py<PyAny>> { slf.sensors.as_ref().map(|s| s.clone_ref(py)) }

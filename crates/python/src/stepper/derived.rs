@@ -75,9 +75,10 @@ impl Stepper {
 }
 
 getters! { Stepper, |mut slf, py| (Writing<'_>) -> PyResult<Bound<'py, PyAny>>;
-    /// Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. Unlike after MuJoCo's `mj_step`,
-    /// they belong to the state after the step, as after `mj_forward`. Derived quantities are computed at the first read for all
-    /// environments and cached until something changes. Quantities that are read together are computed in one pass.
+    /// Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. The positions belong to the state
+    /// after the step, as after MuJoCo's `mj_forward`, and unlike after `mj_step`. The first read of a derived quantity computes it for all
+    /// environments. The result is cached until the state, the parameters or an input changes. Quantities that are read together are
+    /// computed in one pass.
     xpos: slf.derived(py, DerivedQuantity::BodyPos),
     /// Orientations of the body frames at the current `qpos`, quaternions (w, x, y, z), (num_envs, nbody, 4).
     xquat: slf.derived(py, DerivedQuantity::BodyQuat),
@@ -119,7 +120,7 @@ getters! { Stepper, |mut slf, py| (Writing<'_>) -> PyResult<Bound<'py, PyAny>>;
     /// Coriolis, centrifugal and gravitational forces at the current state, (num_envs, nv), N or N m, as after `mj_forward`.
     qfrc_bias: slf.derived(py, DerivedQuantity::BiasForce),
     /// Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. If the
-    /// stepper has an actuator model, the forces of the drives in it are those of the last step.
+    /// stepper has an actuator model, the forces of its drives are those of the last step.
     qacc_smooth: slf.derived(py, DerivedQuantity::SmoothAcceleration),
     /// Actuator forces before the gear at the current state and controls, (num_envs, nu), N or N m, as after `mj_forward`.
     actuator_force: slf.derived(py, DerivedQuantity::ActuatorForce),

@@ -21,9 +21,9 @@ impl Stepper {
     /// Derivatives of a step by the implicit function theorem. `stepper.derivatives.implicit` documents the arguments.
     ///
     /// Returns:
-    ///     Dictionary of arrays: derivatives "slopes" (num_envs, 2 nv + na, columns); flags of kinks "causes" (num_envs, columns) uint32;
-    ///     "distance" to the nearest kink, "sound" (uint8, 1 for a valid derivative), "residual" and "status" (num_envs,); and "qpos",
-    ///     "qvel" and "act" after the step.
+    ///     Dictionary of arrays: derivatives "slopes" (num_envs, 2 nv + na, columns), with a column for each coordinate of `parts`; flags
+    ///     of kinks "causes" (num_envs, columns) uint32; "distance" to the nearest kink, "sound" (uint8, 1 for a valid derivative),
+    ///     "residual" and "status" (num_envs,); and "qpos", "qvel" and "act" after the step.
     #[pyo3(signature = (ctrl, parts, offsets, tolerance))]
     fn _differentiate<'py>(
         mut slf: Writing<'_>,

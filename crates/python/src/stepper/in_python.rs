@@ -11,7 +11,7 @@ impl Stepper {
     ///
     /// The method does not change the stepper. Each column is a finite difference between perturbed copies of an environment. Copies of all
     /// environments and columns are stepped as one batch, with the options, parameters and threads of the stepper, but a tighter tolerance.
-    /// The stepper keeps their memory for the next call. With contact, the step is smooth only between kinks: see
+    /// The stepper keeps the memory of the copies for the next call. With contact, the step is smooth only between kinks: see
     /// `Linearization.near_kink` and docs/how-to/derivatives.md.
     ///
     /// Args:
@@ -21,9 +21,9 @@ impl Stepper {
     ///     ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None keeps the current controls.
     ///     nstep: Number of steps.
     ///     method: "fd" is finite differences of whole steps. "implicit" solves the step once and applies the implicit function theorem
-    ///         with fixed contact modes (which contacts push, stick and slip). It supports derivatives with respect to state
-    ///         and controls. The integrator must be "midpoint", "euler" or "implicit"; with `contact="mujoco"` it must be "euler",
-    ///         "implicitfast" or "implicit". Environments where it does not apply use finite differences (`Linearization.implicit`).
+    ///         with fixed contact modes (which contacts push, stick and slip). It supports derivatives with respect to state and controls.
+    ///         The integrator must be "midpoint", "euler" or "implicit"; with `contact="mujoco"` it must be "euler", "implicitfast" or
+    ///         "implicit". Environments in which the theorem does not apply use finite differences (`Linearization.implicit`).
     ///     step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it from the tolerance
     ///         (`stepper.derivatives.perturbations.step_of`), or for "implicit" uses `stepper.derivatives.implicit.STEP`.
     ///     tolerance: Solver tolerance of the copies, m/s. None uses 1e-13, or the tolerance of the stepper if that is smaller.
@@ -83,7 +83,7 @@ impl Stepper {
     ///     name: Name of an attribute of `Stepper`, such as "xpos", "qvel" or "sensordata".
     ///     of: Name or index of an element, or a list of several. The quantity determines the kind of element: body, site, geom, joint,
     ///         actuator or sensor. None selects all elements. A single body, site or geom has no axis of elements: (num_envs, 3). The
-    ///         columns of joints and sensors are concatenated: (num_envs, n).
+    ///         columns of joints and sensors are concatenated: (num_envs, n) for n columns.
     ///
     /// Returns:
     ///     New array (num_envs, ...) in the precision of the stepper.

@@ -39,7 +39,7 @@ impl Interrupted {
 /// Makes a call of the core, `call`, that signals can interrupt.
 ///
 /// `call` gets a function that it must call periodically on this thread. If this function returns false, a signal has interrupted the call:
-/// `call` must stop and return the number of steps made.
+/// `call` must stop and return the number of steps made. The result of `watched` is None if no signal interrupted the call.
 pub(super) fn watched(call: impl FnOnce(&mut dyn FnMut() -> bool) -> Result<usize, Error>) -> Result<Option<Interrupted>, Error> {
     let mut error = None;
     let steps = call(&mut || match Python::attach(|py| py.check_signals()) {

@@ -68,10 +68,10 @@ impl Stepper {
     /// Memory of the stepper in bytes, without NumPy arrays that it has returned.
     ///
     /// Returns:
-    ///     Dictionary of bytes. "per_env": memory of each environment. "per_thread": workspace of each thread. "state": states of all
-    ///     environments. "parameters": parameters per environment, from `randomize` and drives. "inputs": controls, applied forces and
-    ///     mocap poses. "threads": number of threads with a workspace. "total": "state" + "parameters" + "inputs" + "threads" x
-    ///     "per_thread".
+    ///     Dictionary of bytes, except for "threads". "state": states of all environments. "parameters": parameters of all environments,
+    ///     from `randomize` and drives. "inputs": controls, applied forces and mocap poses of all environments. "per_env": these three
+    ///     together, divided by the number of environments. "per_thread": workspace of each thread. "threads": number of threads with a
+    ///     workspace. "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
     fn memory<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let simulation = &slf.simulation;
         let (state, parameters) = (simulation.bytes(), simulation.parameter_bytes());

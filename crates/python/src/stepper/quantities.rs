@@ -20,8 +20,8 @@ impl Stepper {
         Ok(values)
     }
 
-    /// Splits each row of `rows`, which has two halves of shape `width`, into two arrays (num_envs, *width). For a single environment with
-    /// scalar halves, the results are Python floats.
+    /// Splits the rows of `rows` into two arrays (num_envs, *width). Each row, one per environment, consists of two halves of shape
+    /// `width`. For a single environment with scalar halves, the results are Python floats.
     fn halves<'py>(&self, py: Python<'py>, rows: &[f64], width: &[usize]) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let size: usize = width.iter().product();
         let half = |k: usize| {
@@ -71,7 +71,7 @@ impl Stepper {
     /// Bodies that are fixed to the world do not count. MuJoCo's `energy` adds their constant potential energy.
     ///
     /// Returns:
-    ///     Two arrays (num_envs,) float64, J.
+    ///     Potential and kinetic energies: two arrays (num_envs,) float64, J.
     fn energy<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let rows = slf.of_each(py, |snapshot| <[f64; 2]>::from(snapshot.energy()).to_vec())?;
         slf.halves(py, &rows, &[])
@@ -80,7 +80,7 @@ impl Stepper {
     /// Linear momentum, and angular momentum about the centre of mass, at the current states.
     ///
     /// Returns:
-    ///     Two arrays (num_envs, 3) float64, kg m/s and kg m^2/s.
+    ///     Linear and angular momenta in world axes: two arrays (num_envs, 3) float64, kg m/s and kg m^2/s.
     fn momentum<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let rows = slf.of_each(py, |snapshot| {
             let (linear, angular) = snapshot.momentum();

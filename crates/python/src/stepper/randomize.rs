@@ -86,9 +86,9 @@ impl Stepper {
 impl Stepper {
     /// Sets parameters of each environment, with the effect of `Model.replace`. Dependent quantities are recomputed.
     ///
-    /// An environment then moves exactly, bit for bit, as in a `Stepper` of the replaced model. Parameters are not part of the state:
-    /// `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are never
-    /// randomized cost neither time nor memory.
+    /// An environment then moves, bit for bit, as in a `Stepper` of the model that `Model.replace` returns. Parameters are not part of the
+    /// state: `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are
+    /// never randomized cost neither time nor memory.
     ///
     /// Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
     /// geom_friction for a geom of an explicit pair is an error without pair_friction. Give pair_friction in this call or an earlier one,
@@ -100,10 +100,10 @@ impl Stepper {
     ///
     /// Args:
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-    ///         values. Each array has the axis of environments, and then the axes of the selected entries. A selector with a single name,
-    ///         index or column has no axis for it. An array (num_envs,) sets all selected entries of an environment to one value, and a
-    ///         scalar sets the selected entries of all environments. None restores the values of the model. The first argument may also be
-    ///         `envs`, without values.
+    ///         values. Each array has the axis of environments, then an axis for the selected elements and one for the selected columns, as
+    ///         in NumPy's indexing. A single name, index or column has no axis. An array (num_envs,) sets all selected entries of an
+    ///         environment to one value, and a scalar sets the selected entries of all environments. None restores the values of the model.
+    ///         The first argument may also be `envs`, without values.
     ///     envs: Environments to change, as in `reset`.
     ///     **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
     ///         the model; a call without fields restores all of them.
@@ -122,13 +122,13 @@ impl Stepper {
     ///         * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
     ///           keep their drives, and None restores the drives that were given to the constructor. A stage (servo, motor, lag, limits,
     ///           friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
-    ///           one there. Delay lines, lags and integrals are state: they are kept until `reset`.
+    ///           delay there. Delay lines, lags and integrals are state: they are kept until `reset`.
     ///
     /// Raises:
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
     ///     ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
-    ///     ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides it. Or the value
-    ///         needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
+    ///     ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides the value. Or the
+    ///         value needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
     ///         environment. No parameter changes.
     #[pyo3(signature = (values=None, /, envs=None, **fields))]
     fn randomize(

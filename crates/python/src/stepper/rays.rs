@@ -20,8 +20,9 @@ impl Stepper {
     /// primitive shapes are hit; visual meshes are not part of the model.
     ///
     /// Args:
-    ///     points: Origins of the rays, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative to its frame.
-    ///     directions: Directions of the rays, of any positive length, (num_envs, n, 3) or (n, 3).
+    ///     points: Origins of n rays per environment, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative
+    ///         to the origin of the body's frame.
+    ///     directions: Directions of the n rays, of any positive length, (num_envs, n, 3) or (n, 3).
     ///     body: Name or index of the body that carries the rays, such as a lidar. Its geoms are not hit. None fixes the rays to the world.
     ///     axes: Axes of points and directions if `body` is given. "body" selects the axes of the body, "heading" the world axes rotated by
     ///         the heading of the body, and "world" the world axes.

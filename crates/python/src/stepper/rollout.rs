@@ -54,12 +54,12 @@ impl<'py, T: Element + Copy> Output<'py, T> {
 }
 
 /// Result array of a rollout in float64 or float32.
-enum Lanes<'py> {
+enum FloatOutput<'py> {
     F64(Output<'py, f64>),
     F32(Output<'py, f32>),
 }
 
-impl<'py> Lanes<'py> {
+impl<'py> FloatOutput<'py> {
     fn numbers(&mut self) -> PyResult<Numbers<'_>> {
         Ok(match self {
             Self::F64(output) => Numbers::F64(output.numbers()?),
@@ -76,7 +76,7 @@ impl<'py> Lanes<'py> {
 }
 
 impl Stepper {
-    /// Implementation of the Python method `rollout`, without its recording and initial state.
+    /// Implementation of the Python method `rollout`, without the initial state and the check that no recorder is set.
     fn roll_out<'py>(
         &mut self,
         py: Python<'py>,
@@ -92,8 +92,8 @@ impl Stepper {
         for quantity in quantities {
             let shape = self.rollout_shape(calls, &[quantity.width(self.simulation.model())]);
             let array = match self.simulation.precision() {
-                Precision::F64 => Lanes::F64(Output::new(py, quantity.name(), &shape, out)?),
-                Precision::F32 => Lanes::F32(Output::new(py, quantity.name(), &shape, out)?),
+                Precision::F64 => FloatOutput::F64(Output::new(py, quantity.name(), &shape, out)?),
+                Precision::F32 => FloatOutput::F32(Output::new(py, quantity.name(), &shape, out)?),
             };
             arrays.push((quantity, array));
         }
@@ -153,8 +153,8 @@ impl Stepper {
     ///     fields: Quantities to store after each control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
     ///         "sensordata" (T, num_envs, nsensordata). None stores the quantities in `out`. Without `out`, None stores all of them except
     ///         "act".
-    ///     out: Arrays for the results, by quantity, with these shapes. They must be C-contiguous and float64, or float32 with
-    ///         `precision="f32"`. "status" and "residual" are also possible.
+    ///     out: Arrays for the results, by quantity, with the shapes of `fields`. The arrays must be C-contiguous and float64, or float32
+    ///         with `precision="f32"`. "status" and "residual" are also possible.
     ///
     /// Returns:
     ///     Arrays by quantity. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
@@ -165,8 +165,8 @@ impl Stepper {
     ///     ValueError: A shape is wrong, a quantity is unknown, or an array of `out` is read-only or given twice.
     ///     TypeError: An array of `out` has the wrong dtype.
     ///     KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has
-    ///         results for each control so far; for the interrupted control they are the state after its last step. Later rows of `out` are
-    ///         unchanged.
+    ///         results for each control so far; for the interrupted control, these are the results after the last step before the
+    ///         interruption. Later rows of `out` are unchanged.
     #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn rollout<'py>(

@@ -27,8 +27,8 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Counts of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. The last axis is the number of clipped
-    /// readings and the number of lost samples.
+    /// Numbers of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. Column 0 is the number of clipped
+    /// readings, and column 1 the number of lost samples.
     #[getter]
     fn sensor_faults<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.sensor_faults(env)).flatten().collect();

@@ -108,7 +108,7 @@ impl Stepper {
 
     /// Sets positions, velocities, activations or time, or restores a complete `State`.
     ///
-    /// The next state depends on `qpos`, `qvel`, `act` and the controls; the solver's warm start changes velocities by about 1e-7 only
+    /// The next state depends on `qpos`, `qvel`, `act` and the controls; the solver's warm start changes velocities by about 1e-7 m/s only
     /// (docs/development/decisions/visible_state.md). Drives (delay lines, lags, integrals) and sensors (bias, drift, delay lines, held
     /// samples) have further memory.
     ///
@@ -185,7 +185,8 @@ impl Stepper {
         Ok(State { saved })
     }
 
-    /// Current controls, (num_envs, nu): the controls of the last step. After a reset they are the controls of the keyframe, or zero.
+    /// Current controls, (num_envs, nu): the controls of the last step. After a reset, the controls are those of the keyframe, or zero
+    /// without a keyframe.
     #[getter]
     fn ctrl<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held = array(py, &slf.shape(&[slf.simulation.model().nu()]), slf.simulation.ctrl().to_vec(), slf.simulation.precision())?;

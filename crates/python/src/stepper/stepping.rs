@@ -46,7 +46,7 @@ impl Stepper {
         py.detach(|| watched(|watch| simulation.step_watched(&inputs, nstep, watch))).map_err(value_error)
     }
 
-    /// Makes `nstep` steps of the selected environments only, without a recording.
+    /// Makes `nstep` steps of the selected environments only, for a stepper without a recorder.
     #[cold]
     fn step_some(
         &mut self,

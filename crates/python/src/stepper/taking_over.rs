@@ -19,7 +19,7 @@ pub(super) enum States<'py> {
     Each(Vec<Bound<'py, State>>),
 }
 
-/// States from an argument that is a `State`, or a list or tuple of them. The result is None for other arguments.
+/// States from an argument that is a `State`, or a list or tuple of `State` objects. The result is None for other arguments.
 pub(super) fn states_of<'py>(given: &Bound<'py, PyAny>) -> Option<States<'py>> {
     if let Ok(state) = given.cast::<State>() {
         return Some(States::One(state.clone()));
@@ -65,8 +65,8 @@ impl Stepper {
     /// All states are read before any is changed. The copies have independent random sensor errors.
     ///
     /// Args:
-    ///     sources: Indices of the source environments: one for each environment in `envs`, or a single one for all of them. Indices may
-    ///         repeat.
+    ///     sources: Indices of the source environments: one for each environment in `envs`, or a single integer for all of them. Indices
+    ///         may repeat.
     ///     envs: Target environments, as in `reset`.
     ///
     /// Raises:

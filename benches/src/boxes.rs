@@ -92,7 +92,7 @@ impl Heap {
         self.bricks.push(Brick { mass, centre, half, push: [0.0; 3] });
     }
 
-    /// Adds the contacts of the scene. Wherever faces touch along x or z, each corner of their common rectangle is a contact.
+    /// Adds the contacts of the scene. Wherever two faces normal to x or z touch, each corner of their common rectangle is a contact.
     fn meet(mut self) -> Self {
         for above in 0..self.bricks.len() {
             let b = self.bricks[above];
@@ -115,7 +115,7 @@ impl Heap {
 
     /// Adds a contact at each corner of the rectangle that two touching faces share. The faces are normal to `axis`.
     ///
-    /// `above` and `below` are the indices of the bricks; `None` is the floor.
+    /// `above` and `below` are the indices of the bricks on the positive and the negative side of the faces; `None` is the floor.
     fn corners(&mut self, below: Option<usize>, above: usize, axis: usize) {
         let b = self.bricks[above];
         let range = |k: usize| {

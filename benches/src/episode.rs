@@ -12,7 +12,7 @@ use crate::scenes::Scene;
 
 /// Number of steps with the same control.
 const HOLD: usize = 5;
-/// Number of calls with a new control in a run.
+/// Number of calls of `step` in a run, each with a new control.
 const CALLS: usize = 20;
 
 /// Benchmark run with a batch of environments: repeats the same steps from the same state.

@@ -91,7 +91,8 @@ impl Recording {
 
     /// Subtracts the cost of the instrumentation (the probe) from the first number of the meter readings of each part.
     ///
-    /// `inside` is the cost that each span adds to its own reading, and `outside` is the cost that it adds to the part around it.
+    /// `inside` is the cost that each span adds to its own reading, and `outside` is the cost that each span adds to the part around the
+    /// span.
     pub fn subtract_probe(&mut self, [inside, outside]: [f64; 2]) {
         for row in self.spans.iter_mut().chain([&mut self.unaccounted]) {
             row.readings[0] -= row.times * inside + row.inner * outside;

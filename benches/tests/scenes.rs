@@ -1,5 +1,4 @@
-//! Tests that scenes have the documented properties, and that the instrumentation of a step does not
-//! change its results.
+//! Tests that scenes have the documented properties, and that the instrumentation of a step does not change the results of the step.
 
 use stepper_benches::clock::Run;
 use stepper_benches::counted::operations;
@@ -59,7 +58,8 @@ fn without_control_the_ant_stands_and_the_humanoid_collapses() {
     }
 }
 
-/// Statistics of a thousand steps of all environments: mean numbers and heights, the largest residual, and all status flags.
+/// Statistics over a thousand steps of all environments. They are the means of the numbers of contacts and of Gauss-Seidel iterations, the
+/// mean height of the root, m, the fraction of steps that were not solved, the largest residual, m/s, and all status flags.
 #[derive(Debug, Default)]
 struct Tally {
     contacts: f64,

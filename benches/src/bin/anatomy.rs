@@ -233,7 +233,7 @@ fn floor(scene: &Scene, level: Level) {
     println!("State: {bytes:.0} bytes per environment; read and written once a call: {:.3} us at most.\n", 1e6 * 2.0 * bytes / copied);
 }
 
-/// Model of n spheres with a free joint each. They rest on the floor in a row, without touching.
+/// Model of n spheres with a free joint each. They rest on the floor in a row, without touching each other.
 fn spheres(n: usize) -> Arc<Model> {
     let mut scene = Model::builder("spheres");
     scene.timestep(0.005).geom(WORLD, GeomBuilder::plane("floor").masks(1, 1));
@@ -292,7 +292,8 @@ fn by_environments(scene: &Scene, level: Level) {
     println!();
 }
 
-/// Table of the step time of 1,024 humanoids for several numbers of threads. The runs take turns, so that other load affects all alike.
+/// Table of the step time of 1,024 humanoids for several numbers of threads. The runs take turns, so that other load affects all runs
+/// alike.
 fn by_threads(level: Level) -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let model = Scene::humanoid().model;

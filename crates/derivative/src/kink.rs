@@ -15,5 +15,5 @@ pub const DRY_FRICTION: u32 = 16;
 pub const SATURATION: u32 = 32;
 /// Flag: the slopes from the nominal state to two displaced states of the same coordinate differ.
 pub const SLOPE: u32 = 64;
-/// Flag: a step was not solved, not finite, or too long for its motion, so that the derivative is unreliable.
+/// Flag: a step was not solved, not finite, or too long for the motion of the bodies, so that the derivative is unreliable.
 pub const UNSOLVED: u32 = 128;

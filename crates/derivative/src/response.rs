@@ -13,8 +13,8 @@ use stepper_solve::newton::{Response, Switch, SwitchDistance};
 /// residual.
 const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of the prediction error in the test whether a step has a response, per rad or m of motion within the step. A step has a response
-/// if the weighted error is below the residual of a solved step. The weight of any motion is at most 1.
+/// Weight of the prediction error in the test whether a step has a response, per rad or m of motion within the step. A step has no response
+/// if the weighted error is above the residual at which a step counts as solved. The weight of any motion is at most 1.
 ///
 /// The prediction error is the difference between the velocity that the solved step predicted and the velocity of a second prediction at
 /// the same state. Errors of slow motion count less, because inertial forces are quadratic in velocities.

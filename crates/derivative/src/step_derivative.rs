@@ -18,7 +18,8 @@ const CURVATURE: f64 = 1e4;
 /// [`CURVATURE`] alone would allow more.
 const LARGEST_BEND: f64 = 0.1;
 
-/// Smallest divisor of a difference of slopes when the relative difference is computed, SI units.
+/// Lower bound of the divisor of a relative difference of slopes, SI units. The divisor is the largest slope of the positions, of the
+/// velocities, or of the activations.
 ///
 /// Bodies at rest need this bound. Their slopes are 0 except for terms of second order, so that a division by the slopes would show kinks
 /// where there are none.
@@ -189,7 +190,8 @@ impl<R: Real> StepDerivative<R> {
     }
 }
 
-/// First and second displacement of the coordinate with the index `column` among `columns` coordinates, in the first `lanes` lanes.
+/// First and second displacement of the coordinate with the index `column` among `columns` coordinates, in the first `lanes` lanes; 1 in
+/// the other lanes.
 fn offsets<R: Real>(query: &DerivativeQuery<'_>, lanes: usize, column: usize, columns: usize) -> [R; 2] {
     let mut offsets = [R::one(); 2];
     for (point, offset) in offsets.iter_mut().enumerate().take(query.points) {

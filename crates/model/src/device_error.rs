@@ -57,7 +57,7 @@ pub enum DeviceError {
     /// Delay that is longer than allowed.
     #[error("{name} {} {steps:.0} steps of {timestep} s, must be at most {longest} steps", if *.name == "delay" { "is" } else { "are" })]
     TooLong {
-        /// Name of the field, or of both fields whose sum is the delay.
+        /// Name of the field, "delay", or of two fields whose sum is the delay: "delay and jitter".
         name: &'static str,
         /// Delay in steps.
         steps: f64,

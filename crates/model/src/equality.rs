@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::softness::Softness;
 
-/// Equality: a bilateral constraint, which keeps an error at zero with any necessary force.
+/// Equality: a bilateral constraint. If it is hard, it keeps an error at zero with any necessary force. If it is soft, it acts on the error
+/// as a spring with a damper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Equality {
     /// Name of the equality; may be empty.

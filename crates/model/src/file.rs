@@ -29,7 +29,7 @@ const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models. It increases when the payload of a saved model changes.
 pub const FORMAT_VERSION: u32 = 15;
-/// Last version of the format without force models. From a file of this version, each actuator gets the force model of
+/// Last version of the format without force models. From a file of this or an earlier version, each actuator gets the force model of
 /// [`ForceModel::of_parameters`].
 const WITHOUT_FORCE_MODELS: u32 = 14;
 /// Last version of the format without [`Added`] fields.
@@ -333,7 +333,7 @@ mod tests {
         assert!(matches!(Model::from_bytes(&model.to_bytes()), Err(ModelError::Invalid { .. })));
     }
 
-    /// Scene with two geoms of a mesh that may fall on a floor, and a mesh that collides with nothing.
+    /// Scene with a floor, two free bodies that both have the mesh "stone", and the mesh "drawn", which no geom uses.
     fn stones() -> Model {
         let mut scene = Model::builder("stones");
         scene.geom(WORLD, GeomBuilder::plane("floor"));

@@ -10,8 +10,8 @@ use crate::{Mesh, Model, Shape, weld_groups};
 /// about 2 %.
 const POINTS: usize = 16;
 
-/// Position of a grid point in its cell, as fractions of the cell's size. It is not the centre, so that rays miss the edges of symmetric
-/// meshes and of meshes whose vertices are on a grid.
+/// Position of a grid point in its cell, as fractions of the cell's size. It is not the centre, so that the grid lines miss the edges of
+/// symmetric meshes and of meshes whose vertices are on a grid.
 const PLACE: [f64; 3] = [0.437_1, 0.541_3, 0.486_7];
 
 /// Smallest ratio of hull volume to mesh volume that is reported for moving geoms. The hull of a robot link often has twice the volume of

@@ -25,10 +25,10 @@ pub enum Kernel {
     CapsuleBox,
     /// Two balls or capsules: up to 2 contact points. A ball is a capsule of length 0.
     Segments,
-    /// Convex shape and surface of triangles (concave mesh, height field): up to 16 contact points. It is computed for one environment at a
-    /// time.
+    /// Convex shape and surface of triangles (concave mesh, height field): up to 16 contact points. The function runs for one environment
+    /// at a time.
     Surface,
-    /// Other pairs of convex shapes: up to 5 contact points. It is computed for one environment at a time.
+    /// Other pairs of convex shapes: up to 5 contact points. The function runs for one environment at a time.
     Convex,
 }
 

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 
 use crate::Shape;
 
-/// Mass, centre of mass and inertia of a body, in some frame.
+/// Mass, centre of mass and inertia of a body, all in the same frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassProperties {
     /// Mass, kg.
@@ -92,8 +92,8 @@ impl MassProperties {
     }
 }
 
-/// Principal moments of a capsule per unit of mass, m^2. It is a cylinder and two hemispheres of the same density. `r` is the radius and
-/// `h` half the length of the cylinder, m.
+/// Principal moments of a capsule per unit of mass, m^2. The capsule is a cylinder and two hemispheres of the same density. `r` is the
+/// radius and `h` half the length of the cylinder, m.
 ///
 /// The centre of mass of a hemisphere is 3/8 r from its flat face, and its transverse moment per unit of mass about that centre is (2/5 -
 /// 9/64) r^2.

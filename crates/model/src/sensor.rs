@@ -281,9 +281,9 @@ pub struct Sensor {
     pub name: String,
     /// Type of the sensor, with the indices of its elements.
     pub kind: SensorKind,
-    /// Standard deviation of the noise according to the source file.
+    /// Standard deviation of the noise according to the source file, in the unit of the reading.
     pub noise: f64,
-    /// Largest magnitude of readings according to the source file; 0 means no limit.
+    /// Largest magnitude of readings according to the source file, in the unit of the reading; 0 means no limit.
     pub cutoff: f64,
     /// Delay according to the source file, s.
     pub delay: f64,

@@ -11,10 +11,11 @@ const AXIS_EPSILON: f64 = 1e-14;
 /// Whether each body is simple, by the rule of MuJoCo's compiler (`body_simple`).
 ///
 /// A simple body has no child body, and its parent is the world or a body fixed to the world. The inertial frame of a simple body is its
-/// body frame. Its joints are at the origin of this frame, along the axes of the frame. A joint that rotates the body must be its last one.
+/// body frame. Its joints are at the origin of this frame, along the axes of the frame. A joint that rotates the body must be the last
+/// joint of the body.
 pub fn simple_bodies(model: &Model) -> Vec<bool> {
     let mut simple: Vec<bool> =
-        (0..model.bodies.len()).map(|b| b > 0 && has_principal_frame(model, b) && is_child_of_world(model, b)).collect();
+        (0..model.bodies.len()).map(|b| b > 0 && has_principal_frame(model, b) && has_fixed_parent(model, b)).collect();
     for body in &model.bodies {
         simple[body.parent] = false;
     }
@@ -43,7 +44,7 @@ fn has_principal_frame(model: &Model, body: usize) -> bool {
 }
 
 /// Whether the parent of a body is the world, or a body without joints that is a child of the world.
-fn is_child_of_world(model: &Model, body: usize) -> bool {
+fn has_fixed_parent(model: &Model, body: usize) -> bool {
     let parent = model.bodies[body].parent;
     parent == 0 || model.bodies[parent].parent == 0 && model.joints.iter().all(|joint| joint.body != parent)
 }

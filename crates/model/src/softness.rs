@@ -46,7 +46,7 @@ impl Softness {
     }
 }
 
-/// Spring and damper in parallel between two surfaces in contact. Both contact laws use it.
+/// Spring and damper in parallel, of one surface, or between two surfaces in contact. Both contact laws use them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactSpring {
     /// Stiffness of the contact spring, N/m; infinite for rigid contact.
@@ -116,8 +116,8 @@ pub struct SoftSettings {
 pub struct NoSlip {
     /// Largest number of iterations per step; 0 disables the iterations.
     pub iterations: u32,
-    /// Improvement of the cost function by one iteration, below which the iterations of an island (connected bodies) stop, divided by the
-    /// trace of the island's mass matrix.
+    /// Improvement of the cost function by one iteration, divided by the trace of the mass matrix, below which the iterations stop. Cost
+    /// function and mass matrix are those of one island (connected bodies).
     pub tolerance: f64,
 }
 
@@ -137,8 +137,8 @@ impl Default for SoftSettings {
 /// Inverse weights: mean inverse inertias in the reference configuration (MuJoCo's `body_invweight0`, `dof_invweight0`,
 /// `tendon_invweight0`).
 ///
-/// The regularisation of a constraint row is proportional to its inverse weight. The model stores the inverse weights, so that they are the
-/// same in all environments, even if environments have different masses.
+/// The regularisation of a constraint row is proportional to the inverse weight of the row. The model stores the inverse weights, so that
+/// they are the same in all environments, even if environments have different masses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InverseWeights {
     /// Inverse weights of every body: translation, 1/kg, and rotation, 1/(kg m^2).

@@ -22,7 +22,7 @@ impl JointBuilder {
         Self::new(name, JointKind::Free, [0.0, 0.0, 1.0])
     }
 
-    /// Creates a builder of a ball joint, with three rotations.
+    /// Creates a builder of a ball joint, with three rotational degrees of freedom.
     pub fn ball(name: &str) -> Self {
         Self::new(name, JointKind::Ball, [0.0, 0.0, 1.0])
     }

@@ -31,8 +31,8 @@ impl TendonBuilder {
 setters! { TendonBuilder
     /// Sets the lowest and highest length, m or rad.
     range(low: f64, high: f64) { tendon.range = Some([low, high]) }
-    /// Sets the stiffness of a spring, N per unit of length (m or rad). Its rest length is the tendon length at `qpos_spring`, the rest
-    /// pose of joint springs.
+    /// Sets the stiffness of the tendon's spring, N per unit of length (m or rad). By default, the rest length of the spring is the tendon
+    /// length at `qpos_spring`, the rest pose of joint springs.
     stiffness(stiffness: f64) { tendon.stiffness = stiffness }
     /// Sets the lowest and highest length at which the spring is slack, m or rad.
     spring_length(low: f64, high: f64) { rest = Some([low, high]) }

@@ -12,7 +12,7 @@ use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceMode
 /// a source in single precision.
 const TRIANGLE: f64 = 1e-6;
 
-/// Checks that must run first: the body tree, the indices between bodies, joints and geoms, and the lengths of arrays.
+/// Checks that must run first: the body tree, the bodies to which joints and geoms refer, and the lengths of arrays.
 pub(super) fn structure(model: &Description) -> Checked {
     tree(model)?;
     order("joint", model.joints.iter().map(|j| (j.name.as_str(), j.body)), model.bodies.len())?;
@@ -132,8 +132,7 @@ fn softness(model: &Description) -> Checked {
     Ok(())
 }
 
-/// Checks only the values that may differ between environments. It is for a model whose other values were checked earlier and are
-/// unchanged.
+/// Checks only the values that may differ between environments. The other values of the model must be checked already.
 pub(crate) fn parameters(model: &Description) -> Checked {
     Element("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;

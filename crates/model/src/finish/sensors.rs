@@ -183,7 +183,8 @@ fn formed(model: &Description, at: &Element, geom: usize) -> Checked {
     at.fail(what, "add the mesh or height field to the model, or leave the geom out of the sensor's geoms")
 }
 
-/// Whether the model contains a surface for the shape: triangles or points of a mesh, elevations, or a simple shape.
+/// Whether the model contains the surface of the shape. A mesh needs triangles or a convex hull, a height field needs its elevations. Other
+/// shapes need no data.
 fn has_form(model: &Description, shape: &Shape) -> bool {
     match shape {
         Shape::Mesh { .. } => model.mesh_of(shape).is_some_and(|mesh| !mesh.faces.is_empty() || mesh.hull().is_ok()),

@@ -83,7 +83,7 @@ impl<'py> Applied<'py> {
 }
 
 impl Stepper {
-    /// Shape of the array of an applied input: (num_envs, ...), or without the leading axis for a single environment.
+    /// Shape of the array of an applied input: (num_envs, ...), or without the leading axis if the stepper was created without `num_envs`.
     pub(super) fn applied_shape(&self, input: AppliedInput) -> Vec<usize> {
         self.shape(&input.shape(self.simulation.model()))
     }

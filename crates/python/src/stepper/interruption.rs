@@ -17,9 +17,9 @@ pub(super) struct Interrupted {
 impl Interrupted {
     /// Exception for Python about an interrupted call of the method `call`, such as "step".
     ///
-    /// The attribute `steps` of the exception is the number of steps made. The message of the exception contains this number, the number of
-    /// requested steps (`of`), and the text `also`. If the exception from the signal handler has a message, the text is added as a note
-    /// instead.
+    /// The attribute `steps` of the exception is the number of steps made. A KeyboardInterrupt without a message gets one, with this
+    /// number, the number of requested steps (`of`), and the text `also`. Any other exception of the signal handler keeps its message, and
+    /// gets the same text as a note.
     pub(super) fn raise(self, py: Python<'_>, call: &str, of: usize, also: &str) -> PyErr {
         let Self { steps, error } = self;
         let message = format!("{call} was interrupted after {steps} of {of} steps, in every environment{also}");

@@ -1,6 +1,6 @@
 //! `Stepper.memory`: memory of a batch, in bytes.
 //!
-//! The allocator counts the memory of a thread's workspace while it is created, which is more reliable than a sum of sizes.
+//! The allocator counts the memory of a thread's workspace while the workspace is created, which is more reliable than a sum of sizes.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

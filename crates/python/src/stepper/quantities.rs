@@ -21,7 +21,7 @@ impl Stepper {
     }
 
     /// Splits the rows of `rows` into two arrays (num_envs, *width). Each row, one per environment, consists of two halves of shape
-    /// `width`. For a single environment with scalar halves, the results are Python floats.
+    /// `width`. If the stepper was created without `num_envs`, scalar halves give Python floats.
     fn halves<'py>(&self, py: Python<'py>, rows: &[f64], width: &[usize]) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let size: usize = width.iter().product();
         let half = |k: usize| {
@@ -48,7 +48,7 @@ impl Stepper {
 
     /// Mass matrix, bias force, smooth acceleration, energies and momenta of an environment, for the tests' reference trajectories.
     ///
-    /// They are computed in 64 bits, also for a stepper with precision "f32".
+    /// The list has these quantities in this order. They are computed in 64 bits, also for a stepper with precision "f32".
     fn _in_64_bits<'py>(mut slf: Writing<'_>, py: Python<'py>, env: Env) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let env = slf.env(env)?;
         slf.apply(py)?;

@@ -137,8 +137,8 @@ impl Stepper {
     ///         environments step, and then the states of the unselected environments are restored.
     ///
     /// Raises:
-    ///     ValueError: A shape is wrong; the message has the given and the required shape. A NaN control is no error: its environment keeps
-    ///         its state and has NON_FINITE in `status`.
+    ///     ValueError: A shape is wrong; the message has the given and the required shape. A NaN control is no error: the environment with
+    ///         this control keeps its state and has NON_FINITE in `status`.
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
     ///     KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
     ///         made the same number of steps, which is the exception's attribute `steps`. The results equal the results of a call with this

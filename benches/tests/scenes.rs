@@ -58,15 +58,20 @@ fn without_control_the_ant_stands_and_the_humanoid_collapses() {
     }
 }
 
-/// Statistics over a thousand steps of all environments. They are the means of the numbers of contacts and of Gauss-Seidel iterations, the
-/// mean height of the root, m, the fraction of steps that were not solved, the largest residual, m/s, and all status flags.
+/// Statistics over a thousand steps of all environments.
 #[derive(Debug, Default)]
 struct Tally {
+    /// Mean number of contacts of an environment.
     contacts: f64,
+    /// Mean number of Gauss-Seidel iterations in a step.
     sweeps: f64,
+    /// Mean height of the root body, m.
     height: f64,
+    /// Fraction of the steps that were not solved.
     not_converged: f64,
+    /// Largest residual, m/s.
     worst_residual: f64,
+    /// All status flags that occurred.
     flags: Status,
 }
 

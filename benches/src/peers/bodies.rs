@@ -158,7 +158,8 @@ impl Bodies {
     /// Exact accelerations in the scene balls, m/s^2: plate first, then each ball.
     ///
     /// The friction f between the plate and each of n balls of mass m accelerates the ball's lowest point by f / m (1 + 5/2). The plate of
-    /// mass M, pulled with the force F, accelerates by (F - mu (M + n m) g - n f) / M. Rolling without slip makes these equal.
+    /// mass M, pulled with the force F, accelerates by (F - mu (M + n m) g - n f) / M. Rolling without slip makes these two accelerations
+    /// equal.
     pub fn rolling_accelerations() -> Vec<[f64; 3]> {
         let n = (SIDE * SIDE) as f64;
         let driving = FORCE - SLIPPERY * (PLATE + n * BALL) * GRAVITY;

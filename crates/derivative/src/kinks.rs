@@ -46,9 +46,10 @@ pub struct PerturbedCopies<'a> {
     pub one_sided: &'a [bool],
     /// Joints whose limits are checked for kinks: address of each in qpos, and in qvel.
     pub limited: &'a [[usize; 2]],
-    /// Lowest and highest position of each joint in `limited`, m or rad: (num_envs, joints, 2), or (joints, 2) for all environments.
+    /// Lowest and highest position of each of the n joints in `limited`, m or rad: (num_envs, n, 2), or (n, 2) for all environments of the
+    /// batch.
     pub ranges: &'a [f64],
-    /// Joint positions at which the last step evaluated the limits of the joints in `limited`, m or rad: (num_envs, joints).
+    /// Joint positions at which the last step evaluated the limits of the n joints in `limited`, m or rad: (num_envs, n).
     pub limit_positions: &'a [f64],
     /// Indices of the degrees of freedom whose dry friction is checked for kinks.
     pub rubbing: &'a [usize],

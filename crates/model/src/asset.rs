@@ -22,11 +22,12 @@ pub struct Mesh {
 pub struct HeightField {
     /// Name by which geoms refer to the height field.
     pub name: String,
-    /// Number of grid points along y, and along x.
+    /// Number of rows and of columns of the grid: number of grid points along y, and along x.
     pub shape: [usize; 2],
     /// Half sizes along x and y, m.
     pub half: [f64; 2],
-    /// Heights of the grid points above the geom's origin, m. Each row runs along x.
+    /// Heights of the grid points above the geom's origin, m: row by row from the lowest y to the highest. Each row runs from the lowest x
+    /// to the highest.
     pub elevation: Vec<f64>,
     /// Thickness of the solid below the geom's origin, m.
     pub base: f64,

@@ -168,7 +168,7 @@ fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> V
     inertias
 }
 
-/// Mass matrix. Entries between degrees of freedom on different branches are 0.
+/// Lower triangle of the mass matrix. The upper triangle is 0, as are entries between degrees of freedom on different branches.
 fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> DMatrix<f64> {
     let mut matrix = DMatrix::zeros(dofs.len(), dofs.len());
     for (i, dof) in dofs.iter().enumerate() {
@@ -182,7 +182,7 @@ fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> 
 }
 
 /// Index of the first degree of freedom without inertia, when degrees of freedom are eliminated from the leaves; `None` if all have
-/// inertia. `matrix` is the mass matrix, whose lower triangle is overwritten.
+/// inertia. `matrix` is the lower triangle of the mass matrix, which the function overwrites.
 fn first_without_inertia(matrix: &mut DMatrix<f64>, dofs: &[Dof]) -> Option<usize> {
     let whole = matrix.diagonal();
     for i in (0..dofs.len()).rev() {

@@ -35,10 +35,17 @@ impl Stepper {
     ///     envs: Environments, as in `reset`. Their contacts are concatenated.
     ///
     /// Returns:
-    ///     Structured array with these fields: env; geom (2,); body (2,); pos (3,), m; normal (3,), from the first geom to the second;
-    ///     distance, m, relative to the margin; force (3,), N, on the second geom along the rows of frame; torque (3,), N m, of torsional
-    ///     and rolling friction (condim 4 and 6) on the second geom about these rows; frame (3, 3), with the rows normal, t1 and t2. The
-    ///     torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
+    ///     Structured array with these fields:
+    ///
+    ///     * env, geom (2,) and body (2,), indices
+    ///     * pos (3,), m
+    ///     * normal (3,), from the first geom to the second
+    ///     * distance, m, relative to the margin
+    ///     * force (3,), N, on the second geom along the rows of frame
+    ///     * torque (3,), N m, of torsional and rolling friction (condim 4 and 6) on the second geom at pos, about the rows of frame
+    ///     * frame (3, 3), with the rows normal, t1 and t2
+    ///
+    ///     Force and torque satisfy |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
     #[pyo3(signature = (envs=None, **others), text_signature = "($self, envs=None)")]
     fn contacts<'py>(
         slf: Reading<'_>,

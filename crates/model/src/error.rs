@@ -15,10 +15,10 @@ pub enum ModelError {
         what: String,
         /// Kind and name of the element, such as `body "torso"`.
         place: String,
-        /// Remedy.
+        /// Remedy, such as "give a mass of at least 0".
         remedy: String,
     },
-    /// Elements of a source file that stepper does not simulate yet and that would change the motion.
+    /// Elements of a scene that stepper does not simulate yet and that would change the motion.
     #[error("{}", list(.0))]
     Unsupported(
         /// All elements that are not simulated and would change the motion.
@@ -31,17 +31,17 @@ pub enum ModelError {
         kind: &'static str,
         /// Name that was given.
         name: String,
-        /// Names of the existing elements of this kind. If there are many, only the first names are in the list.
+        /// Names of the existing elements of this kind. If there are many, the list has only the first names, and then "...".
         known: Vec<String>,
     },
-    /// File or bytes that are not a model of a supported version.
+    /// File that cannot be read or written. Or a file, or bytes in memory, that are not a model of a supported version.
     #[error("{path}: {what}; {remedy}")]
     File {
-        /// Reason.
+        /// Reason, such as "cut off after 12 bytes".
         what: String,
         /// Path of the file, or "saved model" for bytes in memory.
         path: String,
-        /// Remedy.
+        /// Remedy, such as "copy the file again".
         remedy: String,
     },
 }

@@ -73,8 +73,8 @@ pub struct Kinks {
 /// Active set of one environment: its active constraints, and its switch values, which are quantities that are zero at a kink.
 #[derive(Clone, Debug, Default)]
 struct ActiveSet {
-    /// Numbers that identify the active constraints, one list for each flag in [`LISTED`]: indices of geoms, of contacts that push, of ends
-    /// of joint ranges, of degrees of freedom, and of actuators.
+    /// Numbers that identify the active constraints, one list for each flag in [`LISTED`]. They are indices of geoms, of pushing contacts,
+    /// of ends of joint ranges, of degrees of freedom, and of actuators.
     lists: [Vec<usize>; 6],
     /// Switch values of each contact that pushes: normal force, margin to slipping, and gap. A NaN gives no distance to a kink.
     contacts: Vec<[f64; 3]>,

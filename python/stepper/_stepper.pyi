@@ -164,7 +164,7 @@ class Geom:
     conaffinity: Final[int]
     """Bit mask: this geom may collide with geoms whose contype has a common bit with it."""
     condim: Final[int]
-    """Dimension of the geom's contacts: 1, 3, 4 or 6, as in MuJoCo."""
+    """Dimension of the geom's contacts as in MuJoCo: 1 frictionless, 3 sliding, 4 also torsional, 6 also rolling friction."""
     priority: Final[int]
     """Priority of the geom: a contact uses the friction and condim of its geom with the higher priority."""
     friction: Final[_Array]
@@ -172,7 +172,7 @@ class Geom:
     restitution: Final[float]
     """Newton's coefficient of restitution, 0 to 1."""
     margin: Final[float]
-    """Distance from the geom at which a contact begins to push, m."""
+    """Distance from the geom at which a contact begins to push, m. A contact has the sum of the margins of its two geoms."""
     gap: Final[float]
     """Distance beyond the margin up to which MuJoCo reports contacts without force, m."""
 
@@ -189,7 +189,7 @@ class Pair:
     geom2: Final[int]
     """Index of the second geom."""
     dim: Final[int]
-    """Dimension of the pair's contacts: 1, 3, 4 or 6, as in MuJoCo."""
+    """Dimension of the pair's contacts as in MuJoCo: 1 frictionless, 3 sliding, 4 also torsional, 6 also rolling friction."""
     friction: Final[_Array]
     """Sliding (1), torsional (m) and rolling (m) friction of the pair: (3,)."""
     restitution: Final[float]
@@ -278,9 +278,9 @@ class Tendon:
     name: Final[str]
     """Name of the tendon; may be empty."""
     jntid: Final[_Array]
-    """Indices of the joints of the tendon: (n,) int64."""
+    """Indices of the n joints of the tendon: (n,) int64."""
     coef: Final[_Array]
-    """Coefficients of the joints in the tendon length: (n,)."""
+    """Coefficients of the n joints in the tendon length: (n,)."""
     limited: Final[bool]
     """Whether the tendon length has bounds."""
     range: Final[_Array]
@@ -363,15 +363,16 @@ class Model:
     """Names of the fixed tendons in order. The name of an unnamed tendon is empty."""
     sensors: Final[list[dict[str, Any]]]
     """Sensors as dictionaries with the keys name, type, adr (index of the first reading), dim, datatype, noise, cutoff, delay and
-    interval. The last four are properties from the source file, and 0 if it does not specify them."""
+    interval. The datatype is "real", "positive", "axis" or "quaternion". The last four are properties from the source file, and 0 if
+    the file does not specify them."""
     omitted: Final[list[tuple[str, str, str]]]
     """Elements of the source file that this model omits, as tuples (kind of element, name, reason)."""
     requested: Final[dict[str, Any] | None]
     """Dictionary of the settings of the source file that default options replace: integrator, solver, iterations, cone, constrained
-    (whether the model has constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). It is None for
-    models made in code."""
+    (whether the model has constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). The attribute
+    is None for models made in code."""
     excluded_overlaps: Final[list[tuple[str, str, float]]]
-    """Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. They have the format of
+    """Pairs of geoms that overlap in the reference pose, whose contacts `exclude_overlaps` has disabled. The list has the format of
     `overlaps()`."""
     wide_hulls: Final[list[tuple[int, float]]]
     """Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
@@ -382,7 +383,7 @@ class Model:
     """Settings that the source file contains explicitly and that the default options replace, such as an integrator other than Euler's.
     Each is a line of text."""
     digest: Final[str]
-    """SHA-256 of the model, in hexadecimal."""
+    """SHA-256 of the model's description, in hexadecimal. Equal models have equal digests."""
     @property
     def gravity(self) -> _Array:
         """Gravitational acceleration, m/s^2: (3,)."""
@@ -636,8 +637,8 @@ class Model:
 
         Args:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-                values. Each array has the axes of the selected entries. A selector with a single name, index or column has no axis for it.
-                A scalar sets all selected entries.
+                values. Each array has an axis for the selected elements and one for the selected columns, as in NumPy's indexing. A single
+                name, index or column has no axis. A scalar sets all selected entries.
             **fields: Values of whole fields, in the shape of the model's attribute.
 
         Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore the fields of its geoms.
@@ -677,9 +678,9 @@ class Model:
         """Stiffness and damping of the contacts under MuJoCo's contact law, from solref and solimp at the time step of the model.
 
         Returns:
-            Dictionary of arrays with a row for each pair of geoms that can collide: "geoms" (npair, 2), "stiffness" (npair, 2) in N/m, and
-            "damping" (npair, 2) in N s/m. Both describe a contact whose geoms do not accelerate. Column 0 has the values at first touch,
-            and column 1 has the values at the depth of the largest impedance. In large scenes, some pairs are found only during the
+            Dictionary of arrays with a row for each of the n pairs of geoms that can collide: "geoms" (n, 2), indices; "stiffness" (n, 2),
+            N/m; and "damping" (n, 2), N s/m. Stiffness and damping are those of a contact whose geoms do not accelerate: in column 0 at
+            first touch, in column 1 at the depth of the largest impedance. In large scenes, some pairs are found only during the
             simulation; these are not listed.
         """
     def body(self, key: str | int) -> Body:
@@ -811,14 +812,15 @@ class State:
 
 @final
 class Stepper:
-    """Batch of environments of one model. The GIL is released while stepping. A pickle includes the state.
+    """Batch of environments of one model. Calls release the GIL while they step, unless they take only a few microseconds. A pickle includes
+    the state.
 
     Args:
         model: Model of the scene.
         num_envs: Number of environments. None makes a single environment, whose arrays do not have the leading axis.
         options: Settings of the step. None uses `Options()`.
         precision: Floating-point precision: "f64", "f32", or a NumPy type such as `np.float32`.
-        threads: Number of threads; 0 uses all processors of this process. Results do not depend on it.
+        threads: Number of threads; 0 uses all processors of this process. Results do not depend on the number of threads.
         seed: Seed of the random sensor errors.
         sensors: Sensor model. None simulates ideal sensors.
         actuators: Actuator model between controls and forces. None simulates ideal actuators.
@@ -852,11 +854,13 @@ class Stepper:
     act: Final[_Array]
     """Activations of actuators, (num_envs, na). `set_state(act=...)` sets them."""
     ctrl: Final[_Array]
-    """Current controls, (num_envs, nu): the controls of the last step. After a reset they are the controls of the keyframe, or zero."""
+    """Current controls, (num_envs, nu): the controls of the last step. After a reset, the controls are those of the keyframe, or zero
+    without a keyframe."""
     xpos: Final[_Array]
-    """Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. Unlike after MuJoCo's `mj_step`,
-    they belong to the state after the step, as after `mj_forward`. Derived quantities are computed at the first read for all
-    environments and cached until something changes. Quantities that are read together are computed in one pass."""
+    """Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. The positions belong to the state
+    after the step, as after MuJoCo's `mj_forward`, and unlike after `mj_step`. The first read of a derived quantity computes it for all
+    environments. The result is cached until the state, the parameters or an input changes. Quantities that are read together are
+    computed in one pass."""
     xquat: Final[_Array]
     """Orientations of the body frames at the current `qpos`, quaternions (w, x, y, z), (num_envs, nbody, 4)."""
     body_linvel: Final[_Array]
@@ -898,7 +902,7 @@ class Stepper:
     """Coriolis, centrifugal and gravitational forces at the current state, (num_envs, nv), N or N m, as after `mj_forward`."""
     qacc_smooth: Final[_Array]
     """Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. If the
-    stepper has an actuator model, the forces of the drives in it are those of the last step."""
+    stepper has an actuator model, the forces of its drives are those of the last step."""
     actuator_force: Final[_Array]
     """Actuator forces before the gear at the current state and controls, (num_envs, nu), N or N m, as after `mj_forward`."""
     qfrc_actuator: Final[_Array]
@@ -937,7 +941,8 @@ class Stepper:
     sensors: Final[SensorModel | None]
     """Sensor model given at construction. None means ideal sensors."""
     actuators: Final[ActuatorModel | None]
-    """Actuator model given at construction. None means ideal actuators. `randomized` has later changes by `randomize`."""
+    """Actuator model given at construction. None means ideal actuators. After changes by `randomize`, the attribute
+    `randomized` has the current drives."""
     sensordata: Final[_Array]
     """Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a
     writable copy."""
@@ -948,8 +953,8 @@ class Stepper:
     step, including impulses of contacts and limits. Forces are impulses divided by the time step. Before the first step after a reset
     or `set_state`, accelerations and forces are those of a step from the current state."""
     sensor_faults: Final[_Array]
-    """Counts of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. The last axis is the number of clipped
-    readings and the number of lost samples."""
+    """Numbers of faults of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32. Column 0 is the number of clipped
+    readings, and column 1 the number of lost samples."""
     actuator_saturation: Final[_Array]
     """Number of steps in the last call of `step` in which each actuator force was clipped, (num_envs, nu) uint32. Bounds are the
     `forcerange` of the actuator, the `actuatorfrcrange` of the joint, and the limits and torque-speed curve of the drive."""
@@ -1025,8 +1030,8 @@ class Stepper:
                 environments step, and then the states of the unselected environments are restored.
 
         Raises:
-            ValueError: A shape is wrong; the message has the given and the required shape. A NaN control is no error: its environment keeps
-                its state and has NON_FINITE in `status`.
+            ValueError: A shape is wrong; the message has the given and the required shape. A NaN control is no error: the environment with
+                this control keeps its state and has NON_FINITE in `status`.
             TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
             KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
                 made the same number of steps, which is the exception's attribute `steps`. The results equal the results of a call with this
@@ -1054,8 +1059,8 @@ class Stepper:
             fields: Quantities to store after each control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
                 "sensordata" (T, num_envs, nsensordata). None stores the quantities in `out`. Without `out`, None stores all of them except
                 "act".
-            out: Arrays for the results, by quantity, with these shapes. They must be C-contiguous and float64, or float32 with
-                `precision="f32"`. "status" and "residual" are also possible.
+            out: Arrays for the results, by quantity, with the shapes of `fields`. The arrays must be C-contiguous and float64, or float32
+                with `precision="f32"`. "status" and "residual" are also possible.
 
         Returns:
             Arrays by quantity. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
@@ -1066,17 +1071,17 @@ class Stepper:
             ValueError: A shape is wrong, a quantity is unknown, or an array of `out` is read-only or given twice.
             TypeError: An array of `out` has the wrong dtype.
             KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has
-                results for each control so far; for the interrupted control they are the state after its last step. Later rows of `out` are
-                unchanged.
+                results for each control so far; for the interrupted control, these are the results after the last step before the
+                interruption. Later rows of `out` are unchanged.
         """
     def memory(self) -> dict[str, int]:
         """Memory of the stepper in bytes, without NumPy arrays that it has returned.
 
         Returns:
-            Dictionary of bytes. "per_env": memory of each environment. "per_thread": workspace of each thread. "state": states of all
-            environments. "parameters": parameters per environment, from `randomize` and drives. "inputs": controls, applied forces and
-            mocap poses. "threads": number of threads with a workspace. "total": "state" + "parameters" + "inputs" + "threads" x
-            "per_thread".
+            Dictionary of bytes, except for "threads". "state": states of all environments. "parameters": parameters of all environments,
+            from `randomize` and drives. "inputs": controls, applied forces and mocap poses of all environments. "per_env": these three
+            together, divided by the number of environments. "per_thread": workspace of each thread. "threads": number of threads with a
+            workspace. "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
         """
     def set_state(
         self,
@@ -1090,7 +1095,7 @@ class Stepper:
     ) -> None:
         """Sets positions, velocities, activations or time, or restores a complete `State`.
 
-        The next state depends on `qpos`, `qvel`, `act` and the controls; the solver's warm start changes velocities by about 1e-7 only
+        The next state depends on `qpos`, `qvel`, `act` and the controls; the solver's warm start changes velocities by about 1e-7 m/s only
         (docs/development/decisions/visible_state.md). Drives (delay lines, lags, integrals) and sensors (bias, drift, delay lines, held
         samples) have further memory.
 
@@ -1120,9 +1125,9 @@ class Stepper:
     ) -> None:
         """Sets parameters of each environment, with the effect of `Model.replace`. Dependent quantities are recomputed.
 
-        An environment then moves exactly, bit for bit, as in a `Stepper` of the replaced model. Parameters are not part of the state:
-        `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are never
-        randomized cost neither time nor memory.
+        An environment then moves, bit for bit, as in a `Stepper` of the model that `Model.replace` returns. Parameters are not part of the
+        state: `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are
+        never randomized cost neither time nor memory.
 
         Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
         geom_friction for a geom of an explicit pair is an error without pair_friction. Give pair_friction in this call or an earlier one,
@@ -1134,10 +1139,10 @@ class Stepper:
 
         Args:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
-                values. Each array has the axis of environments, and then the axes of the selected entries. A selector with a single name,
-                index or column has no axis for it. An array (num_envs,) sets all selected entries of an environment to one value, and a
-                scalar sets the selected entries of all environments. None restores the values of the model. The first argument may also be
-                `envs`, without values.
+                values. Each array has the axis of environments, then an axis for the selected elements and one for the selected columns, as
+                in NumPy's indexing. A single name, index or column has no axis. An array (num_envs,) sets all selected entries of an
+                environment to one value, and a scalar sets the selected entries of all environments. None restores the values of the model.
+                The first argument may also be `envs`, without values.
             envs: Environments to change, as in `reset`.
             **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
                 the model; a call without fields restores all of them.
@@ -1156,17 +1161,18 @@ class Stepper:
                 * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
                   keep their drives, and None restores the drives that were given to the constructor. A stage (servo, motor, lag, limits,
                   friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
-                  one there. Delay lines, lags and integrals are state: they are kept until `reset`.
+                  delay there. Delay lines, lags and integrals are state: they are kept until `reset`.
 
         Raises:
             TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
             ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
-            ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides it. Or the value
-                needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
+            ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides the value. Or the
+                value needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
                 environment. No parameter changes.
         """
     def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
-        """Starts a recording of all further calls in a new folder, until the `Recorder` is closed. `stepper.replay` repeats it.
+        """Starts a recording of all further calls in a new folder, until the `Recorder` is closed. `stepper.replay` repeats the recorded
+        calls.
 
         Args:
             path: New or empty folder.
@@ -1193,10 +1199,17 @@ class Stepper:
             envs: Environments, as in `reset`. Their contacts are concatenated.
 
         Returns:
-            Structured array with these fields: env; geom (2,); body (2,); pos (3,), m; normal (3,), from the first geom to the second;
-            distance, m, relative to the margin; force (3,), N, on the second geom along the rows of frame; torque (3,), N m, of torsional
-            and rolling friction (condim 4 and 6) on the second geom about these rows; frame (3, 3), with the rows normal, t1 and t2. The
-            torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
+            Structured array with these fields:
+
+            * env, geom (2,) and body (2,), indices
+            * pos (3,), m
+            * normal (3,), from the first geom to the second
+            * distance, m, relative to the margin
+            * force (3,), N, on the second geom along the rows of frame
+            * torque (3,), N m, of torsional and rolling friction (condim 4 and 6) on the second geom at pos, about the rows of frame
+            * frame (3, 3), with the rows normal, t1 and t2
+
+            Force and torque satisfy |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
         """
     def worst_row(self, env: int = 0) -> str | None:
         """Constraint with the largest residual in the last unsolved step (`status` NOT_CONVERGED) of the last call of `step`.
@@ -1256,7 +1269,7 @@ class Stepper:
 
         The method does not change the stepper. Each column is a finite difference between perturbed copies of an environment. Copies of all
         environments and columns are stepped as one batch, with the options, parameters and threads of the stepper, but a tighter tolerance.
-        The stepper keeps their memory for the next call. With contact, the step is smooth only between kinks: see
+        The stepper keeps the memory of the copies for the next call. With contact, the step is smooth only between kinks: see
         `Linearization.near_kink` and docs/how-to/derivatives.md.
 
         Args:
@@ -1266,9 +1279,9 @@ class Stepper:
             ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None keeps the current controls.
             nstep: Number of steps.
             method: "fd" is finite differences of whole steps. "implicit" solves the step once and applies the implicit function theorem
-                with fixed contact modes (which contacts push, stick and slip). It supports derivatives with respect to state
-                and controls. The integrator must be "midpoint", "euler" or "implicit"; with `contact="mujoco"` it must be "euler",
-                "implicitfast" or "implicit". Environments where it does not apply use finite differences (`Linearization.implicit`).
+                with fixed contact modes (which contacts push, stick and slip). It supports derivatives with respect to state and controls.
+                The integrator must be "midpoint", "euler" or "implicit"; with `contact="mujoco"` it must be "euler", "implicitfast" or
+                "implicit". Environments in which the theorem does not apply use finite differences (`Linearization.implicit`).
             step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it from the tolerance
                 (`stepper.derivatives.perturbations.step_of`), or for "implicit" uses `stepper.derivatives.implicit.STEP`.
             tolerance: Solver tolerance of the copies, m/s. None uses 1e-13, or the tolerance of the stepper if that is smaller.
@@ -1290,9 +1303,9 @@ class Stepper:
         """Derivatives of a step by the implicit function theorem. `stepper.derivatives.implicit` documents the arguments.
 
         Returns:
-            Dictionary of arrays: derivatives "slopes" (num_envs, 2 nv + na, columns); flags of kinks "causes" (num_envs, columns) uint32;
-            "distance" to the nearest kink, "sound" (uint8, 1 for a valid derivative), "residual" and "status" (num_envs,); and "qpos",
-            "qvel" and "act" after the step.
+            Dictionary of arrays: derivatives "slopes" (num_envs, 2 nv + na, columns), with a column for each coordinate of `parts`; flags
+            of kinks "causes" (num_envs, columns) uint32; "distance" to the nearest kink, "sound" (uint8, 1 for a valid derivative),
+            "residual" and "status" (num_envs,); and "qpos", "qvel" and "act" after the step.
         """
     def _find_kinks(
         self,
@@ -1325,7 +1338,7 @@ class Stepper:
             name: Name of an attribute of `Stepper`, such as "xpos", "qvel" or "sensordata".
             of: Name or index of an element, or a list of several. The quantity determines the kind of element: body, site, geom, joint,
                 actuator or sensor. None selects all elements. A single body, site or geom has no axis of elements: (num_envs, 3). The
-                columns of joints and sensors are concatenated: (num_envs, n).
+                columns of joints and sensors are concatenated: (num_envs, n) for n columns.
 
         Returns:
             New array (num_envs, ...) in the precision of the stepper.
@@ -1356,8 +1369,8 @@ class Stepper:
         All states are read before any is changed. The copies have independent random sensor errors.
 
         Args:
-            sources: Indices of the source environments: one for each environment in `envs`, or a single one for all of them. Indices may
-                repeat.
+            sources: Indices of the source environments: one for each environment in `envs`, or a single integer for all of them. Indices
+                may repeat.
             envs: Target environments, as in `reset`.
 
         Raises:
@@ -1397,8 +1410,9 @@ class Stepper:
         primitive shapes are hit; visual meshes are not part of the model.
 
         Args:
-            points: Origins of the rays, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative to its frame.
-            directions: Directions of the rays, of any positive length, (num_envs, n, 3) or (n, 3).
+            points: Origins of n rays per environment, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative
+                to the origin of the body's frame.
+            directions: Directions of the n rays, of any positive length, (num_envs, n, 3) or (n, 3).
             body: Name or index of the body that carries the rays, such as a lidar. Its geoms are not hit. None fixes the rays to the world.
             axes: Axes of points and directions if `body` is given. "body" selects the axes of the body, "heading" the world axes rotated by
                 the heading of the body, and "world" the world axes.
@@ -1416,7 +1430,7 @@ class Stepper:
     def _in_64_bits(self, env: int) -> list[_Array]:
         """Mass matrix, bias force, smooth acceleration, energies and momenta of an environment, for the tests' reference trajectories.
 
-        They are computed in 64 bits, also for a stepper with precision "f32".
+        The list has these quantities in this order. They are computed in 64 bits, also for a stepper with precision "f32".
         """
     def energy(self) -> tuple[Any, Any]:
         """Potential energy (gravity, springs of joints and tendons) and kinetic energy (including armature) at the current states.
@@ -1424,13 +1438,13 @@ class Stepper:
         Bodies that are fixed to the world do not count. MuJoCo's `energy` adds their constant potential energy.
 
         Returns:
-            Two arrays (num_envs,) float64, J.
+            Potential and kinetic energies: two arrays (num_envs,) float64, J.
         """
     def momentum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Linear momentum, and angular momentum about the centre of mass, at the current states.
 
         Returns:
-            Two arrays (num_envs, 3) float64, kg m/s and kg m^2/s.
+            Linear and angular momenta in world axes: two arrays (num_envs, 3) float64, kg m/s and kg m^2/s.
         """
     def __getstate__(self) -> dict[str, Any]: ...
     def __setstate__(self, state: dict[str, Any]) -> None: ...

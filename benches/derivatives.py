@@ -79,11 +79,11 @@ def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
 
 
 def agreement() -> None:
-    """Print the share of entries of A and B of `linearize` that do not change if the difference step is halved.
+    """Print the fraction of entries of A and B of `linearize` that do not change if the difference step is halved.
 
     An entry agrees if its values with the whole and with half the difference step are equal within a tolerance. The tolerance is twice the
     noise plus 1e-6 of the largest entry of the same column and kind of rows: positions, velocities or activations. The table also has the
-    share of columns near a kink (a change, such as of contacts or limits, at which a step has no derivative).
+    fraction of columns near a kink (a change, such as of contacts or limits, at which a step has no derivative).
     """
     print("| robot | options | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
     print("|---|---|---|---|---|---|---|")
@@ -313,10 +313,10 @@ def linearization_time(sim: stepper.Stepper, ctrl: Array, method: Literal["fd", 
 
 
 def effort(num_envs: int = 32) -> None:
-    """Print the time of a step in finite differences, and the share of this time that the contact solver takes.
+    """Print the time of a step in finite differences, and the fraction of this time that the contact solver takes.
 
-    The share follows from the time of steps whose solver stops after one iteration. The column "warm-started" has the solver iterations if
-    the solver starts from the solution of the unperturbed step.
+    The fraction follows from the time of steps whose solver stops after one iteration. The column "warm-started" has the number of solver
+    iterations if the solver starts from the solution of the unperturbed step.
     """
     print("| robot | options | step, us | sweeps, Newton steps | warm-started | step with one iteration, us | share of the solver |")
     print("|---|---|---|---|---|---|---|")

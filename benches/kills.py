@@ -7,9 +7,9 @@ it again until a run finishes. It repeats this until the given number of kills i
 random time of the run, so that they also hit imports and the writing of pages. The others happen up to 50 ms after the journal (the file
 with a row for each finished episode) reaches a random number of rows.
 
-The table has the number of kills, and the number of kills at which the journal had rows. For these kills it has the finished share of all
-rows. The last column compares the results: all files except the journal must be equal to the byte, and the journals must have the same
-rows. The exit code is 1 if they differ.
+The table has the number of kills, and the number of kills at which the journal had rows. For these kills it has the fraction of all rows
+that the journal had. The last column compares the results: all files except the journal must be equal to the byte, and the journals must
+have the same rows. The exit code is 1 if they differ.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from stepper.lab.study.journal import rows_of
 from stepper.lab.study.results import JOURNAL
 
 BY_TIME = 0.25
-"""Share of kills at a random time.
+"""Fraction of the kills that happen at a random time.
 
 The other kills happen when the study's journal (a file with a row for each finished episode) has a random number of rows.
 """

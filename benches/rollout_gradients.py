@@ -30,23 +30,25 @@ WIDTHS = (1e-4, 1e-5, 1e-6)
 """Half widths of the differences of whole rollouts, for coordinates in SI units."""
 
 SAME = 0.01
-"""Relative difference within which finite differences count as equal. A derivative agrees with them within twice this value.
+"""Largest relative difference of two finite differences that count as equal.
+
+A derivative agrees with a finite difference if the two differ by at most twice this fraction, plus twice `FLOOR`.
 
 Over the largest width of the differences, the curvature of a stiff contact (1e4 / s^2) changes a derivative by 1 %. Gradient methods are
 insensitive to such errors: Adam divides by the size of the gradient.
 """
 
 FLOOR = 1e-3
-"""Half the difference within which a derivative agrees with finite differences, even if the relative difference is larger.
+"""Absolute error of a derivative that is negligible, as a fraction of the larger of two numbers.
 
-This value is a fraction of the largest derivative of the same scene by coordinates of the same kind, or of 1 if that is larger. An error of
-this size rotates the gradient by a thousandth of a radian.
+The numbers are 1 and the largest derivative in the same environment by coordinates of the same kind. An error of this size rotates the
+gradient by a thousandth of a radian. See `SAME` for its use.
 """
 
 NOISE = 1e-5
 """Noise of a finite difference with the smallest of the `WIDTHS`, with a solver tolerance of 1e-13 m/s.
 
-The noise is a fraction of the largest derivative of the same scene by coordinates of the same kind, or of 1 if that is larger.
+The noise is a fraction of the larger of two numbers: 1, and the largest derivative in the same environment by coordinates of the same kind.
 """
 
 LAWS = {"hard": Options(tolerance=1e-13), "mujoco": Options(contact="mujoco", tolerance=1e-13)}
@@ -144,7 +146,7 @@ class Judged:
 
     Attributes:
         counts: Number of derivatives by nearness of a kink ("no kink" or "near a kink") and verdict, such as "agrees". At a kink, such as a
-            change of contacts, a step has no derivative.
+            change of contacts, a step has no derivative. The key ("refused", "refused") has those that `Rollout.vjp` refused to compute.
         worst: Descriptions of the derivatives that disagree.
     """
 
@@ -152,10 +154,10 @@ class Judged:
     worst: list[str]
 
     def row(self, kind: str) -> list[int]:
-        """Four numbers of derivatives, for rollouts with "no kink" or "near a kink", as `kind` selects.
+        """Returns four numbers of derivatives: all, those with a reliable difference, those that agree with it, those with the wrong sign.
 
-        They count all derivatives, those with a reliable finite difference, those that agree with it, and those with the wrong sign.
-        A kink is a change, such as of contacts or limits, at which a step has no derivative.
+        Args:
+            kind: Rollouts to count: "no kink" or "near a kink". At a kink, such as a change of contacts, a step has no derivative.
         """
         own = {verdict: count for (k, verdict), count in self.counts.items() if k == kind}
         judged = sum(own.get(v, 0) for v in ("agrees", "differs", "wrong sign"))
@@ -222,11 +224,11 @@ def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
         ours: The derivative.
         central: Central differences, one for each width, (3,).
         sides: One-sided differences to both sides, for each width, (2, 3).
-        scale: Largest derivative of the same scene by coordinates of the same kind, at least 1.
+        scale: Largest derivative in the same environment by coordinates of the same kind, at least 1.
 
     Returns:
-        "agrees", "differs" or "wrong sign". Without a reliable difference: "corner" if both sides differ, or "unreliable differences" if
-        the widths do.
+        "agrees", "differs" or "wrong sign" if the finite differences are reliable. Otherwise "unreliable differences" if central
+        differences of different widths disagree, or "corner" if one-sided differences to the two sides disagree.
     """
     size, noise, floor = max(np.abs(central).max(), np.abs(sides).max()), NOISE * scale, FLOOR * scale
     if np.ptp(central) > SAME * size + noise:

@@ -139,7 +139,7 @@ class Outcome:
         alone: Velocity error of an ensemble without readings, m/s.
         moved: Root mean square of the true velocity, m/s: the error of an estimate of zero.
         height: Error of the filter's trunk height, m.
-        covered: Share of true velocities within two standard deviations of the estimate.
+        covered: Fraction of the true velocities that are within two standard deviations of the estimate.
         milliseconds: Mean time of a prediction with its correction, ms.
     """
 

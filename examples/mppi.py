@@ -3,10 +3,10 @@
     python examples/mppi.py                       # the walker walks for four seconds
     python examples/mppi.py quadruped --seconds 2
 
-Every 25 or 40 ms a planner copies the state of the plant, simulates many control sequences in a batch, and averages them, weighted by their
-returns (Williams et al. 2017, https://arxiv.org/abs/1707.02342). The plant then reaches exactly the states that the plan predicts. A copied
-state is complete, and an environment has the same bits alone, in a batch, and on any number of threads. The example counts the predictions
-that are exact.
+A control lasts 25 ms (walker) or 40 ms (quadruped). For each control a planner copies the state of the plant and simulates many control
+sequences in a batch. The plan is their mean, weighted by their returns (Williams et al. 2017, https://arxiv.org/abs/1707.02342). The plant
+then reaches exactly the states that the plan predicts. A copied state is complete, and an environment has the same bits alone, in a batch,
+and on any number of threads. The example counts the predictions that are exact.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Robot:
         task: Name of the task in dm_control's suite that has the model.
         nstep: Simulation steps per control.
         horizon: Number of controls in a plan.
-        noise: Standard deviation of the sampled controls about the plan, as a share of half the control range.
-        temperature: Temperature of the weights exp(return / temperature), as a share of the standard deviation of the returns.
+        noise: Standard deviation of the sampled controls about the plan, as a fraction of half the control range.
+        temperature: Temperature of the weights exp(return / temperature), as a fraction of the standard deviation of the returns.
         reward: Function from qpos and qvel, (T, num_envs, ...), to rewards (T, num_envs).
         start: Initial values of some coordinates of qpos by index. The other coordinates start at the reference configuration.
     """
@@ -112,7 +112,7 @@ class Planner:
         self._controls = np.tile((low + high) / 2.0, (robot.horizon, 1))
 
     def plan(self, state: stepper.State) -> Plan:
-        """Plan from the state of one environment: the weighted mean of the sampled sequences."""
+        """Returns the plan from the state of one environment: the weighted mean of the sampled control sequences."""
         robot, model = self._robot, self._many.model
         # The previous plan, shifted by one control; its last control is repeated.
         self._controls = np.vstack([self._controls[1:], self._controls[-1:]])

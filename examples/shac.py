@@ -82,7 +82,7 @@ class Plan:
         gamma: Discount factor.
         trace: Parameter lambda of TD(lambda), for the targets of the value network.
         follow: Weight of the old parameters in each update of the target network.
-        std: Initial standard deviation of the actions, as a share of half their range.
+        std: Initial standard deviation of the actions, as a fraction of half their range.
         bound: Bound of the gradient norm.
         beyond: Weight of the penalty on actions beyond their range.
         threads: Number of threads of the physics and of PyTorch.

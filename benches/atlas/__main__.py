@@ -61,12 +61,12 @@ def main() -> None:
 
 
 def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[Row], dict[str, object]]:
-    """Rows and notes of the existing report after adding new rows, which replace the old rows with their scene number and engine.
+    """Rows and notes of the existing report with new rows added. A new row replaces old rows with the same scene number and engine.
 
     Args:
         rows: New rows.
         notes: Provenance of the new rows.
-        data: CSV file of the existing report, which has its rows and notes.
+        data: CSV file with the rows and notes of the existing report.
     """
     kept, before = read_csv(data)
     renewed = {(row.number, row.engine) for row in rows}

@@ -75,8 +75,9 @@ SURFACE = "surface"
 
 
 def surface(half: float, heights: NDArray[np.float64], kind: str) -> tuple[str, str]:
-    """Asset and geom of a terrain: heights (rows along y) over a square with half size `half` (m), as "hfield" or as "mesh".
+    """MJCF of the asset and MJCF of the geom of a terrain: heights (m, rows along y) over a square with half size `half` (m).
 
+    The terrain is a height field with the kind "hfield", and a mesh with the kind "mesh".
     The diagonals of a height field's cells start at the corner with the smallest x and y. Those of the mesh are the other diagonals.
     """
     rows, columns = heights.shape

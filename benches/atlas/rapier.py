@@ -86,7 +86,7 @@ class RapierWorld(World):
 
 
 class _Loaded(RapierScene):
-    """Rapier world from its MJCF loader, with the geom index of each collider."""
+    """World of rapier that rapier's MJCF loader has made, with MuJoCo's index of the geom of each collider."""
 
     def __init__(
         self, model: mujoco.MjModel, world: rp.PhysicsWorld, handles: list[rp.RigidBodyHandle | None], geoms: dict[Any, int]

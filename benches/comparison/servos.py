@@ -41,7 +41,7 @@ def arm(kp: float, kv: float, share: float) -> Any:
     Args:
         kp: Stiffness of the servos, N m/rad.
         kv: Damping of the servos, N m s/rad.
-        share: Fraction of a Panda's torque limits.
+        share: Torque limits of the arm as a fraction of a Panda's.
     """
     s = mujoco.MjSpec()
     s.option.timestep = 2e-3

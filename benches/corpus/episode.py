@@ -22,7 +22,7 @@ REST_SECONDS = 2.0
 NUDGE = 1e-2
 """Standard deviation of the initial velocities of the episode "rest", rad/s and m/s. Unstable equilibria fall over."""
 _SHARES = {field.name for field in dataclasses.fields(Episode)}
-"""Fields of `Episode`. Those with the name of a status flag get the share of steps with that flag."""
+"""Names of the fields of `Episode`. A field with the name of a status flag has the fraction of the steps with this flag."""
 PATIENCE = 60.0
 """Largest processor time of an episode, s. Models with very small time steps make fewer steps."""
 

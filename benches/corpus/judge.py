@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from corpus.row import MEASURED, Episode, Motion, Row
 
 UNSOLVED = 1e-3
-"""Largest allowed share of steps with the flag NOT_CONVERGED, over both episodes of a model ("random" and "rest") together."""
+"""Largest allowed fraction of steps with the flag NOT_CONVERGED, over both episodes of a model ("random" and "rest") together."""
 ENERGY = 10.0
 """Largest allowed ratio of the larger to the smaller of the mean kinetic energies in stepper and in MuJoCo."""
 ENERGY_FLOOR = 1e-3
@@ -64,18 +64,18 @@ def their_faults(row: Row) -> list[Fault]:
 
 
 def not_converged(row: Row) -> float:
-    """Share of stepper's steps with the flag NOT_CONVERGED, over both episodes of a model ("random" and "rest") together."""
+    """Fraction of stepper's steps with the flag NOT_CONVERGED, over both episodes of a model ("random" and "rest") together."""
     steps = sum(episode.steps for _, episode in episodes(row))
     return sum(episode.not_converged * episode.steps for _, episode in episodes(row)) / max(steps, 1)
 
 
 def infeasible(row: Row) -> float:
-    """Share of stepper's steps with the flag INFEASIBLE in an episode of a model, the larger share of "random" and "rest"."""
+    """Fraction of stepper's steps with the flag INFEASIBLE, in the episode of a model ("random" or "rest") with more of these steps."""
     return max(episode.infeasible for _, episode in episodes(row))
 
 
 def tunnelled(row: Row) -> float:
-    """Share of stepper's steps with the flag TUNNELLED in an episode of a model, the larger share of "random" and "rest"."""
+    """Fraction of stepper's steps with the flag TUNNELLED, in the episode of a model ("random" or "rest") with more of these steps."""
     return max(episode.tunnelled for _, episode in episodes(row))
 
 

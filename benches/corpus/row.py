@@ -40,12 +40,12 @@ class Episode:
 
     Attributes:
         steps: Number of steps; fewer than planned if the processor time ran out.
-        not_converged: Share of stepper's steps with the flag NOT_CONVERGED.
-        non_finite: Share of steps with NON_FINITE.
-        contacts_full: Share of steps with CONTACTS_FULL.
-        unresolved: Share of steps with UNRESOLVED.
-        tunnelled: Share of steps with TUNNELLED.
-        infeasible: Share of steps with INFEASIBLE.
+        not_converged: Fraction of stepper's steps with the flag NOT_CONVERGED.
+        non_finite: Fraction of stepper's steps with NON_FINITE.
+        contacts_full: Fraction of stepper's steps with CONTACTS_FULL.
+        unresolved: Fraction of stepper's steps with UNRESOLVED.
+        tunnelled: Fraction of stepper's steps with TUNNELLED.
+        infeasible: Fraction of stepper's steps with INFEASIBLE.
         residual: Largest residual of stepper, m/s.
         ours: Motion of stepper.
         theirs: Motion of MuJoCo.
@@ -94,9 +94,9 @@ class Row:
         overlap: Deepest overlap in the reference pose, m.
         hinge_outside: Largest limit violation of a hinge in the reference pose, rad.
         slide_outside: Largest limit violation of a slide in the reference pose, m.
-        mass_error: Largest relative error of the mass matrix over the states.
-        bias_error: Largest relative error of the bias force.
-        acceleration_error: Largest relative error of the acceleration without constraints.
+        mass_error: Largest relative error of the mass matrix over some random states (`dynamics.agreement`).
+        bias_error: Largest relative error of the bias force over the same states.
+        acceleration_error: Largest relative error of the acceleration without constraints over the same states.
         random: Episode with random controls.
         rest: Episode with zero controls.
     """

@@ -15,7 +15,7 @@ Array = np.ndarray[Any, Any]
 
 @dataclass(frozen=True)
 class Followed:
-    """Results of a run of a `Tracker` at its marks, the samples after which estimates are compared with the truth.
+    """Results of a run of a `Tracker` with n parameters at its marks, the samples after which estimates are compared with the truth.
 
     Attributes:
         error: Logarithms of estimate over truth, (marks, n).

@@ -16,9 +16,9 @@ PERIOD = 0.02
 START_STD = (1e-4, 1e-3)
 """Standard deviations of the true initial positions, m or rad, and velocities, m/s or rad/s. The tracker gets them as `start_std`."""
 GUESS = 0.4
-"""Standard deviation of the logarithms of the tracker's random initial values from the true values.
+"""Standard deviation of log(initial value / true value) for the random initial values of the tracker's parameters.
 
-The fixed initial values of the scenes deviate by a similar amount.
+The fixed initial values of the scenes (`Strike.start`) deviate by a similar amount.
 """
 
 STRUCK = springy_finger("struck box", stiffness=3000, damping=5, mass="{0}", friction="{1}")
@@ -104,7 +104,8 @@ class Strike:
         """Create a tracker that estimates the scene's two unknown parameters, before its first sample.
 
         Args:
-            prior: Standard deviation of the initial values, relative to them. With None the tracker uses its default prior.
+            prior: Standard deviation of the tracker's prior, divided by the initial values, which are the mean of the prior. With None the
+                tracker uses its default prior.
             settings: Further arguments of `stepper.sysid.Tracker`.
         """
         model = self.model(self.start)
@@ -228,7 +229,7 @@ def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, n
 
 
 def resting(model: stepper.Model) -> list[int]:
-    """Index of the box's vertical degree of freedom, along which it may rest on the floor at the start. Empty if there is none."""
+    """List with the index of the degree of freedom "z", along which a box may rest on the floor at the start; empty if there is none."""
     return [model.joint("z").dofadr] if "z" in model.joint_names else []
 
 

@@ -76,13 +76,13 @@ class Anatomy:
 
     @property
     def excess(self) -> dict[str, float]:
-        """Difference between time and floor (least time of the arithmetic) of each part, as a share of the step's time."""
+        """Difference between time and floor (least time of the arithmetic) of each part, as a fraction of the step's time."""
         whole = sum(micros for micros, _ in self.parts.values())
         return {name: (micros - floor) / whole for name, (micros, floor) in self.parts.items()}
 
     @property
     def farthest(self) -> tuple[str, float]:
-        """Name of the part with the largest difference between time and floor, and this difference as a share of the step's time."""
+        """Name of the part with the largest difference between time and floor, and this difference as a fraction of the step's time."""
         return max(self.excess.items(), key=lambda part: part[1])
 
 

@@ -88,7 +88,7 @@ class Track:
 
     @property
     def slip(self) -> tuple[float, float] | None:
-        """Median displacement of the held objects relative to their holder, m, and share of dropped objects."""
+        """Median displacement of the held objects relative to their holder, m, and fraction of the objects that were dropped."""
         if self.before is None or self.after is None:
             return None
         way = np.linalg.norm(self.after - self.before, axis=1)

@@ -70,7 +70,8 @@ class Scene:
         name: Name of the scene.
         about: Description of the scene and source of its parameters, for the page.
         spec: Function that builds the model, an `MjSpec`, from the cache of downloaded packages.
-        script: Function that makes the `Script` (initial states and controls) from compiled model, number of environments and generator.
+        script: Function that makes the `Script` (initial states and controls). Its arguments are the compiled model, the number of
+            environments and a random number generator.
         phases: Phases of an episode, in order.
         lead: Number of steps before the episode begins, with the first controls of the script. The episode starts
             in all engines from the states after these steps.

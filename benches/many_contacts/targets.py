@@ -18,7 +18,7 @@ from many_contacts.scene import LEAST, MEAN
 Row = Mapping[str, Any]
 PRECISIONS = ("f64", "f32")
 UNSOLVED = 1e-4
-"""Largest allowed share of unsolved environment steps."""
+"""Largest allowed fraction of unsolved environment steps."""
 ROBOTS, ALONE = (9.0, 15.0), (3.5,)
 """Target speedups over MuJoCo, as means over the robots of comparison/throughput.py.
 
@@ -45,7 +45,7 @@ class Reached:
         group: Name of the group of similar episodes, which together count as one in mean speedups.
         ratio: Speedup, the time of MuJoCo divided by that of stepper.
         micros: Time of stepper per environment step, us.
-        unsolved: Share of unsolved environment steps.
+        unsolved: Fraction of environment steps that were not solved.
         anatomy: Parts of a step, and floor (least time of its arithmetic). None if not measured.
     """
 
@@ -92,7 +92,7 @@ def robots(path: Path) -> Mapping[str, Any] | None:
 def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone: bool = False) -> list[Reached]:
     """Results of the robots in throughput.json in one precision, for a batch of environments or for single environments.
 
-    For single environments, the share of unsolved steps is nevertheless that of the batch.
+    For single environments, the fraction of unsolved steps is nevertheless that of the batch.
 
     Args:
         found: Content of throughput.json.
@@ -124,7 +124,7 @@ def grouped_mean(found: Iterable[tuple[str, float]]) -> float | None:
 
 
 def percent(share: float) -> str:
-    """Text of a share of unsolved steps in per cent, in bold type if the share is above `UNSOLVED`."""
+    """Text of a fraction of unsolved steps (`share`) in per cent, in bold type if the fraction is above `UNSOLVED`."""
     text = f"{100 * share:.2g}"
     return text if share <= UNSOLVED else f"**{text}**"
 
@@ -206,11 +206,11 @@ def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[R
 
 
 def _unsolved(worst: Reached, named: bool) -> str:
-    """Text of the share of unsolved steps in a result, in per cent, with or without the episode's name.
+    """Text of the fraction of unsolved steps in a result, in per cent, with or without the episode's name.
 
     Args:
-        worst: The result, which has the largest share among several results.
-        named: Whether to add the name of the episode to a share above 0.
+        worst: The result, which has the largest fraction of unsolved steps among several results.
+        named: Whether to add the name of the episode to a fraction above 0.
     """
     text = percent(worst.unsolved)
     return f"{text} ({worst.name})" if named and worst.unsolved else text

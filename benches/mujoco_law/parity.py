@@ -58,8 +58,8 @@ class Parity:
 
     Attributes:
         states: Number of states.
-        touching: Share of states with contacts.
-        same: Share of states in which both engines find the same contacts: geoms, number and distance.
+        touching: Fraction of the states with contacts.
+        same: Fraction of the states in which both engines find the same contacts: geoms, number and distance.
         error: Difference of velocities after the step, relative to 1 + max |qvel|, for states with equal contacts, (n,).
         spread: Difference between the results of MuJoCo's own solvers, relative to 1 + max |qvel|, in the same n states, (n,).
         newton_steps: Mean number of Newton steps of stepper's solver.
@@ -76,7 +76,7 @@ class Parity:
 
     @property
     def agrees(self) -> float:
-        """Share of states in which the velocities after the step agree, among the states with equal contacts; 1 if there are none."""
+        """Fraction of the states with equal contacts in which the velocities after the step agree; 1 if there are no such states."""
         return float(np.mean(self.error <= np.maximum(AGREES, self.spread))) if len(self.error) else 1.0
 
 

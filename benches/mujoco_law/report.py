@@ -53,7 +53,7 @@ class Row:
 
 
 def _percent(share: float) -> str:
-    """Text of a share in per cent."""
+    """Text of a fraction (`share`) in per cent."""
     return f"{100 * share:.0f} %"
 
 

@@ -1,7 +1,7 @@
 """Falling block with a horizontal velocity. In a textbook exercise each impact takes 10 % of this velocity; Coulomb friction does not.
 
 The exercise applies v_z <- -e v_z and v_x <- 0.9 v_x at each impact. The first rule is restitution. The second one is not Coulomb friction:
-an impact with Coulomb friction reduces v_x by the fixed speed mu (1 + e) |v_z|, not by a fixed share. One value of mu gives 10 % of 1 m/s
+an impact with Coulomb friction reduces v_x by the speed mu (1 + e) |v_z|, not by a fraction of v_x. One value of mu gives 10 % of 1 m/s
 at the first impact. With this mu, slower blocks lose more than 10 %, and later, softer impacts take less speed.
 
     stepper sweep examples/studies/block.py

@@ -126,7 +126,7 @@ def table() -> None:
 
 
 def picture(file: str) -> None:
-    """Plot the share of successful episodes of both policies against the size of each sensor error, into an image file."""
+    """Plot the fraction of successful episodes of both policies against the size of each sensor error, into an image file."""
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     figure = Figure(figsize=(10, 2.9), dpi=130, layout="constrained")

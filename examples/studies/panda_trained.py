@@ -65,7 +65,7 @@ def table(sweeps: Any) -> None:
 
 
 def picture(sweeps: Any, file: str) -> None:
-    """Plot the share of picked cubes over friction with Wilson intervals, in one panel each for the policy and the script."""
+    """Plot the fraction of picked cubes over friction with Wilson intervals, in one panel each for the policy and the script."""
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     figure = Figure(figsize=(9, 3.2), dpi=130, layout="constrained")

@@ -69,7 +69,7 @@ def servo(ratio: float):
     """Create the function that measures scene 22, a critically damped servo on a mass m = 1 kg.
 
     The stiffness k of the servo follows from h sqrt(k/m) = ratio, where h is the time step.
-    The created function returns the share of an initial offset that is left after 200 steps.
+    The created function returns the fraction of an initial offset that is left after 200 steps.
     """
 
     def measure(engine: Engine, dt: float) -> float:

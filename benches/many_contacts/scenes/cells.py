@@ -64,7 +64,7 @@ ARMS = {"right": ("peg", 0.01), "left": ("socket", 0.022)}
 WAYPOINTS = 4
 """Number of random targets of each hand in the phase "pushes"."""
 SPREAD = np.array([0.03, 0.03, 0.005])
-"""Range of the random hand positions about the object, m."""
+"""Half ranges of the random hand positions about the object in x, y and z, m."""
 DRY, DAMPING = 0.05, 0.07
 """Factor on the dry friction of ALOHA's joints; and damping of a joint divided by the stiffness of its servo, s."""
 STEEP = 0.9

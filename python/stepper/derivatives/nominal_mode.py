@@ -19,8 +19,10 @@ from stepper.derivatives.kinks import CURVATURE, Bools, Kink, RowGroup
 from stepper.derivatives.perturbations import Array, Stencil
 
 WIDTHS = 6
-"""Number of half widths at which a column is differentiated. The narrowest is 1/1024 of the widest. Rounding causes an
-error of about 1e-6 in its difference."""
+"""Number of half widths at which a column is differentiated.
+
+The narrowest half width is 1/1024 of the widest. Rounding causes an error of about 1e-6 in the narrowest difference.
+"""
 
 WIDTH_RATIO = 0.25
 """Ratio of each half width of a difference to the next wider one."""

@@ -45,7 +45,8 @@ class Episode:
             and zero activation.
         start_std: Standard deviations of the initial position (as a displacement in the degrees of freedom, m and rad) and velocity (m/s
             and rad/s), each a number or (nv,). `identify` then estimates the initial state too. None means an exact initial state.
-        applied: Applied forces and mocap poses in each period by name, (T, ...), with the shapes of `Stepper.xfrc_applied` and others.
+        applied: Applied forces and mocap poses in each period, by name of the attribute of `Stepper`, such as "xfrc_applied". Each is
+            (T, ...), with the shape of the attribute in one environment.
         name: Name of the episode in error messages.
         notes: Assumptions that were made when a file was read; `identify` adds them to its warnings.
     """

@@ -1,7 +1,7 @@
 """Offline identification (`stepper.sysid.identify`): parameters of a model from measurements, with their uncertainty.
 
-The optimiser varies x: the parameter vector in units of its scales, then uncertain initial states. Scales are relative for positive
-quantities, whose logarithms are varied.
+The optimiser varies the vector x: first the parameter vector theta, divided by its scales (`Block.scale`), then the uncertain coordinates
+of the initial states. Theta has the logarithms of positive quantities, with a scale of 1.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SAME_MINIMUM = 1e-2
 ABANDON_RATIO = 9.0
 """Ratio of a search's cost to the lowest cost, above which the search is abandoned. At 9, residuals are three times as large."""
 COARSE, FINE = 1e-4, 1e-4
-"""Relative change of the unknowns below which a search ends, and the factor by which this limit is smaller for the last search."""
+"""Relative change of the unknowns below which a search ends: `COARSE` for all searches except the last, `COARSE * FINE` for the last."""
 NOISE_TOLERANCE = 0.05
 """Relative change of the estimated noise below which the iteration of the noise ends."""
 MIN_NOISE = 1e-6
@@ -154,7 +154,11 @@ def identify(
 class _Found:
     """End of a search for the least-squares estimate.
 
-    Fields are the vector x of unknowns, half the sum of losses, residuals and Jacobian at x, and whether the search converged.
+    Attributes:
+        x: Vector of unknowns at the end, (n + starts,).
+        cost: Half the sum of the losses of all residuals at x.
+        at: Residuals and Jacobian at x.
+        converged: Whether the search converged.
     """
 
     x: Array

@@ -39,14 +39,14 @@ MERGE_STD_RATIO = 1.5
 
 @dataclass(frozen=True)
 class Mixture:
-    """Weighted sum of normal distributions of the parameters.
+    """Weighted sum of normal distributions of the n parameters (the vector theta), one under each of k hypotheses.
 
     Attributes:
         weights: Probability of each hypothesis, (k,).
-        means: Means, (k, n).
-        covariances: Covariances, (k, n, n).
-        lows: Lower bounds of each hypothesis, (k, n).
-        high: Upper bounds, (n,).
+        means: Mean of the parameters under each hypothesis, (k, n).
+        covariances: Covariance of the parameters under each hypothesis, (k, n, n).
+        lows: Lower bounds of the parameters under each hypothesis, (k, n).
+        high: Upper bounds of the parameters under all hypotheses, (n,).
     """
 
     weights: Array

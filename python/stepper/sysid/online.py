@@ -39,7 +39,7 @@ class Tracked:
     """Estimates of a `Tracker` after a sample.
 
     Attributes:
-        time: Time of the sample since the first, s.
+        time: Time of the sample, s: number of samples so far times the period.
         labels: Names of the parameters.
         values: Estimates in their units, (n,): weighted means over the tracker's hypotheses about friction.
         interval: 95 % intervals in the same units, (n, 2).
@@ -51,7 +51,7 @@ class Tracked:
             for a wrong one.
         untrusted: Fraction of the time steps in the window that were not solved.
         seconds: Computing time of the update, s.
-        warnings: Problems of the data: readings that are one sample late or early relative to their controls.
+        warnings: Warning that the readings are one sample late or early relative to their controls; empty without one.
     """
 
     time: float

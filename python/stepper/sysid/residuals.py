@@ -15,7 +15,10 @@ from stepper.sysid.shift import shifted
 from stepper.sysid.simulate import Simulator
 
 JUMP = 0.5
-"""Relative difference between the one-sided derivatives at a point above which a reading is assumed to jump on one side."""
+"""Largest ratio for a smooth reading: difference of its one-sided derivatives at a point, divided by the larger of them.
+
+Above this ratio, the reading is assumed to jump on one side of the point.
+"""
 
 
 @dataclass(frozen=True)

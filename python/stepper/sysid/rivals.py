@@ -7,6 +7,8 @@ information of the derivatives is reliable.
 
 Frictions are logarithms throughout. The cost of a friction is a sum of squares, minimised over all other unknowns. The terms are residuals
 in units of the noise, and deviations of the unknowns from their mean before the window, in standard deviations.
+
+Arrays of residuals are (count, T, width): simulated points, samples of the window, and columns of all channels of the readings.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ ROWS_PER_ORDER = 10
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Uncertainty of the estimated parameters x.
+    """Uncertainty of the estimated parameters x, which are n numbers in units of their scales.
 
     Attributes:
         covariance: Covariance of x, (n, n). It is finite, because the bounds limit the variance of undetermined parameters.

@@ -40,7 +40,11 @@ _ROUNDS = 11
 _SHORTEST_ROUND = 4e-3
 """Shortest duration of a timed round, s of processor time."""
 _USED_FRICTION = 1e-9
-"""Fraction of the friction cone, or ratio of friction torque to peak force (m), above which a contact counts as using friction."""
+"""Value above which a pair of geoms counts as using friction.
+
+The compared numbers are the used fraction of the friction cone, |f_t| / (mu f_n), and the largest torsional or rolling friction torque
+divided by the largest normal force, m.
+"""
 
 
 @dataclass(frozen=True)

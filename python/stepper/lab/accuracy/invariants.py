@@ -194,7 +194,12 @@ class Invariants:
         return worst
 
     def _state(self, qpos: Array, qvel: Array) -> _Measured:
-        """Measures energies, momenta and position errors of a state, (nq,) m and rad, and (nv,) m/s and rad/s, with MuJoCo's library."""
+        """Measures energies, momenta and position errors of a state with MuJoCo's library.
+
+        Args:
+            qpos: Positions, (nq,), m and rad.
+            qvel: Velocities, (nv,), m/s and rad/s.
+        """
         m, d, mujoco = self._model, self._data, self._mujoco
         d.qpos[:], d.qvel[:] = qpos, qvel
         mujoco.mj_fwdPosition(m, d)
@@ -348,7 +353,7 @@ def _inflow(study: Study, m: Any, mujoco: Any) -> str | None:
 
 
 def _along_positions(m: Any, mujoco: Any, k: int) -> bool:
-    """Whether actuator k acts on a hinge, a slide or a tendon, so that its displacement is a change of its length."""
+    """Whether actuator k acts on a hinge, a slide or a tendon. Its work is then its force times the change of its length."""
     kinds, joints = mujoco.mjtTrn, mujoco.mjtJoint
     if m.actuator_trntype[k] == kinds.mjTRN_TENDON:
         return True

@@ -51,7 +51,7 @@ class ChartBasis:
     Attributes:
         study: The study.
         episodes: Numbers of the episodes.
-        distance: Definition of errors.
+        distance: Definition of errors: unit and horizon.
         reference: Reference, relative to which errors are measured.
         most: Largest number of halvings of the time step for converged runs.
         budget: Time budget.

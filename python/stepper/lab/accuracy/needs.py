@@ -42,9 +42,9 @@ class Spare:
         error: Largest change of the motion in any episode without the part, m or rad; NaN if it was not measured.
         saved: Saved fraction of a batch's processor time, median of rounds; NaN if it was not measured.
         least: Lower bound of `saved`.
-        removed: Whether the part is absent in the smaller model (`Tuning.smaller`) or settings. The change must be within the budget, and
-            `least` above 0.
-        setting: Option that removes the part, as text, if it is not a change of the model.
+        removed: Whether the part is removed: from the smaller model (`Tuning.smaller`), or by `setting`. A part is removed if `error` is
+            within the budget and `least` is above 0.
+        setting: Option of the step that replaces the part, as text; empty if the part is removed from the model.
     """
 
     part: str
@@ -105,7 +105,9 @@ class Bench:
             return saving((self.study, self.settings), (self._study_with(smaller), self.settings), self.trace)
 
     def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
-        """Change of the motion and saved time if some settings replace others. Both are used in addition to `self.settings`.
+        """Change of the motion and saved time if the settings `after` replace the settings `before`.
+
+        The runs that are compared have `self.settings` with one of these two sets added.
 
         Args:
             before: Settings by name that are replaced.
@@ -213,7 +215,8 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
     may = pairs_that_may_touch(model, compiled)
     never = sorted(may - set(bodies.values()))
     apart = set(never) | {_ordered(own) for own in whole["excludes"]}
-    # Without their explicit pair, geoms with matching masks still collide, unless their bodies are excluded. Removing it saves nothing.
+    # Without their explicit pair, geoms with matching masks still collide, unless their bodies are excluded. Removing such a pair saves
+    # nothing.
     idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _collides(model, geoms))]
     of_near = [geoms for geoms in idle if _bodies(model, geoms) not in never]
 
@@ -299,7 +302,7 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     friction = np.asarray(model.geom_friction, float)
     wide = {k: _FRICTION_FACTOR * max(pressed[key].friction for key in holds if k in key) for k in steady}
     raised = np.array([[wide.get(k, own), *rest] for k, (own, *rest) in enumerate(friction.tolist())]).reshape(friction.shape)
-    # The cone of a pair stays the same if none of its geoms is steady, or if the pair takes its friction from the other geom.
+    # The cone of a pair becomes wider only if the pair takes its friction from a geom in `steady`.
     widened = {
         key for key in holds if key in explicit or pair_friction(model, raised, *key, {}) >= _FRICTION_FACTOR * pressed[key].friction
     }

@@ -62,7 +62,7 @@ class Reference:
     Attributes:
         runs: The three finest runs with the midpoint rule, the finest last. Fewer if the time budget ended; a single run has no uncertainty
             estimate.
-        second: Runs with the rule of first order at the two finest time steps; empty if it does not apply.
+        second: Runs with the rule of first order at the two finest time steps; empty if there is no second method.
         target: Target of the uncertainty, m or rad.
         uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.
         orders: Observed order of convergence of every episode, (episodes,); NaN if the differences between the runs are rounding errors.

@@ -107,14 +107,15 @@ def compare(
     """Runs the same episodes with hard contact, with MuJoCo's contact law, and in MuJoCo if it is installed.
 
     Args:
-        source: Source of the model, as for `stepper.load`. With a `Model`, or if MuJoCo is not installed, the run in MuJoCo and
-            the sliding distance are left out.
+        source: Source of the model, as for `stepper.load`. With a `Model` or a saved model, or if MuJoCo is not installed, the run in
+            MuJoCo and the sliding distance are left out.
         controller: Controls (steps, nu) or (steps, num_envs, nu), in the actuators' units; after the end the last row is kept. Or a
             function of qpos (num_envs, nq) and qvel (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws random
             controls.
         seconds: Length of an episode, s.
         num_envs: Number of episodes.
-        options: Options of the step for both laws; `contact` is ignored, and MuJoCo's law has the integrator of the source.
+        options: Options of the step for both laws; `contact` is ignored. With MuJoCo's law, `integrator` is ignored too, and the integrator
+            of the source is used.
         start: Initial positions (num_envs, nq), m and rad, and velocities (num_envs, nv), m/s and rad/s. None starts at the reference pose
             with small random velocities.
         hold: Time for which a random control is held, s.

@@ -1,4 +1,4 @@
-"""Controllers of a study: recorded controls, policies and random controls; digests of controllers and measures."""
+"""Controllers of a study: recorded controls, policies and random controls; digests of controllers and measures (functions of outcomes)."""
 
 from __future__ import annotations
 
@@ -238,7 +238,7 @@ def load_file(path: Path) -> ModuleType:
 
 
 def digest_of(thing: Any) -> str:
-    """SHA-256 of a controller or measure. Controllers with equal digests give equal results.
+    """SHA-256 of a controller, or of a measure (the function of an outcome). Controllers with equal digests give equal results.
 
     * Function: its name, file, default arguments, closure variables, and the object of which it is a method. Modules that the file imports
       from the folder of a study are included.
@@ -529,7 +529,7 @@ def _code(code: CodeType) -> bytes:
 
 
 def name_of(thing: Any) -> str:
-    """Name of a controller or measure for tables: "file.py:name", or the name of a policy file."""
+    """Name of a controller or of an outcome's measure, for tables: "file.py:name", or the name of a policy file."""
     if isinstance(thing, str) or thing is None:
         return str(thing or "nothing")
     if isinstance(thing, Policy):

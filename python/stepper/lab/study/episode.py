@@ -1,4 +1,7 @@
-"""Selected episodes of a study: their rows (equal to those in tables, bit for bit), recordings, and stepwise runs for the viewer."""
+"""Selected episodes of a study: results (rows), recordings, and stepwise runs for the viewer.
+
+The results equal those in the tables of a sweep bit for bit.
+"""
 
 from __future__ import annotations
 

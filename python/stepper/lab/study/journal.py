@@ -34,7 +34,10 @@ def diverged(row: Row) -> bool:
 
 
 class JournalError(ValueError):
-    """A journal cannot be used: it is damaged, belongs to another study or version, or another process has it open."""
+    """A journal cannot be used.
+
+    It is damaged, belongs to another study, or has another version of the tables. Or another process has it open.
+    """
 
 
 class Journal:
@@ -47,7 +50,8 @@ class Journal:
         study: Name of the study.
 
     Raises:
-        JournalError: Another process has the journal open, or it is damaged, or it belongs to another study or version.
+        JournalError: Another process has the journal open, or the journal is damaged, belongs to another study, or has another version of
+            the tables.
         OSError: The folder cannot be created.
     """
 
@@ -92,7 +96,7 @@ def rows_of(path: Path, study: str | None = None) -> list[Row]:
         study: Name of the study; None accepts any name.
 
     Raises:
-        JournalError: The journal is damaged, or belongs to another study or version.
+        JournalError: The journal is damaged, belongs to another study, or has another version of the tables.
     """
     if not path.exists():
         return []

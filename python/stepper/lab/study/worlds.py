@@ -282,9 +282,9 @@ class StepperWorld(World):
     def certificate(self) -> dict[str, NDArray[Any]]:
         """Quality of the steps of the episode so far, by name, (num_envs,) each.
 
-        "status" has the flags of `Status` that any step set. "residual" (m/s) is the largest residual of the last steps of all calls of
-        `advance`. The other entries are largest values of all steps: "max_penetration" (m), "max_limit_violation" (m, rad) and
-        "max_equality_violation" (m, rad).
+        "status" has the flags of `Status` that any step set. "residual" (m/s) is the largest residual of the steps that end a call of
+        `advance`. Residuals of the other steps do not count. The other entries are largest values of all steps: "max_penetration" (m),
+        "max_limit_violation" (m, rad) and "max_equality_violation" (m, rad).
         """
         return self._worst
 

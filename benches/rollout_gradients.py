@@ -167,7 +167,8 @@ class Judged:
 def directions(scene: Scene, rng: np.random.Generator, count: int) -> Iterator[tuple[str, Array, Array]]:
     """Yield random coordinates by which a rollout is differentiated, `count` of each kind: "qpos", "qvel" and "ctrl".
 
-    Each is a tuple of the kind and unit displacements of the first state, (2 nv,), and of the controls, (T, nu).
+    A coordinate is a tuple of its kind, a displacement of the first state, (2 nv,), and a displacement of the controls, (T, nu). One entry
+    of the two displacements is 1, and all others are 0.
     """
     nv, (T, _, nu) = scene.sim.model.nv, scene.ctrl.shape
     for _ in range(count):

@@ -203,7 +203,7 @@ def _stiffen(model: mujoco.MjModel, time_constant: float, restitution: float | N
 
 @dataclass(frozen=True)
 class Rapier:
-    """Engine rapier from its Python wheel, in single precision with default settings.
+    """Engine rapier from its Python wheel, with default settings. It computes in 32 bits.
 
     A contact has the larger friction coefficient of its two geoms, as in MuJoCo.
     """

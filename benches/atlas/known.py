@@ -17,7 +17,7 @@ class Bound:
 
     Attributes:
         largest: Function from the time step, s, to the bound, in the unit of the scene.
-        because: Where the bound comes from.
+        because: Origin of the bound, as text, such as a measurement.
     """
 
     largest: Callable[[float], float]
@@ -32,7 +32,7 @@ class Slope:
         power: Exponent of the time step: the order of the integrator, or twice the order in scenes with squared errors.
         dts: Time steps over which the exponent is measured, s.
         margin: Largest difference between the measured exponent and `power`.
-        because: Where the margin comes from.
+        because: Origin of the margin, as text, such as a measurement.
     """
 
     power: float
@@ -73,7 +73,7 @@ def below(largest: float, because: str) -> Bound:
 
     Args:
         largest: The bound, in the unit of the scene.
-        because: Where the bound comes from.
+        because: Origin of the bound, as text.
     """
     return Bound(lambda _dt: largest, because)
 

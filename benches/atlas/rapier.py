@@ -108,7 +108,7 @@ class _Loaded(RapierScene):
         b.add_torque(tuple(map(float, torque)))
 
     def touches(self, dt: float) -> list[Touch]:
-        """Contact points of the last step with their mean forces."""
+        """Contact points of the last step. A normal force is the impulse of the step divided by the time step `dt`, s."""
         out = []
         for pair in self.world.narrow_phase.contact_pairs():
             geoms = tuple(self._geoms[h.index, h.generation] for h in (pair.collider1, pair.collider2))

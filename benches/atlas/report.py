@@ -14,7 +14,7 @@ from atlas.run import CANNOT, HELD, Row
 from atlas.scene import Scene
 
 USUAL = 2e-3
-"""Time step of the summary of the atlas, s: each scene's error is that at its time step nearest to this one."""
+"""Time step of the atlas's summary, s. The summary has the error of each scene at the scene's time step that is nearest to this value."""
 
 HEAD = """# The failure atlas
 

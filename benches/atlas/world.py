@@ -101,7 +101,7 @@ class World(ABC):
 
     @abstractmethod
     def _advance(self, ctrl: Array | None, nstep: int) -> None:
-        """Make `nstep` steps with controls (num_envs, nu). `cpu` adds the processor time of this method."""
+        """Make `nstep` steps with controls (num_envs, nu). The caller adds the processor time of this method to `cpu`."""
 
     @abstractmethod
     def _check(self) -> None:

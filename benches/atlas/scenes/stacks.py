@@ -26,9 +26,10 @@ def tower(top: float) -> str:
 
 
 def weights(top: float):
-    """Create the function that measures scene 12, a stack of ten boxes with a top box of `top` kg, after two seconds.
+    """Create the function that measures scene 12, a stack of ten boxes with a top box of `top` kg.
 
-    The created function returns the largest relative error of the force between two boxes, compared with the weight above it.
+    The created function returns the largest relative error of a force after two seconds: that between two boxes, or on the floor. The right
+    force is the weight of the boxes above.
     """
 
     def measure(engine: Engine, dt: float) -> float:

@@ -16,7 +16,7 @@ WIDE, TALL, MASS = 0.1, 0.2, 2.0
 """Half width and half height, m, and mass, kg."""
 BOX = box((WIDE, 0.15, TALL), MASS)
 MU = 1.0
-"""Friction, twice the ratio of force to weight at which the box tips, so that it never slides."""
+"""Friction coefficient: twice the ratio of the tipping force to the weight, so that the box tips before it could slide."""
 ABOVE, BELOW = 1.001, 0.999
 SECONDS = 2.0
 ARM = math.hypot(WIDE, TALL)

@@ -18,7 +18,7 @@ American Journal of Physics 47, 984)."""
 
 
 def turntable() -> str:
-    """MJCF of scene 33: a ball of 1 kg on a hinged turntable, which has 1000 t, so that the ball does not slow it down."""
+    """MJCF of scene 33: a ball of 1 kg on a hinged turntable of 1000 t, which the ball does not slow down."""
     table = f"""<body name="table" pos="0 0 {-THICK}"><joint type="hinge" axis="0 0 1"/>
       <geom name="table" type="box" size="3 3 {THICK}" mass="1e6"/></body>"""
     return document(table + free("ball", ball(RADIUS, MASS), (START, 0, RADIUS)))

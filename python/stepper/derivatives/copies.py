@@ -100,7 +100,10 @@ def _controls(sim: Stepper, ctrl: ArrayLike | None) -> Array:
 
 
 def rows(sim: Stepper, name: str) -> NDArray[Any]:
-    """Array of a stepper, in its unit, with the environments as the leading axis: (num_envs, ...), and (1, ...) with `num_envs=None`."""
+    """Attribute `name` of a stepper as an array (num_envs, ...), in the unit of the attribute.
+
+    A stepper with `num_envs=None` has no axis of environments. The result then has the shape (1, ...).
+    """
     value = np.asarray(getattr(sim, name))
     return value[None] if sim.num_envs is None else value
 
@@ -259,7 +262,7 @@ def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array
 def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | None = None) -> Stepper:
     """Stepper with `count` unperturbed copies of every environment: all copies of the first one, then those of the second one, and so on.
 
-    Options and full state are the same.
+    A copy has the full state of its environment and the options of the original stepper, except for the tolerance.
 
     Args:
         sim: The original stepper.

@@ -60,8 +60,7 @@ def where_available(
         sensors: Whether derivatives of sensor readings are needed, which the theorem does not support.
 
     Returns:
-        Arrays by name: "slopes" (num_envs, 1, columns, rows), flags "causes" (num_envs, columns), and others. The mask "implicit",
-            (num_envs,), is False where the derivatives are not valid.
+        Arrays by name, as `derivatives` returns them.
     """
     state = [block for block in blocks if block.field not in RANDOMIZED]
     if not state:
@@ -119,8 +118,7 @@ def _product(
         tolerance: Residual to which steps are solved, m/s.
 
     Returns:
-        Arrays by name: "slopes" (num_envs, 1, columns, rows), flags "causes" (num_envs, columns), and others. The mask "implicit",
-            (num_envs,), is False where the derivatives are not valid.
+        Arrays by name, as `derivatives` returns them.
     """
     model, ctrl = sim.model, nominal.fields["ctrl"]
     plant = replicas_of(sim, nominal, 1, tolerance=tolerance)

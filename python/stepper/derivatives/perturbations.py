@@ -46,7 +46,7 @@ def step_of(tolerance: float) -> float:
         truncation              h^2 |f'''| / 6
         kinks within the step   k h             the probability is proportional to h, and the change of the slope is not small
 
-    Without kinks h = (3 e / |f'''|)^(1/3) is best. With them the third part is larger than the second for all h < 6 k / |f'''|, and
+    Without kinks h = (3 e / |f'''|)^(1/3) is best. With kinks the third part is larger than the second for all h < 6 k / |f'''|, and
     h = sqrt(e / k) is best. With k = 1 and the default tolerance of 1e-13 m/s, h is 1e-6. The noise is then 1e-6 at worst and 1e-9 in the
     median, because most solutions end far below the tolerance (docs/how-to/derivatives.md).
     """

@@ -80,7 +80,7 @@ class Rollout:
 
     @property
     def memory(self) -> int:
-        """Upper bound of the memory of `vjp` in bytes: checkpoints, the states between two of them, and the matrices of one control.
+        """Upper bound of the memory of `vjp` in bytes: checkpoints, the states between two checkpoints, and the matrices of one control.
 
         It does not include the copies that are stepped for finite differences, at most `stepper.derivatives.copies.COPIES_PER_THREAD` per
         thread; these are kept for the next linearization. With `smoothing`, multiply the matrices by the number of samples.

@@ -226,7 +226,8 @@ def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, 
 
     The arrival cost is the normal distribution of the unknowns before the window. A cost is the sum of squared residuals and of squared
     deviations from the arrival cost's mean, in standard deviations. Derivatives give the effect of the other unknowns on the residuals.
-    The cost without prior knowledge is minimised over the friction's deviation from its mean too.
+    A cost without prior knowledge of the friction leaves out the friction's deviation from its mean. It is computed by minimising over this
+    deviation too.
 
     Args:
         j: Index of the friction.

@@ -27,14 +27,14 @@ COLOURED = 0.3
 It tests only if the correlation is also statistically significant.
 """
 LOUD = 1.5
-"""Mean square of the residuals divided by their noise, above which `identify` tests whether readings are shifted by one sample."""
+"""Mean square residual, in units of the squared noise, above which `identify` tests whether readings are shifted by one sample."""
 RECENT = 15
 """Number of samples over which a tracker's normalised innovation squared is averaged."""
 UNEXPLAINED = 3.0
 """Mean normalised innovation squared (squared prediction error over its variance) above which a tracker's model does not fit readings."""
 COPY_INTERVAL = 100
 """Number of samples after which a tracker's stored copy is replaced. Trackers of shifted readings start from this copy."""
-CAUGHT_UP = 2
+SAMPLES_PER_UPDATE = 2
 """Number of past samples that a tracker of shifted readings processes per update, until it has reached the newest sample."""
 FREED_STD = (0.1, 1.0)
 """Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) of an uncertain initial state.
@@ -190,7 +190,7 @@ class Watch:
         than the tracker, the method sets `found` to the shift of this copy.
         """
         for twin in self._twins.values():
-            for _ in range(CAUGHT_UP):
+            for _ in range(SAMPLES_PER_UPDATE):
                 twin.take(self._samples)
         if not all(twin.done(self._samples) for twin in self._twins.values()):
             return

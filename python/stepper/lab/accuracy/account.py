@@ -286,7 +286,7 @@ class _Steps(Timed):
 
 
 def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
-    """Batches of states that occur in some episodes of a study, and the options of their stepper."""
+    """Batches of states that occur in some episodes of a study, and the options of the stepper that ran the episodes."""
     world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
     assert isinstance(world, StepperWorld)
     sim = world.sim

@@ -28,7 +28,7 @@ _LAW = ("#6a1b9a", "#ab47bc")
 _THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
 _RAPIER = ("#000000", "#9e9e9e")
 """Colours of lines: stepper with hard contact, stepper with MuJoCo's contact law, MuJoCo, and rapier."""
-_SINGLE = ", f32"
+_F32_SUFFIX = ", f32"
 """End of the label of a line with 32-bit precision."""
 _FLOOR = 1e-12
 """Smallest error that is drawn; smaller errors are drawn at this value."""
@@ -118,7 +118,7 @@ def _colours(labels: Sequence[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     counts = {"ours": 0, "law": 0, "theirs": 0, "rapier": 0}
     for label in labels:
-        same = label.removesuffix(_SINGLE)
+        same = label.removesuffix(_F32_SUFFIX)
         if same not in found:
             kind = "theirs" if label.startswith("MuJoCo:") else "law" if "MuJoCo's law" in label else "ours"
             kind = "rapier" if label.startswith("rapier:") else kind
@@ -131,7 +131,7 @@ def _colours(labels: Sequence[str]) -> dict[str, str]:
 
 def _line(label: str) -> str:
     """Matplotlib's style of a line of the chart (solid, dashed ...), from the engine and precision in its label."""
-    return "--" if label.startswith("MuJoCo:") else "-." if label.startswith("rapier:") else ":" if label.endswith(_SINGLE) else "-"
+    return "--" if label.startswith("MuJoCo:") else "-." if label.startswith("rapier:") else ":" if label.endswith(_F32_SUFFIX) else "-"
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:

@@ -132,8 +132,8 @@ def measure(
         tick: Progress callback with a text and the fraction done.
 
     Returns:
-        Points of the chart. A text for each line that could not be run, with its label and the reason. The converged run with the contact
-        law of each line, by label of the line.
+        Three results: the points of the chart; texts with the labels of lines that could not be run and the reasons; and by label of a
+        line the converged run with the contact law of the line.
     """
     study = ground.study
     made: dict[int, list[tuple[Trace | None, str]] | str] = {}

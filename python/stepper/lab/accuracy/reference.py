@@ -48,7 +48,7 @@ _MAX_SLOWDOWN = 3.0
 _SHARE = 0.4
 """Largest fraction of the remaining time budget for one run of a reference."""
 _ROUNDING = 1e-11
-"""Difference of two runs below which it counts as rounding, m or rad."""
+"""Largest difference of two runs that counts as a rounding error, m or rad."""
 _SMOOTH_ORDERS = (1.6, 2.6)
 """Range of observed orders of the midpoint rule in smooth motion."""
 

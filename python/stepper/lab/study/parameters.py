@@ -139,7 +139,10 @@ class Parameter:
 
     @property
     def unchanged(self) -> Value | None:
-        """Value of the parameter in episodes that do not vary it: the nominal value, or else 1 for "scale", 0 for "add", None for "set"."""
+        """Value of the parameter in episodes that do not vary it.
+
+        It is the nominal value. Without a nominal value it is 1 for the operation "scale", 0 for "add", and None for "set".
+        """
         return self.nominal if self.nominal is not None else {"scale": 1.0, "add": 0.0}.get(self.operation)
 
     def levels(self) -> list[Value]:

@@ -121,7 +121,10 @@ def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], f
 
 
 def pair_friction(model: Model, friction: Array, first: int, second: int, explicit: Mapping[tuple[int, int], float]) -> float:
-    """Sliding friction of two geoms: that of their explicit pair, else of the geom with the higher priority, else the larger one.
+    """Sliding friction of two geoms.
+
+    It is the friction of their explicit pair if there is one. Otherwise it is that of the geom with the higher priority. With equal
+    priorities it is the larger of the two.
 
     Args:
         model: Model of the scene.

@@ -25,7 +25,7 @@ from stepper.shared.fields import APPLIED, RANDOMIZED
 COPIES_PER_THREAD = 1024
 """Largest number of copies per thread in one batch, so that the copies fit into the cache of a core.
 
-All copies of an environment are in one batch.
+All copies of an environment are in one batch, even if their number is larger than this.
 """
 
 _kept: WeakKeyDictionary[Stepper, dict[tuple[int, float], Stepper]] = WeakKeyDictionary()

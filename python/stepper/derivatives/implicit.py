@@ -49,7 +49,9 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
 def where_available(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
 ) -> dict[str, NDArray[Any]] | None:
-    """Derivatives of the step by the implicit function theorem, in all environments; None if the options or sensors are not supported.
+    """Derivatives of the step by the implicit function theorem, in all environments.
+
+    The result is None if the theorem does not support the options or sensors, or if all `blocks` are parameters.
 
     Args:
         sim: The stepper.

@@ -65,7 +65,7 @@ class Kink(IntFlag):
     SLOPE = 64
     """The slopes (derivatives) on the two sides of the nominal value differ, whatever the cause."""
     UNSOLVED = 128
-    """A step was not solved, not finite, or too long for its motion (`Status`)."""
+    """A step was not solved, its result was not finite, or the time step was too long for the motion (see `Status`)."""
     UNDETERMINED = 256
     """The step has no derivative for fixed active constraints (those of the unperturbed step). The column of the matrix is 0."""
 

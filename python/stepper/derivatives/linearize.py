@@ -40,7 +40,7 @@ class Linearization:
         errors: Estimated error of every entry of `blocks`, with `extrapolate=True`; otherwise empty.
         kinks: Flags of `Kink` for every column of `blocks`, over all steps, (num_envs, *columns) uint32.
         near_kink: Whether any column of an environment has a flag, (num_envs,) bool. A column with a flag is the derivative for the active
-            constraints of the unperturbed step.
+            constraints of the unperturbed step. Without such a derivative the column is 0 (see `undetermined`).
         kinked_steps: Whether any column of an environment has a flag in a step, (num_envs, nstep) bool.
         kink_distance: Estimated distance to the nearest kink, to first order, (num_envs,). It is a multiple of the displacement of the
             copies, which is `step` times the size of the coordinate. Above 1, the copies do not reach the kink. It is infinite if there
@@ -48,7 +48,7 @@ class Linearization:
         step: Half width of the differences for a coordinate of order 1.
         tolerance: Residual to which copies were solved, m/s.
         residual: Largest residual of any copy in the last step, m/s: (num_envs,).
-        status: Flags of all copies together, see `stepper.Status`: (num_envs,) uint32.
+        status: Flags of `stepper.Status` that any copy set in any step, (num_envs,) uint32.
         implicit: Whether the derivatives are those of the implicit function theorem, (num_envs,) bool. It is False with `method="fd"`,
             and in environments that the theorem does not cover, where `method="implicit"` falls back to differences.
         qpos, qvel, act: The nominal state after the steps, (num_envs, nq) m and rad, (num_envs, nv) m/s and rad/s, (num_envs, na).

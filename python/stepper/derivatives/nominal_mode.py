@@ -78,7 +78,8 @@ class Readings:
     Attributes:
         slopes: Difference between the results of each copy and the unperturbed results, divided by the displacement of the copy,
             (pairs, 2, WIDTHS, rows). The rows are those of the derivative matrix.
-        differs: Whether a copy was not solved, or has other active constraints than the unperturbed step, (pairs, 2, WIDTHS) bool.
+        differs: Whether a copy was not solved, or has other active constraints than the unperturbed step, (pairs, 2, WIDTHS) bool. It is
+            also True for all copies of a pair whose unperturbed copy moved otherwise than the environment (`SAME_STEP`).
         noise: Error of the results due to the solver's tolerance, (pairs,), in SI units.
     """
 

@@ -72,7 +72,8 @@ def smoothed(
 
     Returns:
         Linearization whose derivatives are means over the displacements (samples) at which the steps have a derivative. It has the kink
-        flags of all samples, and the smallest kink distance of any sample. `errors` is empty, and the state is that of the first sample.
+        flags of all samples, but `Kink.UNDETERMINED` only in columns for which no sample has a derivative. The kink distance is the
+        smallest of any sample. `errors` is empty, and the state is that of the first sample.
     """
     nominal, model, count = nominal_of(sim, ctrl, ()), sim.model, smoothing.samples
     n, half = nominal.num_envs, smoothing.samples // 2

@@ -157,7 +157,8 @@ def episodes_of(
         model: Model with the sensors, joints and actuators of the measurements.
         channels: Names of the channels to use from files. None selects all sensors of a recording, and all channels of a log.
         columns: New names of columns of a CSV file, or of arrays of an npz file: {"Fx [N]": "wrist_force[0]"}.
-        start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel).
+        start: Initial state of logs whose first row does not have it: name of a keyframe, or (qpos, qvel). None uses the model's reference
+            pose at rest, with a note in `Episode.notes`.
 
     Returns:
         Checked episodes; a recording gives one for each environment and each stretch between resets.
@@ -191,7 +192,7 @@ def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dic
         model: Model with the sensors, joints and actuators of the measurements.
         channels: Names of the channels to use; None selects all channels.
         columns: New names of columns of a CSV file, or of arrays of an npz file.
-        start: Initial state of logs whose first row does not have it; None if no log needs one.
+        start: Initial state of logs whose first row does not have it, as in `episodes_of`.
     """
     if (path / HEADER).exists():
         return _of_recording(path, model, channels)
@@ -259,7 +260,8 @@ def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequenc
         table: Columns by name, (rows,) or (rows, dim) each. "time", "ctrl" and applied forces are removed from it.
         model: Model of the measurements.
         channels: Names of the channels to use; None selects all channels.
-        start: Initial state, if the first row does not have it: name of a keyframe, or (qpos, qvel); None uses the first row.
+        start: Initial state, if the first row does not have it: name of a keyframe, or (qpos, qvel). None uses the model's reference pose
+            at rest, with a note.
 
     Returns:
         Episode with rows - 1 periods: period k has the controls of row k and the readings of row k + 1.

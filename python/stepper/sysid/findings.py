@@ -25,7 +25,10 @@ Its 95 % interval then spans a factor of four up and down.
 TWINS = 0.98
 """Correlation of two parameters above which the data determine only a combination of them, such as their ratio. See also `LOOSE`."""
 LOOSE = 0.1
-"""Standard deviation, in units of a parameter's scale, below which a high correlation of the parameter is not reported."""
+"""Standard deviation, in units of a parameter's scale, above which a high correlation of two parameters is reported.
+
+One of the two parameters must have a larger standard deviation than this.
+"""
 ROUGH = 0.3
 """Relative difference between derivatives with a finite-difference step and with twice that step, above which a warning is given."""
 

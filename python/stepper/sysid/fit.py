@@ -33,7 +33,7 @@ from stepper.sysid.uncertainty import uncertainty, weights_of
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 START_SPREAD = 1.5
-"""Largest distance of start points of searches from the given start, in units of the parameters' scales.
+"""Largest difference between a parameter at a start point of a search and the parameter's start value, in units of its scale.
 
 For positive quantities it is a factor e^1.5 = 4.5.
 """
@@ -87,8 +87,9 @@ def identify(
             estimated from the residuals.
         loss: Loss function of `least_squares`, applied to residuals divided by their noise. All except "linear" give outliers less weight.
         f_scale: Residual, in units of the noise, above which a robust loss reduces the weight.
-        starts: Number of searches. One starts at the model's values. The others start at the best points of a Sobol sequence around the
-            model's values. The sequence has at least eight points for each of these searches.
+        starts: Number of searches. One starts at the start values of the parameters (`FitParameter.start`, by default the model's values).
+            The others start at the best points of a Sobol sequence around these values. The sequence has at least eight points for each of
+            the other searches.
         step: Half width of the finite differences, relative for positive quantities. It is small, because a contact that closes one sample
             earlier causes a jump, which a wide difference would count as a derivative.
         max_evaluations: Largest number of evaluations per search.
@@ -322,8 +323,8 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
 def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
     """Start points x of `count` least-squares searches, (n + starts,) each: n parameters, then uncertain initial coordinates.
 
-    The first point is the model's values. The others are the points with the smallest residuals from a Sobol sequence around the first.
-    The sequence has at least eight points for each of the other searches.
+    The first point has the start values of the parameters. The others are the points with the smallest residuals from a Sobol sequence
+    around the first. The sequence has at least eight points for each of the other searches.
 
     Args:
         qmc: Module `scipy.stats.qmc`.

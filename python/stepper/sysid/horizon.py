@@ -49,11 +49,17 @@ COST_TOLERANCE = 0.01
 SETTLED_CHANGE = 0.1
 """Largest change of a parameter, in standard deviations, at which the Gauss-Newton steps end."""
 SETTLED_STEP = 0.5
-"""Length of a Gauss-Newton step up to which the iteration counts as converged even if no step lowers the cost, in standard deviations."""
+"""Largest change of a parameter, in standard deviations, at which the estimate counts as converged although no step lowers the cost.
+
+The change is that by the full Gauss-Newton step.
+"""
 MAX_CHANGE = 0.5
 """Largest change of a parameter by one Gauss-Newton step, in units of the parameter's scale."""
 UNCERTAIN_FRICTION = 0.1
-"""Standard deviation of log(friction) above which a new hypothesis is tried, in which an object that slips at the estimate sticks."""
+"""Standard deviation of log(friction) before the window above which a new hypothesis is tried.
+
+In this hypothesis, an object sticks that slips at the estimate.
+"""
 HELD_START = 2.0
 """Difference between the current estimate of log(friction) and the larger value at which the search for a sticking object starts.
 
@@ -85,7 +91,8 @@ class Linear:
         J: Derivatives of the residuals at the estimate, (T, width, n + states).
         expected: Mean of the residuals over the distribution of the unknowns, (T, width).
         noise: Standard deviations of the residuals, (T, width): 1 for the noise, plus the contribution of curvature.
-        cost: Sum of squares of the window's residuals and of the distance from the mean before the window, at the estimate.
+        cost: Sum of the squares of `expected` and of the squared distance of the estimate from the mean before the window, in standard
+            deviations.
     """
 
     points: Array
@@ -190,11 +197,11 @@ class Horizon:
         return other
 
     def _best_start(self, j: int, friction: float) -> Array:
-        """Start point of a search in which one friction has another value. One other parameter is changed too, so that the readings fit.
+        """Start point of a search in which one friction has another value.
 
-        An object that is too heavy stays on the ground, and the derivatives with respect to its mass are zero. So the method simulates
-        several values of each parameter that is no friction. They lie within `SPREAD` standard deviations of the parameter's mean before
-        the window of recent samples.
+        The method simulates points with this value, and returns the point that fits the readings best. In each point one other parameter,
+        which is no friction, may be changed too. The reason is that an object that is too heavy stays on the ground, and the derivatives
+        with respect to its mass are zero. Changed parameters lie within `SPREAD` standard deviations of their means before the window.
 
         Args:
             j: Index of the friction in the parameter vector theta.

@@ -3,8 +3,8 @@
 Where a contact begins, readings have kinks that are closer together than the uncertainty of the state. The derivative at one point
 would belong to one smooth piece, and would overstate the information of the readings. The second-order divided-difference filter avoids
 this (Norgaard, Poulsen and Ravn 2000). It takes differences above and below the estimate along the columns of a root of the covariance,
-sqrt(3) standard deviations long. Half the difference is the slope. Curvature shifts the mean of the readings, and the rest of its effect
-counts as noise.
+sqrt(3) standard deviations long. Half the difference is the derivative along the column. Curvature shifts the mean of the readings, and the
+rest of its effect counts as noise.
 """
 
 from __future__ import annotations

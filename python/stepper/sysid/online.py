@@ -49,7 +49,7 @@ class Tracked:
         covariance: Covariance of the parameter vector theta, which has the logarithms of positive quantities, (n, n).
         surprise: Mean square of the prediction errors of this sample, each divided by its noise: about 1 for a correct model, much more
             for a wrong one.
-        untrusted: Fraction of the time steps in the window that were not solved.
+        untrusted: Fraction of the simulated periods in the window whose steps were not solved.
         seconds: Computing time of the update, s.
         warnings: Warning that the readings are one sample late or early relative to their controls; empty without one.
     """

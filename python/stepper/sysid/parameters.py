@@ -102,7 +102,8 @@ class FitParameter:
         selector: Selector of the numbers, of one of the kinds in `stepper.sysid.KINDS`: "body_mass[box]", "geom_friction[floor,box][0]",
             "actuator_kp[hip]", "dof_damping[left_*]". Several elements share one parameter, and keep the ratios that they have in the
             model.
-        start: Value at which the search starts, in the unit of the kind; None uses the model's value.
+        start: Value at which the search starts, in the unit of the kind. None uses the model's value, or the middle of the bounds if the
+            model's value is outside of them.
         bounds: Lowest and highest value. None allows a thousandth to a thousand times the start for positive quantities. For others,
             None uses the bounds of the kind.
         prior: Mean and standard deviation of prior knowledge, for example from a data sheet or scales. For positive quantities the

@@ -165,6 +165,8 @@ class Watch:
     def add(self, ctrl: Array, readings: Mapping[str, Array], surprise: float) -> bool:
         """Adds a sample, and returns whether the model explains the recent readings.
 
+        The result is also False while shifts are tested, and after a shift is detected.
+
         Args:
             ctrl: Controls, (nu,).
             readings: Readings of the sample by channel.

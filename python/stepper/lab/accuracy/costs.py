@@ -26,7 +26,7 @@ _PEER_BATCH = 4
 Both engines step environments one after the other, so that a larger batch has the same cost per environment.
 """
 _LONG_RUN = 0.1
-"""Processor time above which a run's first repetition counts as a measurement, s.
+"""Processor time above which a run's first repetition counts as a measurement if there is a time budget, s.
 
 In shorter runs, filling caches takes much of the time.
 """
@@ -99,7 +99,7 @@ def costs(
         repeats: Number of rounds.
         seconds: Shortest time of a case in a round, s.
         tick: Progress callback with the fraction done.
-        stage: Stage of the time budget. Cases without a complete round before its end get the cost NaN. None sets no time limit.
+        stage: Stage of the time budget. Cases without a measurement before its end get the cost NaN. None sets no time limit.
 
     Returns:
         Cost of each case alone and in a batch, microseconds of one core for a simulated second of one environment.

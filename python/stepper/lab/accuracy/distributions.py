@@ -26,7 +26,7 @@ class Shift:
         value: Value with the settings minus the value in the reference; NaN if the time budget stopped one of the two runs.
         low: Lower end of the 95 % interval of the difference; NaN with a single episode.
         high: Upper end of the interval.
-        count: Number of episodes that were finite in both runs.
+        count: Number of compared episodes: for a mean those that were finite in both runs, for "successes" all.
     """
 
     name: str

@@ -57,11 +57,12 @@ _SMOOTH_ORDERS = (1.6, 2.6)
 class Reference:
     """Converged run or closed form, relative to which errors are measured, and its uncertainty.
 
-    A converged run is computed by two methods: the midpoint rule at ever smaller time steps, and a rule of first order as a check.
+    With hard contact, a converged run is computed by two methods: the midpoint rule at ever smaller time steps, and a rule of first order
+    as a check. With another contact law, it is computed by the integrator of that law's settings alone.
 
     Attributes:
-        runs: The three finest runs with the midpoint rule, the finest last. Fewer if the time budget ended; a single run has no uncertainty
-            estimate.
+        runs: The three finest runs with the first method (the midpoint rule, or the integrator of another law), the finest last. Fewer if
+            the time budget ended; a single run has no uncertainty estimate.
         second: Runs with the rule of first order at the two finest time steps; empty if there is no second method.
         target: Target of the uncertainty, m or rad.
         uncertainty: Uncertainty of every episode up to the horizon, (episodes,), m or rad.

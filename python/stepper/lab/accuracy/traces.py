@@ -51,7 +51,7 @@ class Trace:
         finite: Whether each episode was finite to the end of the run, (episodes,).
         outcomes: Outcomes by name, (episodes,); NaN if the run was stopped or is not finite.
         depth: Deepest overlap, (episodes,), m.
-        residual: Largest residual, (episodes,), m/s; NaN in MuJoCo.
+        residual: Largest residual, (episodes,), m/s; NaN in MuJoCo and rapier.
         settings: All settings of the engine.
         timestep: Time step, s.
         spent: Wall-clock duration of the run, s.

@@ -61,8 +61,9 @@ class Candidate:
         name: Name of the settings.
         error: Largest error of the training episodes plus the reference's uncertainty, m or rad. Infinite if an episode diverged or the
             run was stopped because it took far longer than the reference.
-        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if the error exceeds the budget.
-        batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if the error exceeds the budget.
+        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN if it was not measured. Settings
+            whose error exceeds the budget are not measured, except for the study's settings.
+        batch: Microseconds of one core for a simulated second of one environment, stepped in a batch; NaN if it was not measured.
         stopped: Whether the run was stopped.
     """
 

@@ -55,7 +55,7 @@ def path_of(robot: str) -> str:
 def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3) -> tuple[stepper.Stepper, Array]:
     """Stepper with robots on the floor, and random controls for the next step.
 
-    The robots have made 200 steps with random controls, which changed every 20 steps.
+    The robots have made 200 steps with random controls between -`amplitude` and `amplitude`, which changed every 20 steps.
     """
     model, rng = stepper.load(path_of(robot), strict=False), np.random.default_rng(0)
     sim = stepper.Stepper(model, num_envs, options=options)
@@ -308,7 +308,7 @@ def cost(num_envs: int = 32) -> None:
 
 
 def linearization_time(sim: stepper.Stepper, ctrl: Array, method: Literal["fd", "implicit"], centered: bool) -> float:
-    """Processor time of `linearize` for all environments, s."""
+    """Processor time of one call of `linearize`, for all environments, s: median of nine calls."""
     return median_time(lambda: sim.linearize(ctrl=ctrl, method=method, centered=centered), 9)
 
 

@@ -130,7 +130,16 @@ def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
 
 
 def robots(seed: int, model: stepper.Model, name: str, options: Options, *, num_envs: int = 2, steps: int = 10) -> Scene:
-    """Scene with a robot after 200 steps with random controls, for a rollout with further random controls."""
+    """Scene with a robot after 200 steps with random controls, for a rollout with further random controls.
+
+    Args:
+        seed: Seed of the controls.
+        model: Model of the robot.
+        name: Name of the scene.
+        options: Options of the step.
+        num_envs: Number of environments.
+        steps: Number of controls in the rollout, each for two simulation steps.
+    """
     rng = np.random.default_rng(seed)
     sim = stepper.Stepper(model, num_envs, options=options)
     low, high = np.clip(model.actuator_ctrlrange, -1.0, 1.0).T

@@ -47,7 +47,14 @@ class Pushed:
 
 
 def push(mu: float, dt: float, force: float = PUSH, seconds: float = 1.0) -> Pushed:
-    """Let the object come to rest, and push it horizontally at its centre of mass, at an angle to the axes."""
+    """Let the object come to rest, and push it horizontally at its centre of mass, at an angle to the axes.
+
+    Args:
+        mu: Friction coefficient of tray and object.
+        dt: Time step, s.
+        force: Force of the push, N.
+        seconds: Simulated time before the push, and duration of the push, s.
+    """
     sim = stepper.Stepper(stepper.load(SCENE.format(dt=dt, g=G, mu=mu, mass=MASS)))
     steps = round(seconds / dt)
     sim.step(nstep=steps)

@@ -44,6 +44,10 @@ class PandaPick(Task):
 
     Action (4,): the first three numbers, -1 to 1, move the target of the hand by up to 2 cm along x, y and z. The fingers close if the last
     number is above 0, and open otherwise.
+
+    Attributes:
+        frame_skip: Number of simulation steps per action.
+        friction: Lowest and highest friction of cube and fingers, drawn at each reset.
     """
 
     frame_skip: int = 25

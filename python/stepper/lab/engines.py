@@ -275,6 +275,7 @@ class StepperEngine:
         options: Options of the step, except for the time step.
         batch: Number of environments stepped together.
         precision: "f64" or "f32".
+        engine: Name of the engine, which determines the colours of the line.
     """
 
     setting: str
@@ -303,6 +304,7 @@ class MujocoEngine:
         solver: "NEWTON", "CG" or "PGS".
         impratio: Ratio of frictional to normal stiffness.
         noslip: Iterations of the noslip post-processing.
+        engine: Name of the engine, which determines the colours of the line.
     """
 
     setting: str

@@ -210,6 +210,12 @@ def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> l
 
     The first entry excludes pairs of bodies that may collide but never came near enough to touch, and removes their explicit contact pairs.
     The second entry removes unused explicit contact pairs of other bodies.
+
+    Args:
+        model: The model.
+        compiled: The scene's `mujoco.MjModel`.
+        seen: Statistics of the contacts in the episodes.
+        whole: Description of the scene.
     """
     bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
     may = pairs_that_may_touch(model, compiled)
@@ -268,6 +274,11 @@ def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut
     """Friction that a scene does not need, with the function that removes it from a description of the scene.
 
     It is the friction of geoms and explicit pairs whose contacts have no tangential forces. The list is empty if there is none.
+
+    Args:
+        model: The model.
+        seen: Statistics of the contacts in the episodes.
+        whole: Description of the scene.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
@@ -293,6 +304,11 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     A contact that stays inside its cone would move in the same way without a bound on friction. There are two tests: the used fraction of
     each contact's cone, and the change of the motion with a wider cone. The function serves only as a test: every contact of the engine
     needs a bound on friction, so that no cone can be removed.
+
+    Args:
+        model: The model.
+        seen: Statistics of the contacts in the episodes.
+        whole: Description of the scene.
     """
     pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _MAX_CONE_USE and pair.twists <= _NO_FRICTION * pair.peak}

@@ -432,7 +432,14 @@ def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance
 def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
     """Errors of a candidate in held-out episodes, and the uncertainty of their reference, (episodes,) each, m or rad.
 
-    An error is infinite if the run was stopped.
+    All errors are infinite if the run was stopped.
+
+    Args:
+        candidate: The candidate.
+        distance: Definition of errors.
+        budget: Allowed error, m or rad, which determines the target uncertainty of the reference.
+        study: The study.
+        episodes: Numbers of the held-out episodes.
     """
     reference = reference_of(study, episodes, distance, target=_REFERENCE_SHARE * budget)
     stage = Stage().within(patience(study, reference.trace, candidate.settings["timestep"]))

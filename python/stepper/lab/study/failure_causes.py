@@ -32,7 +32,10 @@ from stepper.lab.study.sweep import UNSOLVED
 FINER = 2
 """Ratio of the episode's time step to the time step of the trial "finer", which tests whether physics caused the failure."""
 TIGHTER = 1e-2
-"""Ratio of the tolerance in the trial "finer" to the tolerance of the episode."""
+"""Ratio of the tolerance in the trial "finer" to the tolerance of the episode.
+
+An episode with 32 bits keeps its tolerance, and is repeated with 64 bits.
+"""
 
 # Rules, as texts for tables.
 EVALUATION = "the outcome is not finite, or within its margin of the threshold"
@@ -126,7 +129,10 @@ def _applies(study: Study, trial: str, row: Row) -> bool:
 
 
 def _finer(settings: dict[str, Any]) -> dict[str, Any]:
-    """Copy of an episode's settings with a shorter time step, a tighter tolerance and ideal sensors."""
+    """Settings of the trial "finer" that differ from an episode's `settings`.
+
+    They are a shorter time step, ten times the iterations, ideal sensors, and a smaller tolerance (or 64 bits in place of 32).
+    """
     better: dict[str, Any] = {"timestep": settings["timestep"] / FINER, "iterations": 10 * settings["iterations"], "sensors": None}
     # With 32 bits a hundredth of the tolerance cannot be reached; 64 bits replace it in the trial.
     return better | ({"precision": "f64"} if settings["precision"] == "f32" else {"tolerance": TIGHTER * settings["tolerance"]})

@@ -56,7 +56,8 @@ class Outcome:
             is the value at the end minus the value at the start. With "max", "min" or "mean", it is the maximum, minimum or mean of the
             values at the start and after every control period.
         success: Condition of success, a comparison such as ">= 0.05"; None sets no condition.
-        margin: Distance to the threshold, in the unit of the measure, below which the cause of a failure is "evaluation".
+        margin: Largest distance of a failed outcome from the threshold at which the cause of the failure is "evaluation", in the unit of
+            the measure.
         unit: Unit of the measure, for tables.
         cause: Cause of failures, if it is known beforehand: "physics", "perception", "controller" or "evaluation". With None,
             `stepper report` repeats failed episodes with changes to find the cause.

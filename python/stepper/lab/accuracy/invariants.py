@@ -134,7 +134,7 @@ class Invariants:
         Values are NaN in these cases:
 
         * The episode diverged within its first control period.
-        * Energy: the episode starts with an overlap, or with a kinematic loop that is not closed: the correction adds energy.
+        * Energy: the episode starts with an overlap, a violated limit or an open kinematic loop. The correction would add energy.
         * Energy and momentum: the controller applies forces to bodies.
         """
         found = {kind: np.full(len(trace.qpos), np.nan) for kind in self.kinds}
@@ -282,8 +282,8 @@ class Invariants:
     def _work(self, trace: Trace, e: int, seen: list[_Measured]) -> Array:
         """Work that the actuators have done since the start of an episode, (1 + T,), J.
 
-        The entries are for the start and for the end of each control period. The work does not include the energy that the damping of
-        actuators removes.
+        The entries are for the start and for the end of each of the T control periods in `seen`. The work does not include the energy that
+        the damping of actuators removes.
 
         Args:
             trace: Recorded run.

@@ -287,6 +287,8 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
 def _thirds(study: Study, values: Array, column: Array) -> tuple[tuple[float, ...], tuple[tuple[float, float], ...]]:
     """Mean outcomes in the lowest, middle and highest third of a parameter's range, and their 95 % intervals.
 
+    A third of the range is represented by a third of the points, which are sorted by the parameter.
+
     Args:
         study: The study.
         values: Outcome of every point, (points,).

@@ -96,8 +96,8 @@ pub enum Solver {
 /// Settings of a step, as a user gives them. Times in s, lengths in m (rad for hinge limits), velocities in m/s.
 ///
 /// `None` selects the value of the model or of the precision, so that `Options::default()` steps every model with its time step.
-/// [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) return the values in
-/// force.
+/// [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) return the selected
+/// values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
     /// Time step, s; `None` selects the model's.
@@ -115,7 +115,8 @@ pub struct Options {
     pub iterations: u32,
     /// Residual at which the solver stops, m/s. `None` selects [`Precision::tolerance`].
     ///
-    /// With MuJoCo's contact law the default is at most 0.6 % of the velocity that gravity adds in a step.
+    /// With MuJoCo's contact law and 32-bit numbers, short steps have a smaller default: 0.6 % of the velocity that gravity adds in a step,
+    /// but at least 1e-6 m/s.
     pub tolerance: Option<f64>,
     /// Stabilisation method.
     pub stabilization: Stabilization,
@@ -193,8 +194,8 @@ impl Default for Options {
 impl Options {
     /// Options that a model's source file requests: MuJoCo's contact law with the model's parameters, and the integrator of the file.
     ///
-    /// Iterations are at least those of the file. Solver and tolerance of the file are ignored: the problem is the same, and is solved to
-    /// stepper's tolerance in m/s. A model that was made in code has no such settings and gets `Options::default()`.
+    /// Iterations are at least those of the file. Solver and tolerance of the file are ignored: the constraint problem is the same, and is
+    /// solved to stepper's tolerance in m/s. A model that was made in code has no such settings and gets `Options::default()`.
     ///
     /// # Errors
     /// [`Error::SourceIntegrator`] when the source selects an integrator that does not exist here.
@@ -271,7 +272,7 @@ impl Options {
 /// Settings of a step: [`Options`] with all values resolved from the model and the precision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
-    /// Time step in force, s.
+    /// Time step, s, see [`Options::timestep`].
     pub timestep: f64,
     /// Contact law, see [`Options::contact`].
     pub contact: ContactLaw,

@@ -72,8 +72,8 @@ pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
 /// corresponds to 0.8 degrees.
 pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
 
-/// Largest time between the first touches of two pairs of geoms that still count as simultaneous, as a fraction of the duration of the
-/// motion.
+/// Largest time between the first touches of two pairs of geoms that still count as simultaneous. It is a fraction of the duration of the
+/// motion in which the step searches for collisions.
 pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
 /// Ratio of a gap to the tunnelling distance of its pair above which a very fast body is allowed to close the whole gap within one step.
@@ -84,8 +84,8 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// and there too the body is still ahead of the surface.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of first solves in a step after which only the earliest collision of each body is activated. After later solves, all pairs that
-/// collide within the step are activated.
+/// Number of solves after which the step activates only the earliest collision of each body. After later solves it activates all pairs that
+/// collide within the step. The count starts from zero when the problem is assembled again or an impact changes it.
 pub(crate) const EARLIEST_ONLY_PASSES: f64 = 6.0;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
@@ -105,8 +105,8 @@ pub(crate) const PREDICTED_ERROR_RATIO: f64 = 2.0;
 
 // Impacts within the step.
 
-/// Error of a link's velocity above which a step with an impact is solved again, rad/s or m/s. The error comes from the jump of inertial
-/// forces at the impact.
+/// Error of a generalized velocity above which a step with an impact is solved again, rad/s or m/s. The error comes from the jump of
+/// inertial forces at the impact.
 pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 
 /// Ratio of a velocity change to the change by smooth forces above which the velocity change counts as an impact. Smaller velocity changes
@@ -248,8 +248,8 @@ pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
 /// Compliance that damps each constraint row of the position solve, as a fraction of the inverse inertia along the row.
 ///
-/// A row of average inverse inertia keeps 0.1 % of its error per correction. The motion of a row is at most 1 / (2 sqrt(DAMPING)), 16
-/// times, its correction.
+/// A row of average inverse inertia keeps 0.1 % of its error per correction. A row moves by at most 1 / (2 sqrt(DAMPING)), that is 16,
+/// times its correction.
 pub(crate) const DAMPING: f64 = 1e-3;
 
 /// Lever arm that converts between displacements and rotations in a position correction, m. It also increases the damping of long

@@ -86,9 +86,10 @@ pub(crate) struct EffectiveInertia<R> {
 }
 
 impl<R: Real> EffectiveInertia<R> {
-    /// Effective inertia with one more degree of freedom: its moment arm, inertia, damping, and the constraint impulse on it.
+    /// Adds one degree of freedom: `arm` is its moment arm, `inertia` its inertia, `damping` its damping, and `impulse` the constraint
+    /// impulse on it.
     ///
-    /// `damping_rate` is a sum here, weighted by mobilities. The caller divides it by the total mobility to get a mean.
+    /// In the result, `damping_rate` is a sum, weighted by mobilities. The caller divides it by the total mobility to get a mean.
     #[inline(always)]
     pub(super) fn with(self, arm: R, [inertia, impulse]: [R; 2], damping: R) -> Self {
         let inverse = inertia.recip();

@@ -100,7 +100,7 @@ impl<R: Real> BoundedForce<R> {
         at_limit.or(on_curve)
     }
 
-    /// Explicit part of the force with the present active bound, N or N m, and its added inertia, kg or kg m^2.
+    /// Explicit part of the force with the current active bound, N or N m, and its added inertia, kg or kg m^2.
     #[inline(always)]
     pub(super) fn force(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let [at_limit, on_curve, _] = self.active;

@@ -477,11 +477,10 @@ impl<R: Real> ActuatorForces<R> {
         })
     }
 
-    /// Makes a trial of all servos, and sets the assumed active bounds to those of the trial. `dv_of` returns the change of an actuator's
-    /// velocity in the step.
+    /// Makes a trial of all servos, and sets the assumed active bounds to those of the trial, in lanes in which one changed. Returns these
+    /// lanes; the first call in a step returns all lanes. `dv_of` returns the change of an actuator's velocity in the step.
     ///
-    /// The function sets active bounds only in lanes in which one changed, and returns these lanes. The first call in a step sets and
-    /// returns all lanes.
+    /// If `may_change` is false, the assumed active bounds stay. The result then has the lanes in which one would change.
     #[inline(always)]
     fn set_bounds_by_trial(
         &mut self,

@@ -27,7 +27,7 @@ impl<S: Scalar> Memory<S> {
         Self { waiting: alive, numbers: zeros(numbers), cursors: vec![0; lines], applied: zeros(controls) }
     }
 
-    /// Clears the memory of a lane, so that its next control counts as the first.
+    /// Clears the memory of a lane, so that its next control counts as the first. The group has `lanes` lanes. The applied controls stay.
     pub fn forget(&mut self, lane: usize, lanes: usize) {
         if !self.applied.is_empty() {
             self.numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
@@ -35,13 +35,13 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Begins a new episode of a lane: clears the memory and the applied controls.
+    /// Begins a new episode of a lane: clears the memory and the applied controls. The group has `lanes` lanes.
     pub fn begin(&mut self, lane: usize, lanes: usize) {
         self.forget(lane, lanes);
         self.applied.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
     }
 
-    /// Clears the entries of an unused lane, so that equal states have equal bytes.
+    /// Clears the entries of an unused lane, so that equal states have equal bytes. The group has `lanes` lanes.
     pub fn clear(&mut self, lane: usize, lanes: usize) {
         self.begin(lane, lanes);
         self.waiting &= !(1 << lane);

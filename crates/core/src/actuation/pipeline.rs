@@ -357,7 +357,8 @@ impl ActuatorPipeline {
         dynamics.rate = -(share * get::<R>(table, Parameter::Kd as usize));
     }
 
-    /// Control after the delay line. The present control `u` is appended to the line. A fractional delay interpolates between two samples.
+    /// Appends the control `u` to the delay line, and returns the control after the delay. A fractional delay interpolates between two
+    /// samples.
     #[inline(always)]
     fn delayed<R: Real>(&self, table: &[R::Scalar], u: R, valid: R::Mask, start: R::Mask, memory: &mut Memory<R::Scalar>) -> R {
         let line = self.delay_samples;

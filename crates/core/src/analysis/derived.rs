@@ -15,7 +15,7 @@ use crate::sensing::{contact_wrenches, motion_of, orientations};
 
 /// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment. The names in Python are MuJoCo's.
 ///
-/// Most quantities belong to the present state, as after `mj_forward`. Those of [`DerivedQuantity::is_of_last_step`] are results of the
+/// Most quantities belong to the current state, as after `mj_forward`. Those of [`DerivedQuantity::is_of_last_step`] are results of the
 /// last step. If the state was set since then, they come from a trial step, which does not change the state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -40,7 +40,8 @@ pub enum DerivedQuantity {
     SubtreeCom,
     /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
     Acceleration,
-    /// Forces of the actuators at the present state with the controls in force, before their gears: (nu).
+    /// Forces of the actuators before their gears, at the current state: (nu). The controls are those in force, which a step without new
+    /// controls uses.
     ActuatorForce,
     /// Generalized forces of the actuators, clamped to the force ranges of joints: (nv), N or N m.
     JointActuatorForce,
@@ -48,7 +49,7 @@ pub enum DerivedQuantity {
     JointConstraintForce,
     /// Force (N) and torque (N m) of all contacts of the last step on every body, world axes: (nbody, 6).
     ///
-    /// The torque is about the body's present centre of mass.
+    /// The torque is about the body's centre of mass at the current state.
     BodyContactForce,
     /// Centres of mass of the bodies in the world frame, m: (nbody, 3).
     BodyCom,
@@ -66,7 +67,7 @@ pub enum DerivedQuantity {
     MassMatrix,
     /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
     BiasForce,
-    /// Acceleration without constraints under the controls in force and the applied inputs: (nv), m/s^2 or rad/s^2.
+    /// Acceleration without constraints at the current state, with the applied inputs and the controls in force: (nv), m/s^2 or rad/s^2.
     SmoothAcceleration,
     /// Jacobian of the origin of a body's frame in world axes: (6, nv), linear rows above angular rows. The field is the body's index.
     BodyJacobian(usize),
@@ -147,7 +148,7 @@ pub(crate) struct Derivation<R: Real> {
     references: Vec<V3<R>>,
     /// Workspace of mass matrix, bias force and smooth acceleration.
     dynamics: SmoothDynamics<R>,
-    /// Flags of the intermediate results that are already computed for the present group of environments.
+    /// Flags of the intermediate results that are already computed for the current group of environments.
     cached: Cached,
     /// Values of the quantity that is being computed: one SIMD vector per value, with one environment per lane.
     values: Vec<R>,
@@ -192,7 +193,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Sets the mocap frames to their present poses.
+    /// Sets the mocap frames to their poses at the end of the last call of `step`.
     fn place_mocap(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         let one = [R::one(), R::zero(), R::zero(), R::zero()];
         self.orientation.resize(compiled.nframe(), one);

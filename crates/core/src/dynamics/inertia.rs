@@ -64,7 +64,7 @@ impl<R: Real> MassMatrix<R> {
         for (d, dof) in compiled.dofs.iter().enumerate() {
             let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
             let entry = &mut self.entries[dof.chain];
-            // Undamped dofs have an extra share of zero. Most dofs of robots are undamped.
+            // Undamped dofs have a late fraction of zero. Most dofs of robots are undamped.
             let late = match weights.has_late_fraction(damping) {
                 true => weights.late_fraction(damping / *entry),
                 false => R::zero(),

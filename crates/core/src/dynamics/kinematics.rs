@@ -80,9 +80,9 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
-    /// Computes the pose of a link. `hinge` is the index of its first hinge among all hinges.
+    /// Computes the pose of a link, and writes its joint axes to `axes`: (axis, anchor) of rotations, and (0, axis) of translations.
     ///
-    /// Writes the joint axes to `axes`: (axis, anchor) of rotations, and (0, axis) of translations.
+    /// `hinge` is the index of the link's first hinge among all hinges. The function advances it past the hinges of the link.
     #[inline(always)]
     fn place(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
         let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);

@@ -23,7 +23,7 @@ pub trait GroupVisitor: Sync {
 
 /// Step of a group of environments, in the lane type `R`: compiled model, settings and workspace.
 pub struct GroupStep<R: Real> {
-    /// Compiled model with the parameters of the present group.
+    /// Compiled model with the parameters of the current group.
     pub(crate) compiled: LaneModel<R>,
     pub(crate) workspace: Workspace<R>,
     /// Step settings, such as time step and solver options.
@@ -112,7 +112,7 @@ impl<R: Real> GroupStep<R> {
         }
     }
 
-    /// Makes the step from the present state and controls of the group, and stores them as the nominal state and controls.
+    /// Makes the step from the current state and controls of the group. This state and these controls become the nominal ones.
     pub fn solve(&mut self) -> SolvedStep<R> {
         let functions = self.functions();
         self.finish();
@@ -173,11 +173,10 @@ impl<R: Real> GroupStep<R> {
         (self.functions().change)(self.nominal(), &self.compiled, &self.workspace, out);
     }
 
-    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits). With hard contact,
-    /// only contacts and limits with an impulse in the solved step count, and the result is `lanes`.
+    /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits).
     ///
-    /// With MuJoCo's contact law, the result is a subset of these lanes. In its lanes, the evaluation has every contact that overlaps in
-    /// the solved step.
+    /// With hard contact, only contacts and limits with an impulse in the solved step count, and the result is `lanes`. With MuJoCo's
+    /// contact law, a lane is in the result only if the evaluation has every contact that overlaps in the solved step.
     ///
     /// # Panics
     /// Before [`GroupStep::solve`].

@@ -226,7 +226,7 @@ impl<R: Real> HardNominal<R> {
         });
     }
 
-    /// Returns which part of the constraint rows must be recomputed if the part `recomputed` of the state is displaced.
+    /// Kind of recomputation that the constraint rows need after a displacement of the part `recomputed` of the state.
     ///
     /// All rows are recomputed if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities only
     /// changes the free velocity, unless target velocities depend on the velocity before the step.

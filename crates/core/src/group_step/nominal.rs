@@ -98,8 +98,8 @@ impl<R: Real> Nominal<R> {
         }
     }
 
-    /// Moves the overlaps of the solved step from the workspace back to `self`. Constraint rows then use the overlaps at the present
-    /// configuration.
+    /// Moves the overlaps of the solved step from the workspace back to `self`. Constraint rows then use the overlaps at the configuration
+    /// of each step.
     pub(super) fn release_overlaps(&mut self, s: &mut Workspace<R>) {
         self.overlaps = s.evaluation.solved_overlaps.take().or_else(|| self.overlaps.take());
     }
@@ -207,8 +207,8 @@ impl<R: Real> Nominal<R> {
 
     /// Calls `see` with the gaps (distances) of contacts and limits in the last evaluation, in the lanes `lanes` (bits).
     ///
-    /// With MuJoCo's contact law, the result is a subset of these lanes. In its lanes, the evaluation has every contact that overlaps in
-    /// the solved step. With hard contact, the result is `lanes`.
+    /// With hard contact, the result is `lanes`. With MuJoCo's contact law, a lane is in the result only if the evaluation has every
+    /// contact that overlaps in the solved step.
     pub(super) fn gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut dyn FnMut(Gap)) -> u32 {
         let mut pair = |is_limit: bool, nominal: R, displaced: R, lanes: u32| {
             for lane in each_of(lanes) {

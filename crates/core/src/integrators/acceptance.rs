@@ -138,8 +138,8 @@ pub(crate) fn accept<R: Real>(
     finite
 }
 
-/// Restores the state of lanes whose next state is not finite, and of lanes without an environment. Lanes with a non-finite state also
-/// discard their warm start.
+/// Restores the state of lanes whose next state is not finite, and of lanes without an environment. Lanes of the first kind also discard
+/// their warm start.
 #[cold]
 fn keep_state<R: Real>(
     state: &mut State<R>,

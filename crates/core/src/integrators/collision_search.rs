@@ -191,7 +191,8 @@ impl<R: Real> CollisionSearch<R> {
         self.v_predicted.fill(R::of(f64::NAN));
     }
 
-    /// Finds the candidate pairs that collide first. Returns the lanes with a collision.
+    /// Tests the candidate pairs in the motion of the step, and reduces the lanes of each to those in which it collides. Returns the lanes
+    /// in which any pair collides.
     ///
     /// The velocity after the step is `v_predicted` if `predicted` is true, otherwise `v_solved`. [`CollisionSearch::list_candidates`] must
     /// be called first.
@@ -404,7 +405,8 @@ impl<R: Real> CollisionSearch<R> {
     }
 }
 
-/// Adds the path of a candidate pair in each of the lanes `lanes` to the list of packed paths.
+/// Adds the path of a candidate pair in each of the lanes `lanes` to the list of packed paths. The last argument is its tolerance, m, and
+/// the time of its next evaluation, s.
 #[inline(always)]
 fn add_packed<R: Real>(
     packed: &mut Vec<PackedPath<R::Scalar>>,
@@ -466,8 +468,8 @@ fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::
     (gap, tolerance)
 }
 
-/// Largest overlap of resting contacts of the same bodies, at most the slop (the overlap that position correction leaves), m. A body that
-/// slides to a support of the same height has this overlap there too.
+/// Largest overlap of the resting contacts between the two bodies of a candidate pair, at most the slop (the overlap that position
+/// correction leaves), m. A body that slides to a support of the same height has this overlap there too.
 #[inline(always)]
 fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
@@ -480,7 +482,8 @@ fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &Candidate
     overlap.min(R::of(query.options.slop))
 }
 
-/// Overlap at the end of the path that counts as touch, m: the displacement of a resting contact, or the rounding of positions if larger.
+/// Smallest overlap at the end of the path that counts as a touch, m. It is the displacement of a resting contact during the path, or the
+/// rounding error of positions if that is larger.
 #[inline(always)]
 fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, slot: usize) -> R {
     (query.problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())

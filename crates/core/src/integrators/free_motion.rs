@@ -59,7 +59,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) v_half: Vec<R>,
     /// Velocity after a whole step with the forces before its impacts.
     pub(crate) v_before_impacts: Vec<R>,
-    /// Argument `extra_before_impacts` of `ConstraintProblem::shift`: by how much the velocity changes more before impacts than after them.
+    /// Argument `extra_before_impacts` of `ConstraintProblem::shift`: change of the velocity before impacts minus the change `free_change`.
     pub(crate) extra_before_impacts: Vec<R>,
 }
 

@@ -153,10 +153,9 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Makes those impacts inelastic whose friction would add energy with Newton's law of restitution. Returns the lanes with such an
     /// impact, which must be solved again.
     ///
-    /// See [`ConstraintProblem::drop_restitution`]. `residual` is the residual of the present solution. In the lanes `inelastic`, an
-    /// earlier call already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual
-    /// exceeds the tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the
-    /// next solve.
+    /// See [`ConstraintProblem::drop_restitution`]. `residual` is the residual of the last solve. In the lanes `inelastic`, an earlier call
+    /// already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the
+    /// tolerance. The contact impulses of the returned lanes become zero, because enormous impulses are a bad start for the next solve.
     #[inline(always)]
     pub(crate) fn drop_restitution(&mut self, residual: R, inelastic: R::Mask) -> R::Mask {
         if self.problem.impacts.is_empty() {
@@ -196,7 +195,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Lanes with an impact whose inertial forces must be recomputed, because they were computed with another velocity than the solved one.
     ///
     /// In the lanes `first`, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
-    /// mean of the forces at these two velocities. The difference of the two also makes a lane count, if it is large enough.
+    /// mean of the forces at these two velocities. A lane also counts if the two results differ enough.
     fn lanes_with_impacts(&self, first: R::Mask) -> R::Mask {
         let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let Self { free, problem, velocity, .. } = self;
@@ -221,10 +220,11 @@ impl<R: Real> VelocityLoop<'_, R> {
         })
     }
 
-    /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it.
+    /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it, into
+    /// `v_free_corrected`.
     ///
-    /// Each of the two acts for half of the step. In lanes with an impact, the first acts before the impact and the second after it. Only
-    /// inertial forces are recomputed. The forces of stage 1 do not change.
+    /// The forces at each of the two velocities act for half of the step. In lanes with an impact, the first act before the impact and the
+    /// second after it. Only inertial forces are recomputed. The forces of stage 1 do not change.
     fn compute_inertial_forces(&mut self) {
         let StepContext { input: StepInput { compiled, state, .. }, evaluation } = self.context;
         let Evaluation { scheme, kinematics, impact_lanes, .. } = evaluation;

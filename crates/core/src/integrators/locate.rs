@@ -47,7 +47,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     }
 }
 
-/// Computes stages 1 to 3 (forces, free velocity, contacts) at the present evaluation point. Returns the lanes whose contacts are
+/// Computes stages 1 to 3 (forces, free velocity, contacts) at the current evaluation point. Returns the lanes whose contacts are
 /// unreliable, because geoms may have passed through each other before this point.
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {

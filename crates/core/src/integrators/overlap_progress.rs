@@ -8,8 +8,9 @@
 //! Otherwise the island keeps its uncorrected positions. The sum is bounded below, so that a jam comes to rest. It depends on two poses of
 //! the step and on no memory.
 //!
-//! The penalty of an overlap x is the merit function of the damped solve, `x - x0 ln(1 + x / x0)`. It is quadratic below x0, where the
-//! relative compliance is constant, and linear above, where the compliance grows with the correction.
+//! The penalty of an overlap x is the merit function of the damped solve: `x - x0 ln(1 + x / x0)`, with a constant length x0. Below x0 the
+//! penalty is quadratic, because the relative compliance is constant. Above x0 it is linear, because the compliance grows with the
+//! correction.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -82,7 +83,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     }
 }
 
-/// Penalty of `x` m of overlap, or of a joint limit violation converted to a length.
+/// Penalty of an overlap of `x` m beyond the slop, or of a joint limit violation that is converted to the length `x`.
 fn penalty(options: &StepSettings, x: f64) -> f64 {
     let x0 = DAMPING * CORRECTION_ARM / options.baumgarte.max(MIN_BAUMGARTE);
     x - x0 * (x / x0).ln_1p()
@@ -114,7 +115,8 @@ fn add_overlaps<R: Real>(
     }
 }
 
-/// Adds the penalties of joint limit violations to the islands. One radian counts as the length [`CORRECTION_ARM`].
+/// Adds the penalties of joint limit violations at the configuration `q` to the islands. One radian counts as the length
+/// [`CORRECTION_ARM`]. `pose` selects the sum: 0 before the correction, 1 after it.
 fn add_limits<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, q: &[R], lane: usize, islands: &mut Islands, pose: usize) {
     for (i, limit) in compiled.limits.iter().enumerate() {
         let [lowest, highest] = compiled.params.limit(i);

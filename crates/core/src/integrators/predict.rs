@@ -46,7 +46,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         }
     }
 
-    /// Recomputes the free velocity, with velocity-dependent forces at the force velocity. The force velocity includes the present
+    /// Recomputes the free velocity, with velocity-dependent forces at the force velocity. The force velocity follows from the current
     /// impulses. With the midpoint rule it is the mean of the velocities before and after the step, with the implicit rule the velocity
     /// after the step.
     ///
@@ -92,7 +92,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 }
 
-/// Sets the velocity change by the predicted impulses, `change`, to zero in lanes in which it makes the motion too fast for the time step.
+/// Sets `change`, the velocity change by the predicted impulses, to zero in the lanes in which this change makes the motion too fast. A
+/// motion is too fast if the time step does not resolve it.
 ///
 /// Inertial forces at such a velocity would add energy to the motion.
 fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {

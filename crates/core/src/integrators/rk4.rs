@@ -25,13 +25,13 @@ pub(crate) struct Rk4<R: Real> {
     actuator_forces: ActuatorForces<R>,
     /// Generalized forces of the inputs `qfrc` and `xfrc`, nv.
     applied: Vec<R>,
-    /// Present state: configuration, nq, velocity, nv, and activations, na.
+    /// Current state: configuration, nq, velocity, nv, and activations, na.
     q: Vec<R>,
     v: Vec<R>,
     act: Vec<R>,
-    /// Displacement theta of the present state from the configuration before the step, nv.
+    /// Displacement theta of the current state from the configuration before the step, nv.
     rotation: Vec<R>,
-    /// Rates of displacement, velocity and activations at the present state.
+    /// Rates of displacement, velocity and activations at the current state.
     rate: [Vec<R>; 3],
     /// Weighted sums of the rates of the stages.
     sum: [Vec<R>; 3],
@@ -56,7 +56,7 @@ impl<R: Real> Rk4<R> {
         }
     }
 
-    /// Sets the present state to `state` + `time` times the present rates. If `time` is zero, the result is exactly `state`.
+    /// Sets the current state to `state` + `time` times the current rates. If `time` is zero, the result is exactly `state`.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         kernel!(R, || {
             let moving = time.gt(R::zero());
@@ -72,7 +72,7 @@ impl<R: Real> Rk4<R> {
         })
     }
 
-    /// Computes the rates of displacement, velocity and activations at the present state.
+    /// Computes the rates of displacement, velocity and activations at the current state.
     fn rates(&mut self, compiled: &LaneModel<R>, inputs: &Inputs<R>) {
         self.angular_rates(compiled);
         self.kinematics.update(compiled, &self.q);

@@ -9,7 +9,7 @@ use crate::integrators::free_motion::FreeMotion;
 use crate::integrators::step_input::StepInput;
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, Status, depth, limit_overshoot};
 
-/// Outcome of the solver in a step, and sets of lanes with problems.
+/// Outcome of the solver in a step, and the lanes whose result was limited or may be wrong.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepOutcome<R: Real> {
     /// Residual and number of iterations of the solver.

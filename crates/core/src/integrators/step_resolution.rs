@@ -31,9 +31,10 @@ use crate::tuning::{
     MAX_RELATIVE_CHANGE, MAX_ROTATION,
 };
 
-/// Lanes in which the corrector has not converged, and lanes that need an energy balance.
+/// Two masks: lanes in which the corrector has not converged, and lanes that need an energy balance. The corrector computes the free
+/// velocity again, with inertial forces at the predicted velocity.
 ///
-/// `v` is the velocity before the step, and `v_free` the velocity after it without constraints; `change` is the change of `v_free` by the
+/// `v` is the velocity before the step, and `v_free` the velocity after it without constraints. `change` is the change of `v_free` by the
 /// corrector. All are generalized velocities.
 pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
     kernel!(R, || {
@@ -55,7 +56,8 @@ pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R],
     })
 }
 
-/// Lanes in which constraint impulses rotate a hinge or ball joint by more than half a turn per step.
+/// Lanes in which constraint impulses rotate a hinge or ball joint by more than half a turn per step. `v_next` is the velocity after the
+/// step.
 ///
 /// In addition, the joint must be faster than every joint in `v`, the velocity before the step, and in `v_free`, the velocity without
 /// constraints.

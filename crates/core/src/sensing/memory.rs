@@ -18,7 +18,7 @@ pub struct Memory<S> {
     pub seed: Vec<u64>,
     /// Index of the random stream, per lane.
     pub stream: Vec<u32>,
-    /// Number of earlier episodes under the present seed, per lane.
+    /// Number of earlier episodes under the current seed, per lane.
     pub episode: Vec<u32>,
     /// Number of steps since the beginning of the episode, per lane.
     pub step: Vec<u32>,
@@ -81,7 +81,7 @@ impl<S: Scalar> Memory<S> {
         self.waiting |= 1 << lane;
     }
 
-    /// Begins a new episode of a lane: the next one under the present seed, or the first one under the seed `seed`.
+    /// Begins a new episode of a lane: the next one under the current seed, or the first one under the seed `seed`.
     pub fn begin(&mut self, lane: usize, seed: Option<u64>) {
         // Ideal sensors draw no random numbers. Their episode number does not increase, so that equal episodes have equal states.
         let counts = seed.is_none() && !self.observation.is_empty();

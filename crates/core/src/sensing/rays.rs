@@ -215,8 +215,8 @@ impl<'a, R: Real> Placed<'a, R> {
     }
 }
 
-/// Distance along the unit vector `direction` to the nearest geom, m, and the number of this geom in `placed`. Both are -1 without a hit.
-/// If two geoms have the same distance, the first in the list is returned.
+/// Distance along the unit vector `direction` to the nearest geom, m, and the number that `placed` pairs with this geom. Both are -1
+/// without a hit. If two geoms have the same distance, the first in the list is returned.
 pub(crate) fn nearest<R: Real>(
     compiled: &LaneModel<R>,
     placed: &[(usize, Placed<'_, R>)],

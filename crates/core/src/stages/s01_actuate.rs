@@ -97,8 +97,8 @@ pub fn actuate<R: Real>(
     })
 }
 
-/// Computes the inertia that implicit damping of a servo adds along the servo's moment, for every servo. It is the time step `h` times the
-/// damping coefficient, which may be negative. Integrators that treat only the damping of servos implicitly use this function.
+/// Computes the added inertia of every servo from its damping alone, into `forces.added_inertia`: the time step `h` times the damping
+/// coefficient, which may be negative. Integrators that treat only the damping of servos implicitly use this function.
 ///
 /// The added inertia is zero if the servo's force is at a bound. The caller must have called [`actuate`] with `implicit` = `None`.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
@@ -110,7 +110,8 @@ pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_
     })
 }
 
-/// Stiffness and damping of a servo, if they oppose its motion and its force is not at a bound; otherwise 0.
+/// Stiffness and damping of a servo: minus the derivatives of its force with respect to length and velocity. A negative coefficient, which
+/// would amplify the motion, becomes 0. Both are 0 if the force is at a bound.
 #[inline(always)]
 pub(crate) fn servo_slopes<R: Real>(
     compiled: &LaneModel<R>,

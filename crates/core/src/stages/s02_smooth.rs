@@ -23,8 +23,8 @@ pub struct Smooth<R: Real> {
     pub newton_euler: NewtonEuler<R>,
     /// Diagonal of the mass matrix without implicit terms, nv; empty in models without servos.
     pub inertia: Vec<R>,
-    /// Damping that joint springs with a damper get, the term 3/2 s h k of [`crate::actuation::forces`], nv. Empty in models without
-    /// joint springs.
+    /// Additional damping of joint springs that have a damper: the coefficient 3/2 s h k of [`crate::actuation::forces`], nv. Empty in
+    /// models without joint springs.
     spring_damping: Vec<R>,
     composite: Vec<Inertia<R>>,
     fluid: Fluid<R>,
@@ -77,10 +77,11 @@ impl<R: Real> Smooth<R> {
         self.complete_mass(compiled, kinematics, implicit);
     }
 
-    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]. The third argument has
-    /// the two generalized forces tau and applied.
+    /// Computes the acceleration without constraints, A^-1 (tau + applied - c(q, v_bias) - D v), into `self.acc`. A is the matrix of
+    /// [`Smooth::factor_mass`], and c the bias force. The third argument has the two generalized forces tau and applied.
     ///
-    /// A step with this acceleration is implicit in the damping D and in the springs that A contains (see [`crate::actuation::forces`]).
+    /// `v` is the velocity before the step. A step with this acceleration is implicit in the damping D and in the springs that A contains
+    /// (see [`crate::actuation::forces`]).
     pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [tau, applied]: [&[R]; 2], v: &[R], v_bias: &[R]) {
         kernel!(R, || {
             link_forces(compiled, kinematics, v_bias, &mut self.newton_euler);
@@ -106,8 +107,8 @@ impl<R: Real> Smooth<R> {
         })
     }
 
-    /// Adds implicit damping to the mass matrix: the added inertia of servos, and `h` times the fluid drag. The function leaves out entries
-    /// that couple two degrees of freedom on different branches of a tree.
+    /// Adds implicit damping to the mass matrix: the added inertias of servos with the moment arms `arms`, and `h` times the fluid drag,
+    /// linearised at the velocity `v`. The function leaves out entries that couple two degrees of freedom on different branches of a tree.
     pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [added_inertias, arms]: [&[R]; 2], v: &[R], h: R) {
         kernel!(R, || {
             self.mass.add_servos(compiled, added_inertias, arms, false);

@@ -23,6 +23,8 @@ use crate::probe::{Counter, Probe, span};
 
 /// Finds the contacts of the lanes `alive`, at the poses `time_before` seconds after the beginning of the step. Returns the lanes whose
 /// contacts are unreliable at this time, because geoms may already have passed through each other.
+///
+/// `v` is the velocity before the step, and `v_free` the velocity after it without constraints. `h` is the time step, s.
 #[expect(clippy::too_many_arguments, reason = "poses, contacts and probe are separate buffers")]
 #[inline(always)]
 pub fn detect<R: Real>(

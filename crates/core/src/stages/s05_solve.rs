@@ -143,7 +143,7 @@ impl<R: Real> ImpulsePredictor<R> {
         })
     }
 
-    /// Predicts the impulses in the lanes `lanes`.
+    /// Predicts the impulses in the lanes `lanes`, into `velocity.impulses`.
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = &mut *velocity;
@@ -152,8 +152,8 @@ impl<R: Real> ImpulsePredictor<R> {
         self.repeat(options, lanes, problem, velocity);
     }
 
-    /// Repeats the prediction in the lanes `lanes` from the present impulses or, in rough lanes, from zero. Called after more contacts have
-    /// become active.
+    /// Repeats the prediction in the lanes `lanes`, after more contacts have become active. It starts from the impulses of the previous
+    /// prediction or, in rough lanes, from zero.
     #[inline(always)]
     pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let (rows, impulses) = (&problem.rows, &mut velocity.impulses);

@@ -5,9 +5,9 @@
 //! corrects positions through a bias of the velocity solve. [`limit_baumgarte`] runs after stage 6. In lanes with absurd velocities because
 //! of this bias, it computes the solution without the bias and adds a bounded correction.
 //!
-//! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal passes a hinge. The targets
-//! are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is marked infeasible
-//! if the impulses of the correction prove that no motion within the bounds meets its targets (Farkas' lemma).
+//! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal goes through the axis of a
+//! hinge. The targets are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is
+//! marked infeasible if the impulses of the correction prove that no motion within the bounds meets its targets (Farkas' lemma).
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
@@ -31,9 +31,9 @@ use crate::tuning::{
 /// Bounds of the speed of a position correction (displacement divided by the time step).
 #[derive(Clone, Copy, Debug)]
 struct Bounds<R> {
-    /// Bound of a translation, m/s.
+    /// Largest speed of a translation, m/s.
     shift: R,
-    /// Bound of a rotation, rad/s.
+    /// Largest speed of a rotation, rad/s.
     turn: R,
 }
 
@@ -287,10 +287,11 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     }
 }
 
-/// Slows the correction `v` down in the lanes `lanes`, in islands whose bounds it exceeds. An island is a set of bodies that rows connect.
+/// Scales down the correction velocity `v` in the lanes `lanes`, in islands with a joint that exceeds its bound. An island is a set of
+/// bodies that rows connect.
 ///
-/// A whole island slows down by the same factor, so that loops stay closed. If there is a snapshot of the impulses, they are blended with
-/// it in the same ratio.
+/// The whole island gets the same factor, so that loops stay closed. If `blended` has a snapshot of earlier impulses, the function changes
+/// `impulses` too: their difference from the snapshot is multiplied by this factor.
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,

@@ -11,8 +11,8 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::*;
 
-/// Computes the true readings of all sensors into `workspace.truth`. Updates `kinematics` to the present configuration, except for the
-/// poses of mocap frames.
+/// Computes the true readings of all sensors into `workspace.truth`. If a sensor needs poses, the function updates `kinematics` to the
+/// configuration of `input`. The poses of mocap frames must be set before.
 pub fn sense<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &mut Kinematics<R>,
@@ -109,8 +109,8 @@ fn total<R: Real>(which: &[usize], x: &[R]) -> R {
     })
 }
 
-/// Writes the combination of `dim` readings to address `at`: the sum of coefficients times readings of other sensors. `terms` are pairs of
-/// address and coefficient.
+/// Writes the reading of a combination sensor, `dim` numbers, to `truth` from the address `at`. Each number is the sum of coefficients
+/// times the corresponding numbers of other sensors' readings. `terms` are pairs of a reading's address and its coefficient.
 fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: &mut [R]) {
     kernel!(R, || {
         for k in 0..dim {

@@ -82,7 +82,8 @@ impl fmt::Display for Status {
 /// Record of one step: residual, iterations, largest errors and status flags of each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<R: Real> {
-    /// Larger of the residual and the largest target velocity of an immovable row, m/s. 0 if the step was not finite.
+    /// Larger of the residual and the largest target velocity of an immovable row (one that no degree of freedom moves), m/s. 0 if the step
+    /// was not finite.
     pub residual: R,
     /// Number of Gauss-Seidel iterations (sweeps).
     pub sweeps: R,

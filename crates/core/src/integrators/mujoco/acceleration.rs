@@ -38,7 +38,8 @@ pub(super) struct Acceleration<'a, R: Real> {
 impl<R: Real> Acceleration<'_, R> {
     /// Computes the constrained acceleration at the state `stage` (stages 1 to 5 of the step), and stores it in `problem.soft`.
     ///
-    /// With `from_impulse` the solver starts from the constraint impulse of the last step, otherwise from the previous acceleration.
+    /// With `from_impulse` the solver starts from the constraint impulse of the last step, otherwise from the acceleration of the previous
+    /// call.
     #[inline(always)]
     pub(super) fn compute(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, from_impulse: bool, probe: impl Probe) -> Outcome<R> {
         self.prepare(input, stage, Recomputed::Configuration, probe);

@@ -14,7 +14,7 @@ pub(crate) struct Unsymmetric<R: Real> {
     /// Velocity at which the bias force is evaluated. `bias` is the bias force there.
     velocity: Vec<R>,
     bias: Vec<R>,
-    /// Bias force at zero velocity minus the bias force at the present velocity.
+    /// Bias force at zero velocity minus the bias force at the velocity before the step.
     difference: Vec<R>,
 }
 

@@ -9,8 +9,8 @@ use crate::sensing::errors::{Imperfect, Number, Numbers};
 use crate::sensing::memory::Memory;
 
 impl<S: Scalar> Imperfect<S> {
-    /// Advances the delay line's position by one step, the same in all lanes. Returns the addresses of the previous and of the new sample
-    /// in the sensors' memory.
+    /// Advances the position of the delay line by one sample, the same in all lanes; at the start of an episode (`start`) it stays. Returns
+    /// the addresses of the previous and of the new sample in the sensors' memory. Without a delay line, both are the same address.
     #[inline(always)]
     pub(super) fn advance_delay_line(&self, start: bool, cursors: &mut [u32], index: usize) -> (usize, usize) {
         if self.line == 0 {

@@ -26,7 +26,7 @@ pub(super) struct Keys {
     stream: Word,
     /// Number of earlier episodes of the environment.
     episode: Word,
-    /// Number of steps since the beginning of the episode, at which the numbers are drawn.
+    /// Step of the episode for which the numbers are drawn: number of steps since the beginning of the episode.
     step: Word,
 }
 

@@ -23,7 +23,7 @@ pub enum Error {
         /// Range of the option, in words.
         must: &'static str,
     },
-    /// Integrator in a model file, which stepper does not have.
+    /// Integrator that a model file selects, and that stepper does not have.
     #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator")]
     SourceIntegrator {
         /// Name of the integrator in the file.
@@ -118,7 +118,7 @@ pub enum Error {
         /// Value that was given: infinite or NaN.
         value: f64,
     },
-    /// Number that is too large for 32 bits, in a simulation of that precision.
+    /// Number that is too large for a simulation with 32-bit numbers.
     #[error("{place} of environment {env} is {value:e}, must be at most {:e} in 32 bits", f32::MAX)]
     TooLarge {
         /// Name of the array with the index, such as `qpos[3]`.
@@ -128,7 +128,7 @@ pub enum Error {
         /// Value that was given.
         value: f64,
     },
-    /// Parameter that is too large for 32 bits, in a simulation of that precision.
+    /// Parameter that is too large for a simulation with 32-bit numbers.
     #[error("{parameter} has {value:e}, which 32 bits cannot hold; give a smaller number")]
     ParameterTooLarge {
         /// Name of the parameter.
@@ -153,7 +153,7 @@ pub enum Error {
         /// Norm of the quaternion.
         norm: f64,
     },
-    /// Positions of mocap bodies without orientations, or the reverse.
+    /// Positions of mocap bodies without orientations, or orientations without positions.
     #[error("mocap_pos and mocap_quat go together: give both or none")]
     MocapPoses,
     /// Array of a rollout or ray query in another precision than the simulation.

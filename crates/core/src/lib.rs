@@ -73,8 +73,8 @@
 //!
 //! A control that is not finite is no error, because an error would end the steps of all other environments too. See [`StepInputs::ctrl`].
 //!
-//! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does. Their pages list
-//! it. Any other panic is a defect.
+//! Some methods take the index of an environment and return no `Result`. They panic if there is no such environment, like an index beyond
+//! the end of a slice. The documentation of each lists this panic. Any other panic is a defect.
 //!
 //! # Features
 //!
@@ -86,8 +86,8 @@
 //!   version that the crate uses.
 //! - `internals` (off by default) adds the module `internals` for the benches and tests of this workspace. It changes without notice.
 //!
-//! serde, postcard and sha2 are not optional. Models and states are bytes with a checksum. Every state has the digest of its model, so that
-//! a state of another model is refused.
+//! serde, postcard and sha2 are not optional. Saved models and states are bytes with a checksum. Every saved state has the digest of its
+//! model, so that a simulation refuses the state of another model.
 
 //! # Build times and debug builds
 //!

@@ -88,7 +88,7 @@ named! {
         Sweeps = "sweeps",
         /// Number of Gauss-Seidel iterations (sweeps) in the slowest lane of a group.
         SlowestSweeps = "sweeps of the slowest lane",
-        /// Number of Newton iterations of the solver.
+        /// Number of Newton iterations of the solver, as a sum over environments.
         NewtonSteps = "Newton steps",
     }
 }

@@ -161,16 +161,16 @@ pub(crate) const FAST_ROTATION: f64 = 0.5;
 /// Largest joint rotation per step to which the velocity is scaled down after a motion that was too fast for the time step, rad.
 pub(crate) const MAX_ROTATION: f64 = 1.0;
 
-/// Relative change of the velocity above which the corrector has not converged. The corrector computes inertial forces a second time, at
-/// the predicted velocity.
+/// Change of the velocity by the corrector above which the corrector has not converged, as a fraction of the largest velocity. The
+/// corrector computes inertial forces a second time, at the predicted velocity.
 pub(crate) const MAX_RELATIVE_CHANGE: f64 = 0.25;
 
 /// Joint rotation per step below which no energy balance of the step is computed, rad. Evidence: chains that gain energy rotate by 0.07 and
 /// more.
 pub(crate) const BALANCE_ROTATION: f64 = 0.05;
 
-/// Relative change of the velocity by the corrector above which the step computes its energy balance. The corrector computes inertial
-/// forces a second time, at the predicted velocity.
+/// Change of the velocity by the corrector above which the step computes its energy balance, as a fraction of the largest velocity. The
+/// corrector computes inertial forces a second time, at the predicted velocity.
 ///
 /// Evidence: robots under random control exceed it in less than 1 % of their steps. Chains of 5 to 40 links exceed it in the steps in which
 /// they gain most energy.
@@ -199,7 +199,7 @@ pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 /// as after a motion that is too fast for the time step.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Residual of the repeated solve in lanes with an ambiguous kinetic energy (`acceptance.rs`). It is a fraction of the largest residual at
+/// Tolerance of the repeated solve in lanes with an ambiguous kinetic energy (`acceptance.rs`). It is a fraction of the largest residual at
 /// which the impulses determine the kinetic energy.
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 
@@ -242,8 +242,8 @@ pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 /// the limits are 20 m/s and 200 rad/s.
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
-/// Smallest unmet part of a target velocity, m/s, at which stage 8 tries to prove that the target positions are infeasible. The impulses of
-/// the position correction do not reach this part.
+/// Unmet part of a target velocity above which stage 8 tries to prove that the target positions are infeasible, m/s. A part is unmet if the
+/// impulses of the position correction do not reach it.
 pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
 /// Compliance that damps each constraint row of the position solve, as a fraction of the inverse inertia along the row.
@@ -290,8 +290,8 @@ pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 /// towards the limit at the velocity without constraints. Impulses of contacts can rotate a joint towards its limit in the same step.
 pub(crate) const LIMIT_LOOK_AHEAD: f64 = 0.01;
 
-/// Smallest ratio of a constraint row's squared lengths after and before the elimination of the equalities. Below it, the equalities may
-/// block the row, and each entry of the row is tested with the same ratio.
+/// Ratio of a constraint row's squared lengths after and before the elimination of the equalities, below which the equalities may block the
+/// row. Each entry of such a row is then tested with the same ratio.
 ///
 /// Without the test, impulses would be a million times too large and would depend on rounding. The ratio alone does not show that a row is
 /// blocked: a light body that is coupled to a heavy one has the same ratio.
@@ -326,5 +326,5 @@ pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 /// Largest number of contacts in an environment for which Newton's method computes the first impulses of a contact group (see
 /// `constraints/redundant_supports.rs`).
 ///
-/// Evidence: in a heap of ten boxes with 45 contacts it would take half of the step.
+/// Evidence: in a heap of ten boxes with 45 contacts, Newton's method would take half of the time of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;

@@ -21,9 +21,9 @@
 //! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
 //! ```
 //!
-//! For a damper alone, that is the Pade approximation `(1 - z/3) / (1 + 2 z/3 + z^2/6)` of exp(-z), Radau IIA's of third order (Hairer &
-//! Wanner, section IV.3): it tends to 0. A stiff spring with a damper has two modes. The true motion multiplies their amplitudes in a step
-//! by numbers whose product is exp(-z). With the rule, this product is 1 / (1 + 6 s) = 1 - z + O(z^2), which tends to 1/7 for strong
+//! For a damper alone, the rule is the Pade approximation `(1 - z/3) / (1 + 2 z/3 + z^2/6)` of exp(-z), Radau IIA of third order (Hairer &
+//! Wanner, section IV.3), which tends to 0. A stiff spring with a damper has two modes. The true motion multiplies their amplitudes in a
+//! step by numbers whose product is exp(-z). With the rule, this product is 1 / (1 + 6 s) = 1 - z + O(z^2), which tends to 1/7 for strong
 //! damping. The added terms are of the order h^2, and zero without damping. The rule stays of second order, and keeps the energy of
 //! undamped springs.
 //!
@@ -269,8 +269,8 @@ impl<R: Real> ActuatorForces<R> {
         self.added_inertia[servo] = R::select(fixed, R::zero(), added_inertia);
     }
 
-    /// Stores the force of a servo with actuator dynamics (limits, motor, losses), and what it contributes with the active bound that the
-    /// step assumes: explicit part and added inertia.
+    /// Stores the force of a servo with actuator dynamics (limits, motor, losses): its explicit part and added inertia, with the active
+    /// bound that the step assumes.
     ///
     /// `affine` is the force without limits, at the length and velocity in `motion`. `dynamics` describes the limits and the motor,
     /// `numbers` has their parameters. `weights` make the force implicit.
@@ -302,8 +302,8 @@ impl<R: Real> ActuatorForces<R> {
         self.stiff[servo] = (max_added_inertia * effective_inertia.mobility).ge(R::of(STIFF_SERVO));
     }
 
-    /// Clamps the force of a servo at the predicted velocity, in the lanes in which it is not stiff. `dv` is the predicted change of the
-    /// actuator's velocity in the step.
+    /// Clamps the force of a servo at the predicted velocity, in the lanes in which the servo is not stiff. `dv` is the predicted change of
+    /// the actuator's velocity in the step.
     ///
     /// The added inertia does not change, because the mass matrix is already factored.
     #[inline(always)]

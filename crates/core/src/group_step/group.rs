@@ -184,8 +184,8 @@ impl<R: Real> GroupStep<R> {
         (self.functions().gaps)(self.nominal(), &self.compiled, &self.workspace, lanes, see)
     }
 
-    /// Ends the evaluations near the solved step. In later steps, constraint rows use the distances of contacts and limits at the present
-    /// configuration again, instead of the distances in the solved step.
+    /// Ends the evaluations near the solved step. Evaluations use the distances of contacts and limits in the solved step. In later steps,
+    /// constraint rows use the distances at the current configuration again.
     pub fn finish(&mut self) {
         if let Some(nominal) = &mut self.nominal {
             nominal.release_overlaps(&mut self.workspace);

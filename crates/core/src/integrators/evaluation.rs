@@ -36,7 +36,7 @@ pub(crate) struct Evaluation<R: Real> {
     /// Lanes whose evaluation point was set by the search for impacts. It is the time of an impact, or the beginning of the step for a
     /// contact that touched earlier.
     pub(crate) impact_lanes: R::Mask,
-    /// Spatial velocities of the links from which impacts are predicted: before the step, and after the step if there were no constraints.
+    /// Spatial velocities of the links, with which the step predicts impacts: before the step, and after it without constraints.
     pub(super) link_velocities: [Vec<V6<R>>; 2],
     /// Overlaps in the solution of the step that is being differentiated; `None` in a normal step.
     pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,

@@ -66,8 +66,8 @@ pub(crate) fn correct_positions<R: Real>(
 
 /// Lanes in which one geom may have passed through another (tunnelling check).
 ///
-/// The check assumes motion at a constant velocity. In lanes with a rebound, this is the velocity of the position correction plus a part
-/// of the velocity after the step. The part is the fraction of the step that follows the impact.
+/// The check assumes motion at a constant velocity, which is the velocity after the step. In lanes with a rebound, it is a fraction of this
+/// velocity plus the velocity of the position correction. The fraction is the part of the step after the impact.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,

@@ -22,6 +22,6 @@ pub(crate) struct State<R: Real> {
     pub(crate) impulse: Vec<R>,
     /// Simulated time of every lane, s. It has 64 bits in every precision, because it is a sum of many steps.
     pub(crate) time: Vec<f64>,
-    /// Time since the beginning of the call, s. It determines the poses of mocap bodies.
+    /// Time since the beginning of the call of `step`, which may make several steps, s. It determines the poses of mocap bodies.
     pub(crate) elapsed: f64,
 }

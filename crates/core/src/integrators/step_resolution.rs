@@ -8,8 +8,8 @@
 //! The kinetic energy is at most the kinetic energy before the step plus the work of the forces that the step keeps. Positive work of
 //! contacts does not count. No joint except a slide leaves the step with more than one radian per step.
 //!
-//! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The whip of a chain may gain
-//! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
+//! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The energy of a whipping
+//! chain may grow by a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
 //! (`StepResolution::find_energy_gain`). A gain sets status UNRESOLVED and leaves the motion unchanged.
 //!
 //! The two bounds also hold where impulses rotate a joint by half a turn or more within the step, for example levers in a jam. The rows are

@@ -1,6 +1,7 @@
 //! Functions of structs whose fields are lane-interleaved arrays.
 
-/// Implements functions that treat the lane-interleaved arrays of a struct alike. The list has the names of these fields.
+/// Implements functions that do the same with every lane-interleaved array of a struct: copy lanes, set lanes, and report sizes. The
+/// macro's list has the names of these fields.
 macro_rules! lane_arrays {
     ($state:ident: $($array:ident)*) => {
         impl<S: Scalar> $state<S> {
@@ -29,7 +30,8 @@ macro_rules! lane_arrays {
 
 pub(crate) use lane_arrays;
 
-/// Sets the values of one lane of a lane-interleaved array to zero. `first` is the index of the lane's first value that is set.
+/// Sets the values of one lane of a lane-interleaved array to zero, from index `first` on. To clear all values of a lane, `first` is the
+/// index of the lane.
 pub(crate) fn clear_column<T: Default>(rows: &mut [T], lanes: usize, first: usize) {
     rows.iter_mut().skip(first).step_by(lanes).for_each(|x| *x = T::default());
 }

@@ -205,11 +205,11 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual at which the solver stops in each lane, m/s. It is a fraction of the lane's speed, but above the rounding of velocities, and at
-/// most the tolerance.
+/// Residual at which the solver stops in each lane, m/s: [`RELATIVE_TOLERANCE`] times the speed of the lane's fastest degree of freedom.
+/// The result is at least the rounding error of velocities, and at most the tolerance of the options.
 ///
-/// The allowance for rounding is 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, which is more than the default
-/// tolerance. If a user's `tolerance` is as large, heavy boxes would creep into light ones. Lanes with a contact group (`has_groups`)
+/// The rounding error is taken as 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, which is more than the default
+/// tolerance. With a user's tolerance of this size, heavy boxes would creep into light ones. Lanes with a contact group (`has_groups`)
 /// therefore stop at a smaller residual.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     kernel!(R, || {

@@ -73,8 +73,8 @@ pub struct PositionInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
     /// Lanes whose positions are corrected.
     pub lanes: R::Mask,
-    /// Lanes in which a contact bounces. Their corrected position is the one after the rebound, and only the speeds of the step bound the
-    /// correction.
+    /// Lanes in which a contact bounces. Their corrected position is the one after the rebound. The speeds of the step bound their
+    /// correction, instead of `Bounds`.
     pub rebounding: R::Mask,
     /// Time step, s.
     pub h: R,
@@ -213,7 +213,7 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     infeasible
 }
 
-/// Converts the copied rows of the velocity solve to those of the position solve.
+/// Converts the rows in `position`, copies of those of the velocity solve, to the rows of the position solve.
 ///
 /// Position rows are damped, and have position errors as targets. Their impulses are relative to those of the velocity solution.
 #[inline(always)]

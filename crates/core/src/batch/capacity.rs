@@ -63,8 +63,8 @@ pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &Compiled
     capacity.max(2 * contacts_at_start(model, compiled, settings, capacity, level)).min(compiled.contact_points)
 }
 
-/// Largest number of contacts that a first step from the reset state or a keyframe finds. The number may exceed `capacity`, the contact
-/// capacity of the first attempt.
+/// Largest number of contacts that a first step from the reset state or from a keyframe finds. The function begins with the contact
+/// capacity `capacity`, and doubles it until all contacts fit.
 fn contacts_at_start<S: LaneScalar>(
     model: &Model,
     compiled: &CompiledModel<S>,

@@ -229,7 +229,7 @@ impl<S: LaneScalar> Batch<S> {
 
     /// Begins a new episode: the next one of the present seed, or the first one of the seed `seed`.
     ///
-    /// The episode has other random numbers. The function clears the memory of sensors and actuator pipelines.
+    /// Random numbers differ from episode to episode. The function clears the memory of sensors and actuator pipelines.
     pub(super) fn begin_episode(&mut self, env: usize, seed: Option<u64>) {
         let (group, lane) = self.lane_mut(env);
         group.sensing.begin(lane, seed);

@@ -10,7 +10,8 @@ use crate::compile::Params;
 pub struct ParameterOverrides<S> {
     /// Indices of the overridden parameters in [`Params`], ascending. All groups have the same indices.
     pub indices: Vec<u32>,
-    /// Values of the overridden parameters, for every group (parameters, lanes). Empty without overrides.
+    /// Values of the overridden parameters: for every group, an array with one row per parameter and one column per lane. Empty without
+    /// overrides.
     pub numbers: Vec<Vec<S>>,
 }
 
@@ -32,8 +33,7 @@ impl<S: Scalar> ParameterOverrides<S> {
         }
     }
 
-    /// Begins to override the parameters of `differences` that are not overridden yet. At first they have the shared value in all
-    /// environments.
+    /// Adds the parameters of `differences` that are not overridden yet to the overrides, with the shared value in all environments.
     fn add_indices(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut indices: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.indices.iter().copied()).collect();
         indices.sort_unstable();

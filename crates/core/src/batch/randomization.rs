@@ -103,7 +103,7 @@ fn row(all: &[f64], env: usize, width: usize) -> &[f64] {
     &all[env * width..(env + 1) * width]
 }
 
-/// Values of `changed` whose bits differ from those of `shared`, with their indices.
+/// Parameters in `changed` whose bits differ from those in `shared`: index, and value in `changed`.
 fn differ(changed: &Params<f64>, shared: &Params<f64>) -> Differences {
     let both = (0..).zip(changed.numbers().iter().zip(shared.numbers()));
     both.filter(|(_, (changed, shared))| changed.to_bits() != shared.to_bits()).map(|(index, (&changed, _))| (index, changed)).collect()

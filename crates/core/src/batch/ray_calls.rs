@@ -10,7 +10,8 @@ use crate::compile::sensing::{Target, TargetForm};
 use crate::error::Error;
 
 impl<S: LaneScalar> Batch<S> {
-    /// Casts rays with directions of unit length. Writes distances, m, in the precision of the lanes, and the geoms that the rays hit.
+    /// Casts rays with directions of unit length. Writes distances, m, in the precision of the lanes, and the geoms that the rays hit. Both
+    /// are -1 for a ray without a hit.
     ///
     /// For each geom of `rays`, `surfaces` has the mesh or height field that rays hit; `None` for a simple shape.
     ///

@@ -35,7 +35,7 @@ pub struct RayQuery<'a, S> {
 
 impl<S: Scalar> RayQuery<'_, S> {
     /// Casts the rays of the environments from `first` on, one environment per lane. Writes the distances, m, and geoms of the first hits,
-    /// one row per environment; -1 without a hit.
+    /// one row per environment. Both are -1 for a ray without a hit.
     pub(super) fn cast<R: Real<Scalar = S>>(
         &self,
         compiled: &LaneModel<R>,

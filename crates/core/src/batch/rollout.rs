@@ -72,7 +72,7 @@ impl Numbers<'_> {
 /// environments.
 #[derive(Debug)]
 pub struct Recording<'a> {
-    /// Recorded quantities and their arrays, (controls, num_envs, n) each.
+    /// Recorded quantities and their arrays, (controls, num_envs, n) each, where n is the [width](Quantity::width) of the quantity.
     pub quantities: Vec<(Quantity, Numbers<'a>)>,
     /// Status flags of all steps with one control, as [`Status::bits`](crate::Status::bits): (controls, num_envs).
     pub status: &'a mut [u32],
@@ -83,11 +83,11 @@ pub struct Recording<'a> {
 /// Chunk of a recording: the output rows of consecutive environments (those of one chunk of groups), which one worker writes.
 #[derive(Debug)]
 pub struct RecordingChunk<'a, S> {
-    /// Recorded quantities: quantity, number of values per environment, and the values after each control.
+    /// Recorded quantities: quantity, number of values per environment, and one output slice for each control.
     quantities: Vec<(Quantity, usize, Vec<&'a mut [S]>)>,
-    /// Status flags of the environments for each control.
+    /// Status flags of the environments: one output slice for each control.
     status: Vec<&'a mut [u32]>,
-    /// Residuals of the environments for each control, m/s.
+    /// Residuals of the environments, m/s: one output slice for each control.
     residual: Vec<&'a mut [f64]>,
 }
 

@@ -30,7 +30,7 @@ pub(super) struct Reader<'a, R: Real, P> {
 }
 
 impl<R: Real, P: Probe> Reader<'_, R, P> {
-    /// Makes the first observation of the error models, in those lanes that have not made one since their state was set.
+    /// Makes the first observation of the error models, in those lanes that have not made one since the user set their state.
     ///
     /// This reading ignores the forces that the user applies. It is therefore the same before a step and within a step.
     pub(super) fn begin_observations(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>) {

@@ -32,8 +32,8 @@ pub(super) struct LentStep<'a> {
     pub step: &'a mut dyn Any,
 }
 
-/// Duration of a part of a long call, s. The callback that can stop the call is called after each part. A user hardly notices this delay of
-/// an interrupt, and starting the next part takes far less.
+/// Duration of a part of a long call, s. After each part, a callback can stop the call. A user hardly notices this delay of an interrupt,
+/// and the start of the next part takes far less time.
 const PART: f64 = 0.05;
 /// Lower bound of the computing time of a step on one thread, divided by the numbers of environments and of degrees of freedom, s.
 ///

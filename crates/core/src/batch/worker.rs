@@ -113,8 +113,8 @@ const MAX_CACHED_ENTRIES: usize = 512;
 /// faster. `compiled.chain` has one item for each entry of the mass matrix.
 ///
 /// With AVX-512, a group of 2 n lanes uses two registers per value, and a step takes 1.8 times as long. On AVX-512 CPUs with vector units
-/// of half the register's width, it takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
-/// would take 2.2 to 2.5 times as long.
+/// of half the register's width, such a step takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of
+/// AVX2 such a step would take 2.2 to 2.5 times as long.
 pub(super) fn lanes<S: LaneScalar>(compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let n = S::vector(level);
     // Largest number of groups of a thread. A step of 2 n lanes takes 1.8 = 9/5 times as long as one of n lanes, and pays if it decreases

@@ -3,9 +3,9 @@
 //!
 //! The search has no memory of earlier steps, and runs lane by lane in scalar code. The centres of the balls are sorted into cells: cubes
 //! that are at least as wide as each of these balls. Geoms that can touch are therefore in neighbouring cells (Ericson, 2005, section 7.1).
-//! The keys of the cells are sorted, so that a row of cells along z is a range of the sorted list. While the search visits the cells in
-//! this order, it keeps the start of the range of each neighbouring row, which moves forward only. Very fast geoms, whose balls are more
-//! than twice as large as any geom, have no cell and are compared with all geoms.
+//! The keys of the cells are sorted, so that a row of cells along z is a range of the sorted list. The search visits the cells in this
+//! order. For each neighbouring row it stores where its range starts, and this start only moves forward. Very fast geoms, whose balls are
+//! more than twice as large as any geom, have no cell and are compared with all geoms.
 
 use stepper_real::{Real, Scalar};
 
@@ -34,11 +34,11 @@ struct Ball {
 pub(crate) struct Broad {
     /// Bounding balls of the moving geoms in the present lane.
     balls: Vec<Ball>,
-    /// Key of the cell, and index of a ball in it. Sorted by key.
+    /// For each ball that has a cell: key of the cell, and index of the ball in `balls`. Sorted by key.
     cells: Vec<(u64, u32)>,
-    /// Indices of the balls that are too large for the cells.
+    /// Indices in `balls` of the balls that are too large for a cell.
     without_cell: Vec<u32>,
-    /// Pairs of members whose balls overlap, each with its lane, as one integer.
+    /// Pairs of members whose balls overlap in one lane. Each integer encodes the lane and the two members.
     found_pairs: Vec<u64>,
     /// Dynamic pairs that can touch, ascending: index of the pair in the compiled model, and lanes (bits) in which it can touch.
     pub(crate) pairs: Vec<(u32, u32)>,

@@ -106,8 +106,8 @@ impl ContactReduction {
     /// Gathers the contact area of contact `first` of lane `l`: the contacts of the pair group `group` with the same normal and
     /// friction, and without restitution.
     ///
-    /// Sets their entries of `groups` to [`NO_PAIR_GROUP`]. Returns the size of the area, m, but at least a size with which the tolerance
-    /// [`FLAT`] exceeds the rounding errors of positions.
+    /// Sets their entries of `groups` to [`NO_PAIR_GROUP`]. Returns the size of the area, m. If the area is tiny, the result is a larger
+    /// size, with which the tolerance [`FLAT`] exceeds the rounding errors of positions.
     fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, group: u32) -> f64 {
         let (origin, normal) = (of_lane(&contacts.data[first].point.pos, l), of_lane(&contacts.data[first].point.normal, l));
         let [_, a, b] = contact_frame(normal);
@@ -134,7 +134,8 @@ impl ContactReduction {
         size.max(place * 64.0 * R::Scalar::EPSILON.to_f64() / FLAT)
     }
 
-    /// Marks the redundant contacts of the gathered area, whose size is `size`, m. Returns whether it has marked any.
+    /// Marks the redundant contacts of the gathered area as not kept (`kept`). `size` is the size of the area, m. Returns whether any
+    /// contact was redundant.
     fn mark(&mut self, size: f64) -> bool {
         let Self { points, hull, kept, .. } = self;
         let flat = FLAT * size;
@@ -207,7 +208,7 @@ fn find_hull(points: &mut [Point], hull: &mut Vec<Point>, flat: f64) {
     chain(&mut points.iter().rev());
 }
 
-/// Whether `b` is to the right of the line from `a` to `c` by more than `flat`, m: the path from `a` over `b` to `c` turns left.
+/// Whether the path from `a` over `b` to `c` turns left, because `b` is to the right of the line from `a` to `c` by more than `flat`, m.
 fn turns_left(a: &Point, b: &Point, c: &Point, flat: f64) -> bool {
     let (u, v) = ([c.x[0] - a.x[0], c.x[1] - a.x[1]], [b.x[0] - a.x[0], b.x[1] - a.x[1]]);
     v[0] * u[1] - v[1] * u[0] > flat * u[0].hypot(u[1])
@@ -218,7 +219,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Barycentric weights of `x` in a triangle of three points. `None` if they are on a line, or if `x` is outside by more than rounding.
+    /// Barycentric weights of `x` in the triangle of three points. `None` if the points are on a line, or if `x` is outside the triangle by
+    /// more than rounding errors.
     fn weights([a, b, c]: [&Point; 3], x: [f64; 2]) -> Option<[f64; 3]> {
         let area = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
         let whole = area(a.x, b.x, c.x);

@@ -64,7 +64,7 @@ impl<R: Real> Slot<R> {
         self.set_lane(l, &from.point, from.mu, from.restitution, from.over_face);
     }
 
-    /// Sets lane `l` of everything except the tangent and the impulse to the lane of `point` and the other values.
+    /// Sets lane `l` of the slot, except its tangent and impulse, to lane `l` of the given values.
     #[inline(always)]
     fn set_lane(&mut self, l: usize, point: &ContactPoint<R>, mu: R, restitution: R, over_face: u32) {
         self.point.distance.set_lane(l, point.distance.lane(l));
@@ -108,8 +108,8 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Returns the contact buffers with buffers for angular impulses, if `any` is true: if the scene has torsional or rolling
-    /// friction.
+    /// Adds buffers for angular impulses if `any` is true, and returns the contact buffers. `any` is whether the scene has torsional or
+    /// rolling friction.
     pub fn with_torques(mut self, any: bool) -> Self {
         self.torque = vec![zero(); if any { self.data.len() } else { 0 }];
         self
@@ -146,7 +146,8 @@ impl<R: Real> Contacts<R> {
         SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
     }
 
-    /// Adds a contact in the lanes `bits`, and marks lanes without a free slot in `full`. `over_face` are bits of [`Slot::over_face`].
+    /// Adds a contact in the lanes `bits`. Lanes that have no free slot do not get the contact, and are marked in `full`. `over_face` are
+    /// bits of [`Slot::over_face`].
     ///
     /// The caller adds pairs in ascending order. The features of a pair may have any order; this function sorts them.
     #[inline(always)]
@@ -235,7 +236,8 @@ impl<R: Real> Contacts<R> {
     /// Chooses the tangents of every contact from its normal, and starts each contact from its impulse in `last`, the contacts of the
     /// previous step.
     ///
-    /// Impulses are copied as vectors in world coordinates, so that the choice of tangents does not matter. The function overwrites `last`.
+    /// Impulses are copied as vectors in world coordinates, so that they do not depend on the tangents in either set. The function
+    /// overwrites `last`.
     pub fn prepare(&mut self, last: &mut Self) {
         if self.slots() == 0 {
             return;

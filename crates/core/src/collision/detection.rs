@@ -139,7 +139,7 @@ impl<R: Real> CollisionWorkspace<R> {
         }
     }
 
-    /// Begins a step: the separating planes that the last step found become the start of this step's searches.
+    /// Begins a step: the searches of this step start from the separating planes that the last step stored.
     pub(crate) fn begin_step(&mut self) {
         self.narrow_phase.begin_step();
     }
@@ -155,8 +155,8 @@ impl<R: Real> CollisionWorkspace<R> {
 
     /// Finds the static pairs (a moving geom and one fixed to the world) whose bounding boxes overlap in any of the lanes `alive`.
     ///
-    /// `displacements` returns the upper bound of the displacement of every geom, m. If `checks_passing` is set, geoms that may have passed
-    /// through a static geom get more pairs: all those with overlapping bounding balls.
+    /// `displacements` returns the upper bound of the displacement of every geom, m. If `checks_passing` is true, the function also finds
+    /// pairs whose bounding balls overlap, for geoms that may have passed through a static geom.
     pub(crate) fn find_static(
         &mut self,
         compiled: &LaneModel<R>,
@@ -416,7 +416,8 @@ impl<R: Real> Scene<'_, R> {
         far.and(passed.or(self.hits_surface(index, pair, far, contacts)))
     }
 
-    /// Lower bound of the distance between the two geoms of a pair in the lanes `lanes`, m. For a surface it is at most `most`.
+    /// Lower bound of the distance between the two geoms of a pair in the lanes `lanes`, m. If one geom is a surface, the result is at most
+    /// `most`, because the search ends there.
     #[inline(always)]
     pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R, narrow: &mut Narrow) -> R {
         let [a, b] = pair.geoms;

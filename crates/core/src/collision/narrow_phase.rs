@@ -97,8 +97,8 @@ impl<R: Real> Scene<'_, R> {
         self.add_point_over_face(index, 0, pair, near, over_face, point, contacts);
     }
 
-    /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during two steps. Its contact
-    /// normal cannot change.
+    /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during two steps. There the normal of the
+    /// contact `point` cannot change.
     ///
     /// `clearance` is the distance of the ball's centre from the border of the face, m.
     #[inline(always)]
@@ -144,8 +144,8 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Finds the contacts of two solids in the lanes `near`, one lane after the other, in f64. A lane's result does not depend on other
-    /// lanes.
+    /// Finds the contacts of a pair of solids (convex shapes, hulls) in the lanes `near`, one lane after the other, in f64. A lane's result
+    /// does not depend on other lanes.
     #[inline(always)]
     fn convex(
         &self,
@@ -262,7 +262,7 @@ impl<R: Real> Scene<'_, R> {
     }
 
     /// Relative motion of the second geom of a pair in the first geom's frame during a step: displacement and rotation. The result is valid
-    /// for all contacts with a gap of at most `reach`, m.
+    /// at all points where the geoms can have a contact with a gap of at most `reach`, m.
     #[inline(always)]
     fn approach(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
@@ -280,7 +280,7 @@ impl<R: Real> Scene<'_, R> {
     }
 
     /// Relative motion of the second geom in the first geom's frame during a step. The result is valid for contacts in the ball with the
-    /// centre `centre` (world axes) and the radius `radius`, m. `margin` is in m.
+    /// centre `centre` (world axes) and the radius `radius`, m. `margin` is the margin of the pair, m.
     #[inline(always)]
     pub(crate) fn approach_at(&self, geoms: [usize; 2], centre: V3<R>, radius: R, margin: R) -> Approach<R> {
         let mat = &self.poses.mat[geoms[0]];

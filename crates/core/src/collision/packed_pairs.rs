@@ -88,8 +88,8 @@ impl<S: Scalar> PackedPairs<S> {
     }
 }
 
-/// Values of each item in registers, such as `gather!(items, |item| pos[item.geoms[0]])`. The closure returns the values of an item in all
-/// lanes. See [`gather_lanes`].
+/// Gathers values of items in registers, such as `gather!(items, |item| pos[item.geoms[0]])`. For each item, the closure returns the values
+/// in all lanes of the step, and the macro takes the item's lane. See [`gather_lanes`].
 macro_rules! gather {
     ($items:expr, |$item:pat_param| $numbers:expr) => {
         $crate::collision::packed_pairs::gather_lanes(
@@ -112,8 +112,8 @@ pub(super) fn gather_boxes<R: Real>(compiled: &LaneModel<R>, pos: &[V3<R>], mat:
     }
 }
 
-/// Gathers N values per item in registers. `of` returns the values of an item in all lanes, from which the function reads the item's lane.
-/// Item k is in lane k of the result.
+/// Gathers N values per item in registers. For each item, `of` returns the values in all lanes of the step, from which the function takes
+/// the item's lane. Item k is in lane k of the result.
 #[inline(always)]
 pub(super) fn gather_lanes<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: impl Fn(&Item<R::Scalar>) -> [R; N]) -> [R; N] {
     let mut rows = [[R::Scalar::ZERO; MAX_LANES]; N];

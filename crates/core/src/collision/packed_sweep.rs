@@ -1,4 +1,4 @@
-//! Distances of balls and capsules to static boxes along the motion of a step, for pairs that are tested in few lanes.
+//! Distances of balls and capsules to static boxes along the motion of a step, for pairs that are near each other in few lanes.
 //!
 //! Several such pairs share a register, as in [`PackedPairs`](crate::collision::packed_pairs::PackedPairs). The numbers equal those of
 //! [`SweptPair`].
@@ -89,7 +89,8 @@ impl<R: Real> PackedSweep<R> {
         }
     }
 
-    /// First touch of each of the items `items` on its path, see [`find_touch`]. `gap` has the distances at the start of the paths.
+    /// Touch of each of the items `items` on its path, if there is one, see [`find_touch`]. `gap` has the distances at the start of the
+    /// paths. An overlap up to `tolerance`, m, is no touch.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
         // Items in which a body rotates too far, so that the search is invalid.
@@ -128,7 +129,8 @@ impl<R: Real> PackedSweep<R> {
         least
     }
 
-    /// Replaces `least` by the contact point `point`, in those of the items `items` in which it can touch within the step and is closer.
+    /// Replaces `least` by the distance at `point` and its time derivative. The function does so in those of the items `items` in which the
+    /// point can touch within two path durations and is closer than `least`.
     ///
     /// `travel` is an upper bound of the displacement in twice the path's duration, m. `time` is the time along the path, s.
     #[inline(always)]

@@ -122,7 +122,7 @@ impl SeparationCache {
         }
     }
 
-    /// Whether `other` has the same size as this cache, and valid counts of used entries.
+    /// Whether `other` has as many lanes and entries as this cache, and valid counts of used entries.
     pub(crate) fn fits(&self, other: &Self) -> bool {
         let shape = |n: &Self| (n.places, n.count.len(), n.held.len());
         shape(self) == shape(other) && self.count.iter().chain(&other.count).all(|&n| n as usize <= self.places)

@@ -57,7 +57,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Length of a row of `boxes`: one number per moving geom, plus the number of lanes, because loads may go beyond the last geom.
+    /// Length of a row of `boxes`: one number per moving geom, plus the number of lanes, because a SIMD load may read beyond the last geom.
     fn row(pairs: &StaticPairs) -> usize {
         pairs.moving.len() + R::LANES
     }

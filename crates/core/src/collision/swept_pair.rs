@@ -74,7 +74,8 @@ impl<R: Real> SweptPair<R> {
         kinematics.velocities(compiled, v, &mut self.poses.search_velocity);
     }
 
-    /// First touch of the pair on its path in the lanes `lanes`, see [`find_touch`]. `gap` is the distance at the start of the path.
+    /// Touch of the pair on its path in the lanes `lanes`, if there is one, see [`find_touch`]. `gap` is the distance at the start of the
+    /// path. An overlap up to `tolerance`, m, is no touch.
     #[inline(always)]
     pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
         let rotates = self.exceeds_max_rotation(path);
@@ -145,18 +146,19 @@ impl<R: Real> SweptPair<R> {
     }
 }
 
-/// Result of [`find_touch`]: lanes, time and overlap of the first overlap that the search found.
+/// Result of [`find_touch`]: a pose on the path at which the geoms overlap by more than the tolerance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Touch<R: Real> {
-    /// Lanes in which the geoms of the pair overlap at some time of the path.
+    /// Lanes in which the search found such a pose, or in which a body rotates too far for the search. The other fields are meaningless
+    /// elsewhere.
     pub(crate) lanes: R::Mask,
-    /// Time along the path at which the geoms overlap, s. It need not be the earliest.
+    /// Time along the path at which the geoms overlap, s. They may overlap earlier too.
     pub(crate) time: R,
     /// Overlap of the geoms at `time`, m. Infinite where a body rotates too far for the search.
     pub(crate) overlap: R,
 }
 
-/// Searches a path of `end_time` seconds for a time at which the distance is below `-tolerance`, m, in the lanes `lanes`.
+/// Searches a path of `end_time` seconds, in the lanes `lanes`, for a time at which the geoms overlap by more than `tolerance`, m.
 ///
 /// `gap` has the distance and its rate at the start of the path; `gap_at` returns them at any time. In the lanes `rotates`, a body rotates
 /// too far for the search, and the result is a touch.

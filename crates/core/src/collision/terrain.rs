@@ -39,7 +39,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lanes of `near` in which a shape may touch a surface within the step, by the height of the surface below the shape.
     ///
-    /// `geoms` are the surface and the shape; `margin` is that of the pair, m.
+    /// `geoms` are the indices of the surface and of the shape; `margin` is the margin of the pair, m.
     #[inline(always)]
     pub(crate) fn may_meet_surface(&self, surface: &Surface, geoms: [usize; 2], margin: R, near: R::Mask) -> R::Mask {
         let [ground, shape] = geoms;
@@ -76,8 +76,8 @@ impl<R: Real> Scene<'_, R> {
         near
     }
 
-    /// Relative motion of a shape in a surface's frame during a step: displacement and rotation. `reach` is the greatest length of a
-    /// contact, m.
+    /// Relative motion of a shape in a surface's frame during a step: displacement and rotation. `margin` is the margin of the pair, m, and
+    /// `reach` the largest gap of its contacts, m.
     #[inline(always)]
     pub(crate) fn approach_to_surface(&self, [surface, shape]: [usize; 2], margin: R, reach: R) -> Approach<R> {
         // The contact normal of a ball passes through its centre, that of a capsule through its segment. Other contacts are halfway between
@@ -109,8 +109,7 @@ impl<R: Real> Scene<'_, R> {
         hits
     }
 
-    /// Distance of a surface and a convex shape in the lanes `lanes`, at most `most`, m. Zero for a pair without a surface and a convex
-    /// shape.
+    /// Distance of a surface and a convex shape in the lanes `lanes`, m; at most `most`. Zero for pairs of other kinds.
     #[inline(never)]
     pub(crate) fn gap_to_surface(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, most: R, narrow: &mut Narrow) -> R {
         let mut gap = R::zero();

@@ -99,7 +99,7 @@ struct Path<'a, R: Real> {
 }
 
 impl<R: Real> Path<'_, R> {
-    /// Lanes of `passed`, together with the lanes of `alive` in which one geom of the pair may pass through the other.
+    /// Union of the lanes `passed`, and the lanes of `alive` in which one geom of the pair may pass through the other.
     #[inline(always)]
     fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let suspected = self.scene.poses.may_get_past(self.scene.compiled, pair).and(alive).and_not(passed);
@@ -199,7 +199,7 @@ impl<R: Real> GeomPoses<R> {
     /// Updates `passing_displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.
     ///
     /// In the first set, some geom moves by more than half its inscribed radius; in other lanes no pair can pass. In the second set, some
-    /// geom moves farther than stage 3 assumed.
+    /// geom moves farther than stage 3 assumed in its search for pairs.
     #[inline(always)]
     fn find_large_displacements(
         &mut self,

@@ -171,7 +171,8 @@ impl<S: Scalar> CompiledActuators<S> {
         all
     }
 
-    /// Compiles the actuator `a`, and adds it. `na` is the number of activations so far, which increases if the actuator has one.
+    /// Compiles the actuator `a`, and adds it. `na` is the number of activations of the actuators before it; the function increases `na` if
+    /// this actuator has an activation.
     fn push(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {
         let addresses = &scene.merged.addresses;
         let arms: Vec<(usize, f64)> = match a.transmission {
@@ -273,10 +274,10 @@ fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
     }
 }
 
-/// Lists the pairs of an actuator's degrees of freedom that are on one kinematic branch. An entry has the index of the mass matrix entry,
-/// and the result of `product` for the two items. Also returns whether these are all pairs.
+/// Lists the pairs of an actuator's degrees of freedom that are on one kinematic branch. An element of the list has the index of the mass
+/// matrix entry, and the result of `product` for the pair's two items. The second result is true if no pair is on different branches.
 ///
-/// `items` are pairs of degree of freedom and item. The function sorts them by depth.
+/// `items` has the actuator's degrees of freedom, each with an item such as its moment arm. The function sorts it by depth in the tree.
 fn pairs_on_branch<T: Copy, P>(items: &mut [(usize, T)], merged: &Merged, product: impl Fn(T, T) -> P) -> (Vec<(usize, P)>, bool) {
     // Deepest degree of freedom first. Its chain contains all other ones of the moment, unless the moment goes across branches.
     items.sort_by_key(|&(dof, _)| std::cmp::Reverse(merged.chain_of(dof).len()));

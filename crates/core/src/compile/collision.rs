@@ -35,8 +35,8 @@ pub struct CompiledGeom<S> {
 }
 
 impl<S: Scalar> CompiledGeom<S> {
-    /// Sets the geom's solid (collision shape) for the tunnelling check, or for [`Kernel::Convex`] and [`Kernel::Surface`] if `collides` is
-    /// true.
+    /// Sets the geom's solid (collision shape), which the tunnelling check needs. `collides` is true if [`Kernel::Convex`] or
+    /// [`Kernel::Surface`] uses the solid; collision then needs the geom's whole orientation.
     fn set_solid(&mut self, model: &Model, shape: &Shape, collides: bool) {
         self.solid.get_or_insert_with(|| solid(model, shape));
         self.full_orientation |= collides;

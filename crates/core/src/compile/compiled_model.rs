@@ -131,7 +131,8 @@ pub struct ModelStructure<S: Scalar> {
     pub explicit_damping: bool,
     /// Whether any servo's force is bounded, directly or by the sum of forces on its joint.
     pub servos_are_bounded: bool,
-    /// Number of moment arms of all actuators on sites, one for each degree of freedom on which they act; and number of these actuators.
+    /// Number of moment arms of all actuators on sites, then number of these actuators. Each such actuator has one moment arm for each
+    /// degree of freedom on which it acts.
     pub wrench_arms: [usize; 2],
     /// Number of actuators with actuator dynamics that act within a step: a continuous servo, motor, force limits or friction losses.
     pub num_actuator_dynamics: usize,
@@ -139,7 +140,7 @@ pub struct ModelStructure<S: Scalar> {
     pub lossy: bool,
     /// Sensors of the model.
     pub sensing: CompiledSensing<S>,
-    /// Whether the scene has pairs of geoms without a plane. Such geoms may pass through each other within a step.
+    /// Whether the scene has pairs of geoms neither of which is a plane. Such geoms may pass through each other within a step.
     pub can_tunnel: bool,
     /// Upper bound of the number of contacts of an environment.
     pub contact_points: usize,

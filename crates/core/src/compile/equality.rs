@@ -288,8 +288,8 @@ impl Compiler<'_> {
         blocks
     }
 
-    /// Compiles the tendons that have a limit, dry friction, spring, damper or inertia. `impulse_index` is the index of the next free
-    /// impulse.
+    /// Compiles the tendons that have a limit, dry friction, spring, damper or inertia. The function increases `impulse_index`, the next
+    /// free index in the list of impulses of scalar constraint rows.
     pub(super) fn tendons<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<CompiledTendon<S>> {
         let mut plans = Vec::new();
         for (index, tendon) in self.model.tendons.iter().enumerate() {

@@ -78,8 +78,8 @@ pub struct CompiledSurface<S> {
     pub geom: usize,
     /// Index, in the list of mocap bodies, of the body that carries the surface. `None` if no mocap body carries it.
     pub mocap: Option<usize>,
-    /// Velocity of a conveyor in the frame's axes: linear at the geom's origin, m/s, and angular, rad/s. `None` if the surface is no
-    /// conveyor.
+    /// Velocity of a conveyor in the axes of the geom's frame: linear at the geom's origin, m/s, then angular, rad/s. `None` if the surface
+    /// is no conveyor.
     pub own: Option<[[S; 3]; 2]>,
 }
 

@@ -24,7 +24,7 @@ pub struct CompiledSensing<S> {
     pub width: usize,
     /// Magnetic flux density in world axes, T.
     pub magnetic: [S; 3],
-    /// Whether any sensor's reading is a quaternion.
+    /// Whether the reading of any sensor is a quaternion.
     pub quaternions: bool,
     /// Body of every geom of the model.
     pub geom_body: Vec<usize>,

@@ -24,7 +24,7 @@ pub struct SoftLaw<S> {
     pub stiffness: S,
     /// Damping B, 1/s.
     pub damping: S,
-    /// Impedance at zero position error, and difference between the final and this impedance.
+    /// Impedance at zero position error, and difference of the final impedance minus that impedance.
     impedance: [S; 2],
     /// Inverse of the error at which the impedance reaches its final value, 1/m or 1/rad; 0 for a constant impedance.
     inverse_width: S,

@@ -3,8 +3,8 @@
 //! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide, and wrong for surfaces that pass each
 //! other: their nearest points approach, but never touch. Stage 4 therefore assembles the rows of an approaching contact and marks them as
 //! deferred, so that the solver leaves them out. The solution without these rows gives the motion of the step. After the solve,
-//! [`crate::integrators::contact_activation`] activates the rows of the pairs that collide in this motion, and their lanes are solved
-//! again.
+//! [`crate::integrators::contact_activation`] activates the rows of the pairs that collide in this motion, and the solver solves the lanes
+//! of these pairs again.
 //!
 //! Contacts that rest, slide or roll are never deferred. Nor are contacts whose normal cannot change. These are contacts with a half space,
 //! and contacts of a ball that stays over one flat face of the other geom during two steps. On a surface of triangles, a face is a triangle
@@ -30,8 +30,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Lanes of `lanes` in which the rows of the contact in slot `k` are deferred (left out of the solve). There the surfaces approach each
     /// other, and may pass without touching.
     ///
-    /// `before` is the normal velocity before the step, m/s. `free` is the contact velocity after the step without constraint forces other
-    /// than those of hard equalities, m/s.
+    /// `before` is the normal velocity before the step, m/s. `free` is the contact velocity after the step along normal and tangents, m/s,
+    /// if only hard equalities exert constraint forces.
     #[inline(always)]
     pub(crate) fn approaching_lanes(
         &self,
@@ -95,8 +95,8 @@ impl<R: Real> ConstraintProblem<R> {
         self.deferred.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1)
     }
 
-    /// Largest overlap in lane `lane` among the active contacts of either of two bodies, m. `frames` are the bodies' frames, and
-    /// `frames_of` returns the two frames of a pair of geoms.
+    /// Largest overlap in lane `lane` among the active contacts of either of two bodies, m. `frames` are the frames of the two bodies.
+    /// `frames_of` returns the two frames of the pair of geoms with a given index.
     pub(crate) fn resting_overlap(
         &self,
         contacts: &Contacts<R>,
@@ -116,8 +116,8 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Activates the deferred contacts of colliding pairs in the lanes `lanes`, so that the solver includes their rows.
     ///
-    /// `lanes_of` returns the lanes in which a pair collides, and those of them in which the collision is doubtful.
-    /// [`Self::defer_doubtful`] later defers doubtful contacts again.
+    /// `lanes_of` returns, for the index of a pair of geoms, the lanes in which the pair collides, and the lanes in which this collision is
+    /// doubtful. [`Self::defer_doubtful`] later defers doubtful contacts again.
     pub(crate) fn activate(
         &mut self,
         velocity: &mut VelocitySolution<R>,
@@ -179,7 +179,7 @@ impl<R: Real> ConstraintProblem<R> {
         })
     }
 
-    /// Activates those deferred contacts that are also in `reference`, the contacts of a completed step.
+    /// Activates those deferred contacts that are also in `reference`, the contacts of the completed step whose derivative is computed.
     pub(crate) fn activate_matching(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>, reference: &Contacts<R>) {
         for i in 0..self.deferred.len() {
             let deferred = self.deferred[i];
@@ -218,8 +218,8 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Activates deferred contact number `i` in the lanes `lanes`, with the initial impulse `impulse`, N s and N m s.
     ///
-    /// The function also stores the impulse in [`VelocitySolution::saved_impulses`]: the predictor may restore the saved impulses, and
-    /// these must include it.
+    /// The function also stores the impulse in [`VelocitySolution::saved_impulses`]: the predictor may restore the saved impulses, and the
+    /// saved impulses must include this one.
     #[inline(always)]
     fn activate_contact(&mut self, velocity: &mut VelocitySolution<R>, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {

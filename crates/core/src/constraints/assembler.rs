@@ -55,8 +55,8 @@ pub(crate) struct RowInput<'a, R: Real> {
     pub closing_fraction: R,
     /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are very fast.
     pub at_start: R::Mask,
-    /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. They decide which rows
-    /// correct an overlap, so that all these evaluations have the same corrections.
+    /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. These overlaps determine
+    /// which rows correct an overlap, so that the same rows do so at all displaced states.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
     /// Lanes that hold an environment.
     pub alive: R::Mask,
@@ -69,12 +69,13 @@ impl<R: Real> RowInput<'_, R> {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
 
-    /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It equals the result of
-    /// [`RowInput::closing_part`], or the whole gap if the gap is wide.
+    /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It is usually the result of
+    /// [`RowInput::closing_part`]. Very fast bodies without restitution may close the whole gap if it is wide.
     ///
-    /// `lanes` (bits) are the lanes with a contact. Very fast bodies without restitution may close a wide gap ([`WIDE_GAP_RATIO`]). Because
-    /// such a body is still very fast, the next step is evaluated at its beginning too, where the contact touches. With
-    /// [`RowInput::closing_part`] the body could close only a part of its gap in each step, and would slow down before it touches.
+    /// `lanes` (bits) are the lanes with a contact. A gap is wide above [`WIDE_GAP_RATIO`] times the tunnelling distance. After such a body
+    /// has closed its gap, it is still very fast. Contacts are therefore evaluated at the beginning of the next step too, where the geoms
+    /// touch. With [`RowInput::closing_part`] the body could close only a part of its gap in each step, and would slow down before it
+    /// touches.
     #[inline(always)]
     pub(crate) fn closing_part_of_slot(&self, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];
@@ -88,8 +89,8 @@ impl<R: Real> RowInput<'_, R> {
     }
 }
 
-/// Displacement of the two geoms in slot `k` above which they may pass through each other, m, in the lanes `lanes` (bits). It is infinite
-/// in the other lanes.
+/// Relative displacement of the two geoms in slot `k` above which they may pass through each other, m. It is infinite outside the lanes
+/// `lanes` (bits).
 #[inline(always)]
 pub(crate) fn tunnelling_distance<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
     let mut distance = R::of(f64::INFINITY);

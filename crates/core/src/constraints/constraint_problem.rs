@@ -31,7 +31,8 @@ pub struct ConstraintProblem<R: Real> {
     /// Lanes with at least one active row (deferred rows do not count).
     pub constrained: R::Mask,
     /// Lanes that need the position solve of stage 8 because of position errors, or because of an impact with Euler's rule. With the
-    /// midpoint rule, lanes with an impact need it too, but are not included.
+    /// midpoint rule, lanes with an impact need the position solve too, but this mask leaves them out: [`Self::midpoint_impact_lanes`]
+    /// returns them.
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
@@ -69,8 +70,8 @@ pub(crate) struct Impact<R: Real> {
     /// Factor 1 + e of the normal velocity, e being the coefficient of restitution. 1 after [`ConstraintProblem::drop_restitution`] made
     /// the impact inelastic.
     pub(crate) normal_factor: R,
-    /// Rebound velocity that Euler's rule adds to the offset of the normal row, m/s. 0 with the midpoint rule, which multiplies the whole
-    /// offset by `normal_factor`.
+    /// Bias of the normal row by Euler's rule, m/s: minus the rebound velocity, or e times the free normal velocity. Unused with the
+    /// midpoint rule, which multiplies the whole offset by `normal_factor`.
     pub(crate) rebound: R,
 }
 
@@ -86,7 +87,7 @@ pub(crate) struct DeferredContact<R: Real> {
     /// Lanes in which a doubtful collision of the predicted motion activated the rows. A collision is doubtful if the error of the
     /// prediction can cause its overlap.
     pub(crate) doubtful: R::Mask,
-    /// Lanes in which the contact bounces, so that `bias` is the rebound velocity.
+    /// Lanes in which the contact bounces. There `bias` follows from Newton's law of restitution.
     pub(crate) bounces: R::Mask,
     /// Bias of the normal row, m/s: the row's offset g minus the normal velocity without impulses.
     pub(crate) bias: R,
@@ -148,9 +149,9 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`, evenly over the step.
     ///
-    /// The rows of an impact contain the free velocity at the time t of the impact. It changes by t / h times the sum of `change` and
-    /// `extra_before_impacts`. The latter is nonzero if the forces before the impact changed by other amounts than those after it.
-    /// The function overwrites both arrays.
+    /// The rows of an impact contain the free velocity at the time t of the impact. The velocity at this time changes by t / h times the
+    /// sum of `change` and `extra_before_impacts`. Callers pass `extra_before_impacts` if the forces before the impact changed by other
+    /// amounts than the forces after it. The function overwrites both arrays.
     pub fn shift(
         &mut self,
         compiled: &LaneModel<R>,
@@ -193,8 +194,9 @@ impl<R: Real> ConstraintProblem<R> {
 /// Calls `shift` for each contact that bounces in the lanes `lanes`, with the index of the contact, these lanes, and two factors. A
 /// velocity change times the first factor is added to g of the normal row, and times the second to g of the friction rows.
 ///
-/// A velocity change that is even over the step acts on an impact at the time t with the fraction t / h. In the normal row it is also
-/// multiplied by `normal_factor`. `added` is subtracted: 1 if the caller has already added the whole change to g, otherwise 0.
+/// The factor of the friction rows is t / h for an impact at the time t, because the velocity changes evenly over the step. The factor of
+/// the normal row is t / h times `normal_factor`. Both factors are reduced by `added`: 1 if the caller has already added the whole velocity
+/// change to g, otherwise 0.
 #[inline(always)]
 pub(crate) fn shift_impacts<R: Real>(impacts: &[Impact<R>], lanes: R::Mask, added: R, mut shift: impl FnMut(usize, R::Mask, [R; 2])) {
     for (i, impact) in impacts.iter().enumerate() {

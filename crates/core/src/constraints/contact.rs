@@ -55,9 +55,9 @@ fn least_lever<R: Real>() -> f64 {
 /// The solver leaves the contact out, and its approach speed counts as residual. Rounding in the model file gives such a contact a small
 /// approach speed, so that speeds up to the resting speed are ignored.
 ///
-/// Nothing can correct an overlap of the contact either. `position` and `velocity` differ by the speed that would correct it. If this speed
-/// exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. Between the resting speed and this number, only the residual can report the
-/// overlap. The function then returns 0, so that any approach speed counts.
+/// Nothing can correct an overlap of the contact either. The difference of `position` and `velocity` is the speed that would correct the
+/// overlap. If this speed exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. If it is between the resting speed and
+/// [`MIN_UNMET_TARGET`], only the residual can report the overlap. The function then returns 0, so that any approach speed counts.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -82,7 +82,8 @@ pub(crate) struct SlidingRows<R: Real> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the three rows of the contact in slot `k`, in the lanes `lanes` (bits), which have sliding friction or none.
+    /// Adds the three rows of the contact in slot `k`, in the lanes `lanes` (bits). There the contact has only sliding friction, or no
+    /// friction.
     ///
     /// The caller must have called `gather_dofs` of the row builder.
     #[inline(always)]

@@ -18,15 +18,16 @@ pub(crate) struct CompliantRow<R: Real> {
     pub(crate) lanes: R::Mask,
     /// Bias to add to the free velocity of the row, m/s.
     pub(crate) bias: R,
-    /// Compliance of the row, 1/kg; 0 in the other lanes.
+    /// Compliance of the row, 1/kg; 0 outside `lanes`.
     pub(crate) compliance: R,
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Computes the normal row of the contacts in slot `k` (one per lane), in the lanes in which their surfaces are soft.
+    /// Computes bias and compliance of the normal row of the contacts in slot `k` (one per lane of `lanes`, bits), where their surfaces are
+    /// soft.
     ///
-    /// `free` and `before` are the normal velocities without constraints and before the step, m/s. The first component of `column` must
-    /// have the half-solved normal row, L^-T J^T.
+    /// `free` is the normal velocity after the step without constraints, and `before` that before the step, m/s. The first component of
+    /// `column` must have the half-solved normal row, L^-T J^T.
     #[inline(always)]
     pub(crate) fn comply(
         &self,

@@ -28,8 +28,8 @@ use crate::math::spatial::*;
 use crate::tuning::MIN_REMAINING_LENGTH;
 
 impl<R: Real> RowBuilder<R> {
-    /// Finds the eliminated equalities that share a degree of freedom with the row in construction. Adds their degrees of freedom to its
-    /// `dofs`, with zeros in `column`.
+    /// Finds the eliminated equalities that share a degree of freedom with the row under construction. Adds the equalities' degrees of
+    /// freedom to `dofs` of the row, with zeros in `column`.
     #[inline(always)]
     pub(crate) fn couple(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         self.coupled.clear();
@@ -86,8 +86,9 @@ impl<R: Real> RowBuilder<R> {
 
     /// Eliminates the coupled equalities from the rows in the first `N` components of `column`, and from their offsets g, `offsets`.
     ///
-    /// `offsets` has two offsets per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
-    /// becomes zero. Returns the squared lengths of the rows before and after, 1/kg, in the metric of G; `None` without coupled equalities.
+    /// `offsets` has two offsets per row, m/s: of the velocity solve and of the position solve. A row that is a linear combination of the
+    /// equality rows becomes zero. Returns the squared lengths (diagonal entries of G) of the rows before and after the elimination, 1/kg;
+    /// `None` without coupled equalities.
     #[inline(always)]
     pub(crate) fn eliminate<const N: usize>(
         &mut self,
@@ -259,8 +260,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Subtracts `K` equality rows with the same degrees of freedom, starting at row `first`, from the rows in `column`. Also reduces
-    /// `after`, the squared lengths of the rows in `column`, accordingly.
+    /// Subtracts `K` equality rows with the same degrees of freedom, starting at row `first`, from the rows in `column`. Also updates
+    /// `after`, the squared lengths of the rows in `column`.
     ///
     /// One pass over these degrees of freedom computes the coefficients, and another subtracts. Entries elsewhere keep their bits.
     #[inline(always)]
@@ -311,8 +312,8 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Marks all rows assembled so far as eliminated. Stores copies of their entries in the two scalings that [`RowBuilder::eliminate`]
-    /// reads.
+    /// Marks all rows assembled so far as eliminated. Stores two copies of their entries for [`RowBuilder::eliminate`]: times D^-1/2, and
+    /// times D^1/2.
     #[inline(always)]
     pub(crate) fn store_eliminated(
         &mut self,
@@ -358,7 +359,7 @@ fn reprojection_threshold<R: Real>() -> f64 {
 /// Mobility of some rows before the elimination of equalities, divided by their mobility after it. The mobility is the sum of the rows'
 /// squared lengths, the trace of their block of the Delassus matrix.
 ///
-/// The ratio is 1 if nothing is left, and exactly 1 if nothing was eliminated.
+/// The ratio is also 1 if the elimination leaves nothing of the rows. Without elimination it is exactly 1, without rounding error.
 #[inline(always)]
 pub(crate) fn mobility_ratio<R: Real>(before: &[R], after: &[R]) -> R {
     let [mut mobility_before, mut mobility_after] = [R::zero(); 2];

@@ -26,7 +26,8 @@ use crate::math::spatial::*;
 use crate::options::Stabilization;
 use crate::tuning::{CORRECTION_ARM, DAMPING, NEGLIGIBLE_ERROR};
 
-/// Jacobian and error of an equality, before its rows are added to the problem. It has three rows, or one row in the first component.
+/// Jacobian and error of an equality, before its rows are added to the problem. Two coincident points have three rows, and so do two
+/// aligned orientations. A coupling of joints has one row, in the first component of all vectors.
 pub(crate) struct EqualityJacobian<R: Real> {
     pub(crate) error: V3<R>,
     /// Velocity-dependent acceleration J' v of the rows.
@@ -160,8 +161,8 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
 
-    /// Adds the Jacobian of a linear combination of joints, times `factor`, to the first row in `column`. Returns the squared length of the
-    /// added terms.
+    /// Adds the Jacobian of a linear combination of joints, times `factor`, to the first row in `column`. Returns the sum of the squares of
+    /// the added entries.
     #[inline(always)]
     pub(crate) fn add_terms(&mut self, input: &RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
@@ -246,8 +247,8 @@ impl<R: Real> Assembler<'_, R> {
 
     /// Adds the rows of a block of equalities.
     ///
-    /// With `with_scales`, the scales of the entries are computed too. The result is false, and nothing is added, if the test for dependent
-    /// rows needs them but `with_scales` is false.
+    /// If `with_scales` is true, the function also computes the scales of the entries, which the test for dependent rows may need. If the
+    /// test needs them and `with_scales` is false, the function adds nothing and returns false. Otherwise it returns true.
     #[inline(always)]
     fn add_block(&mut self, input: &RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
         let start = self.problem.rows.scalars.len();
@@ -295,9 +296,10 @@ impl<R: Real> Assembler<'_, R> {
     /// Adds position corrections and curvature terms to the offsets of the rows of a block, from row `start` on. Before the call, the
     /// offsets are J v_free.
     ///
-    /// The work of a row's impulse is (t^2 - (J v)^2) / 2 G for the target velocity t = J v+. A target of at most the present speed adds no
-    /// energy, even where a loop straightens and its curvature is unbounded. For a dependent row, an offset above the rounding error of its
-    /// velocity remains, so that the residual contains it. `scales` is the index of the first row's velocity scale.
+    /// The work of a row's impulse is (t^2 - (J v)^2) / 2 G for the target velocity t = J v+. The curvature term of t is therefore at most
+    /// the speed |J v| before the step, and adds no energy. Without this bound it could be arbitrarily large where a loop straightens. The
+    /// offset of an immovable (linearly dependent) row becomes zero if it is at most the rounding error of the row's velocity. A larger
+    /// offset remains, and the residual contains it. `scales` is the index in `velocity_scales` of the first row's scale.
     #[inline(always)]
     fn set_equality_offsets(&mut self, input: &RowInput<'_, R>, start: usize, scales: usize) {
         let rounding = R::of(velocity_rounding::<R>().powi(2));
@@ -340,6 +342,8 @@ impl<R: Real> Assembler<'_, R> {
     }
 
     /// Appends the first `N` components of `column` to the problem, as rows of an equality with the degrees of freedom of its block.
+    /// `first` is the number of rows of the equality that the problem already has. `with_scales` is true if the scales of the entries are
+    /// needed too.
     #[inline(always)]
     fn push_rows<const N: usize>(
         &mut self,

@@ -36,8 +36,8 @@ pub struct Flight<R> {
 pub struct ImpactPrediction<R: Real> {
     /// Lanes in which the contact collides fast enough to bounce.
     pub collides: R::Mask,
-    /// Lanes in which the contact touches and separates. Such a contact is solved together with the impacts, because an impact elsewhere
-    /// may close it.
+    /// Lanes in which the contact touches and its surfaces separate. The solver includes such a contact, because an impact elsewhere may
+    /// close its gap again.
     pub separates: R::Mask,
     /// Lanes in which the contact touches or is about to touch, and does not bounce.
     pub rests: R::Mask,

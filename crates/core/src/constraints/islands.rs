@@ -7,21 +7,21 @@ use crate::compile::ModelStructure;
 
 /// Islands of one lane as disjoint sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984).
 ///
-/// Each island has a maximum of values, and two sums of penalties. Callers supply the values and the penalties.
+/// For each island, callers can collect the maximum of some values, and two sums of penalties. Values and penalties belong to trees.
 #[derive(Clone, Debug)]
 pub(crate) struct Islands {
     /// For each tree, another tree of its island with a smaller index, or the tree itself if it is the root of its island.
     above: Vec<u32>,
-    /// Values of each island, at the index of its root.
+    /// Maximum and sums of each island, at the index of the island's root tree.
     islands: Vec<Island>,
 }
 
-/// Values of an island.
+/// Maximum and sums of an island.
 #[derive(Clone, Copy, Debug, Default)]
 struct Island {
-    /// Maximum of the values that the caller supplied.
+    /// Maximum of the values that [`Islands::raise_max`] received.
     most: f64,
-    /// Both sums of penalties.
+    /// Two sums of penalties, at the indices `which` of [`Islands::add_penalty`].
     penalties: [f64; 2],
     /// Whether the island is excluded from penalties.
     exempt: bool,
@@ -66,7 +66,8 @@ impl Islands {
         self.island(tree).most
     }
 
-    /// Adds a penalty to sum number `which` of the islands of two trees. If both trees are in the same island, it is added once.
+    /// Adds `penalty` to sum number `which` (0 or 1) of the islands of two trees. If both trees are in the same island, the penalty is
+    /// added once.
     pub(crate) fn add_penalty(&mut self, trees: [Option<usize>; 2], which: usize, penalty: f64) {
         let [a, b] = trees.map(|tree| tree.map(|tree| self.root(tree)));
         for root in [a, if a == b { None } else { b }].into_iter().flatten() {

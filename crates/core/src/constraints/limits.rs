@@ -36,9 +36,10 @@ impl<R: Real> Assembler<'_, R> {
     /// Law of the row of a limit, in the lanes in which the limit can be reached within the step. If there are none, the function clears
     /// the stored impulse and returns `None`.
     ///
-    /// `phi` is the distance to the limit, m or rad, and `free` its time derivative without constraints. `solved` is the distance in the
-    /// solution if the step is being differentiated. With split stabilisation (positions are corrected in a separate solve), a limit is
-    /// corrected faster than a contact overlap, because position corrections add no energy.
+    /// `phi` is the distance to the limit, m or rad, and `free` its time derivative without constraints. If the step is evaluated at a
+    /// displaced state for a derivative, `solved` is the distance in the solution; otherwise it is `None`. With split stabilisation
+    /// (positions are corrected in a separate solve), a limit is corrected faster than a contact overlap, because position corrections add
+    /// no energy.
     #[inline(always)]
     pub(crate) fn limit_law(
         &mut self,

@@ -48,9 +48,10 @@ impl<R: Real> Assembler<'_, R> {
     /// Bias of a contact's normal row by Euler's rule, m/s, and the lanes of `exists` in which the row is needed. With the midpoint rule
     /// the function returns `bias` and `exists` unchanged.
     ///
-    /// In contacts that bounce, the bias is the rebound velocity e v-; in the others it is `bias`. All elastic contacts whose gap is
-    /// closed take part in an impact: 0 <= lambda, complementary to v+ + e v- >= 0. A contact that the free velocity opens takes part
-    /// too. A contact that is slower than the threshold before the step rests, even if gravity makes it faster within the step.
+    /// In contacts that bounce, the result is e v-, minus the rebound velocity; in the others it is `bias`. v- is here the free normal
+    /// velocity. All elastic contacts whose gap is closed, or closes in the free motion, take part in an impact: 0 <= lambda, complementary
+    /// to v+ + e v- >= 0. A closed contact that the free velocity opens takes part too. A contact that is slower than the threshold before
+    /// the step rests, even if gravity makes it faster within the step.
     #[inline(always)]
     pub(crate) fn bounce_euler(
         &mut self,
@@ -82,8 +83,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Corrects the rebound velocity of [`Assembler::bounce_euler`] after the elimination of equalities. Returns the bias of the normal
     /// row, m/s.
     ///
-    /// Newton's law then uses the velocity after the elimination, instead of `free`. `offset` is g of the normal row after the elimination.
-    /// With the midpoint rule the function changes nothing.
+    /// Newton's law then uses the free normal velocity after the elimination, instead of `free`, the one before it. `offset` is g of the
+    /// normal row after the elimination; the function corrects it too. With the midpoint rule the function changes nothing.
     #[inline(always)]
     pub(crate) fn bounce_euler_eliminated(&mut self, slot: &Slot<R>, free: R, bias: R, offset: &mut R) -> R {
         if self.problem.resolves_impacts || !self.problem.elastic {
@@ -362,8 +363,8 @@ fn max_twice_energy<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free
     before.max(after)
 }
 
-/// Lanes of `lanes` in which the squared length `square` of a vector exceeds `most`, and the factor that shrinks the vector to this bound
-/// there.
+/// Lanes of `lanes` in which the squared length `square` of a vector exceeds `most`, and the factor that shrinks the vector to the squared
+/// length `most`. The factor is meaningless in other lanes.
 #[inline(always)]
 pub(crate) fn shrink_factor<R: Real>(square: R, most: R, lanes: R::Mask) -> (R::Mask, R) {
     let lanes = lanes.and(square.gt(most));

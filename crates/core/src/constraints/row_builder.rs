@@ -32,7 +32,8 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) coupled: Vec<Range<usize>>,
     /// Entries of the eliminated equality rows, times D^-1/2 and times D^1/2, where L^T D L is the mass matrix.
     pub(crate) eliminated_entries: [Vec<R>; 2],
-    /// Coefficient of each eliminated row in the last elimination. Functions that estimate rounding errors replace it by its size.
+    /// Coefficient of each eliminated row in the last elimination. Functions that estimate rounding errors overwrite the coefficient with
+    /// its magnitude.
     pub(crate) projections: Vec<V3<R>>,
     /// Squared scales of the entries of `column`. An entry is a sum of terms, and its scale is their size. Entries far below their
     /// scale are rounding errors.
@@ -41,7 +42,7 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) removed_scales: Vec<V3<R>>,
     /// Squared scales of the target velocities of hard equality rows, (m/s)^2, in the order of these rows.
     pub(crate) velocity_scales: Vec<R>,
-    /// Sum of squared terms of each row in the present block of equalities.
+    /// Sum of squared terms of each row in the block of equalities under construction.
     pub(crate) sizes: Vec<R>,
     /// Whether each block of equalities needs the scales of its entries to detect dependent rows.
     pub(crate) needs_scales: Vec<bool>,

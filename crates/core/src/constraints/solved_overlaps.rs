@@ -58,7 +58,7 @@ impl<R: Real> SolvedOverlaps<R> {
     }
 
     /// Calls `visit` for every gap of a displaced state with the configuration `q`. Its arguments are: whether the gap belongs to a limit,
-    /// distance in the solution, present distance, and lanes (bits) that have the gap.
+    /// distance in the solution, distance at the displaced state, and lanes (bits) that have the gap.
     pub(crate) fn each_gap(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, q: &[R], mut visit: impl FnMut(bool, R, R, u32)) {
         for k in 0..contacts.slots() {
             visit(false, self.distance(contacts, k), contacts.data[k].point.distance, contacts.lanes_of(k));

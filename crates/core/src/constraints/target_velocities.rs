@@ -12,8 +12,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Biases of the row of a contact or limit at the distance `phi` (m or rad): first in the velocity solve, then in the position solve,
     /// m/s or rad/s. A bias is minus the target velocity.
     ///
-    /// `fastest` bounds the speed of the correction. `solved` is the distance in the solution if the step is being differentiated. The
-    /// row exists in the lanes `active`.
+    /// `fastest` bounds the speed that corrects an overlap, m/s or rad/s. If the step is evaluated at a displaced state for a derivative,
+    /// `solved` is the distance in the solution; otherwise it is `None`. The row exists in the lanes `active`.
     #[inline(always)]
     pub(crate) fn biases(&mut self, input: &RowInput<'_, R>, fastest: f64, phi: R, solved: Option<R>, active: R::Mask) -> [R; 2] {
         let RowInput { options, h, .. } = *input;
@@ -37,8 +37,8 @@ impl<R: Real> Assembler<'_, R> {
         stabilized(input, uncorrected, corrected)
     }
 
-    /// Stores the lanes `lanes`, in which a row corrects its position: in the position solve, or with Baumgarte's method in the velocity
-    /// solve.
+    /// Marks the lanes `lanes` as lanes in which a row corrects its position error. With split stabilisation they need the position solve;
+    /// with Baumgarte's method their velocities are biased.
     #[inline(always)]
     pub(crate) fn note_corrections(&mut self, input: &RowInput<'_, R>, lanes: R::Mask) {
         match input.options.stabilization {
@@ -49,7 +49,8 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Biases of a row in the velocity solve and in the position solve, given those without and with the correction of its position.
+/// Biases of a row in the velocity solve and in the position solve. `corrected` is the bias that corrects the position error, and
+/// `uncorrected` the bias that does not. The option `stabilization` selects the solve that uses `corrected`.
 #[inline(always)]
 pub(crate) fn stabilized<R: Real>(input: &RowInput<'_, R>, uncorrected: R, corrected: R) -> [R; 2] {
     match input.options.stabilization {

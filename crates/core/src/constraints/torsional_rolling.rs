@@ -23,7 +23,7 @@ impl<R: Real> RowBuilder<R> {
     }
 
     /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the rows' free
-    /// velocity, m/s. `free` is the part of it by the motion of the surfaces themselves.
+    /// velocity, m/s. `free` is the part of this velocity that the motion of the surfaces themselves causes (conveyors, mocap bodies).
     #[inline(always)]
     pub(crate) fn rotation_columns(&mut self, input: &RowInput<'_, R>, axes: &[V3<R>; 3], weight: V3<R>, mut free: V3<R>) -> V3<R> {
         for &d in &self.dofs {

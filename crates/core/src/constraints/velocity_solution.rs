@@ -67,7 +67,7 @@ impl<R: Real> VelocitySolution<R> {
         rolling_contacts.fill([nan; 6]);
     }
 
-    /// Computes the velocity after the step with the present impulses into `out`, nv. `v_free` is the velocity without them.
+    /// Computes the velocity after the step with the present impulses into `out`, nv. `v_free` is the velocity without impulses.
     pub fn velocity_after(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, v_free: &[R], out: &mut [R]) {
         kernel!(R, || {
             self.velocity_by_impulses(compiled, mass, out);

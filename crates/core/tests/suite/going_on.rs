@@ -1,5 +1,5 @@
-//! Test of single groups of environments, whose state a worker keeps loaded between calls. Steps from the loaded state must give the same
-//! bits as steps from the saved state.
+//! Test of batches of a single group of environments, whose state a worker keeps loaded between calls. Steps from the loaded state must
+//! give the same bits as steps from the saved state.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
-//! Invalid inputs: slices of a wrong length, elements that do not exist, and builder calls in any order. Each gives an error that names the
-//! fault, and no call panics.
+//! Invalid inputs: slices of a wrong length, elements that do not exist, and builder calls in any order. Invalid inputs give an error that
+//! names the fault, and no call panics.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;

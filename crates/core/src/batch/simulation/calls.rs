@@ -9,8 +9,8 @@ use crate::batch::stepping::Watch;
 use crate::error::check_length;
 
 impl Simulation {
-    /// Controls in force, (num_envs, nu): those of the last step. After a reset they are those of the initial keyframe if there is one,
-    /// otherwise zeros.
+    /// Controls in force, (num_envs, nu): those that the next step uses if it gets no new ones. After a reset they are those of the initial
+    /// keyframe if there is one, otherwise zeros.
     pub fn ctrl(&self) -> &[f64] {
         &self.ctrl
     }
@@ -169,8 +169,9 @@ impl Simulation {
 
     /// Reads all sensors of all environments, (num_envs, nsensordata), with the inputs in force.
     ///
-    /// If `truth` is true, `out` gets the ideal readings of the present state. Otherwise it gets the readings of the last step after the
-    /// transfer functions, the same at every call.
+    /// If `truth` is true, `out` gets the ideal readings of the present state. Otherwise it gets the readings after the transfer functions:
+    /// those of the last step, or the first observation if the user has set the state since then. Without transfer functions, these are the
+    /// ideal readings too. Repeated calls give the same numbers.
     ///
     /// # Errors
     /// [`Error::Length`] for `out`, and [`Error::Threads`] when threads cannot be started.

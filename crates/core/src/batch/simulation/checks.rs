@@ -97,7 +97,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Checks the lengths of the input arrays of a call for all environments.
+    /// Checks the lengths of the input arrays of a call for all environments. `controls` is the number of controls that follow one another
+    /// in the call.
     pub(super) fn check_inputs(&self, inputs: &StepInputs<'_>, controls: usize) -> Result<(), Error> {
         // Fast check of the usual case, because a single environment needs it at every step.
         let fits = inputs.ctrl.is_empty() || inputs.ctrl.len() == controls.saturating_mul(self.ctrl.len());

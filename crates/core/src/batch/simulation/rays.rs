@@ -9,8 +9,8 @@ use crate::compile::sensing::{Form, TargetForm};
 use crate::error::check_length;
 
 impl Simulation {
-    /// Casts rays in all environments. Writes the distance to the first hit, m, and the index of the geom, (num_envs, count) each; -1
-    /// without a hit.
+    /// Casts rays in all environments. Writes the distance to the first hit, m, and the index of the geom, (num_envs, count) each. Both are
+    /// -1 for a ray without a hit.
     ///
     /// Distances are in the precision of the simulation. The state does not change. Rays hit a plane, which is infinite, from its front
     /// only. They hit a mesh on its triangles, even if contacts use its hull, and a height field also on its sides and base. A ray that

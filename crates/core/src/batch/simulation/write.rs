@@ -199,8 +199,8 @@ impl Simulation {
 
     /// Begins a new episode in one environment: the next one of the present seed, or the first one of the seed `seed`.
     ///
-    /// The episode has other random numbers. The function clears the memory of sensors and actuator pipelines, but keeps configuration and
-    /// velocity.
+    /// Random numbers differ from episode to episode. The function clears the memory of sensors and actuator pipelines, but keeps
+    /// configuration and velocity.
     ///
     /// # Panics
     /// When there is no such environment.

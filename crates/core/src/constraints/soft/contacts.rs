@@ -27,8 +27,8 @@ struct ContactLaw<R: Real> {
     friction: [R; 5],
     /// Number of friction rows of each contact: condim - 1.
     frictions: R,
-    /// Divisor of the normal row's regularisation, and lower bound of the regularisation divided by `inverse_inertia`. They are 1 and 0,
-    /// except in discrete steps.
+    /// Divisor of the normal row's regularisation, and lower bound of the regularisation divided by `inverse_inertia`. With continuous
+    /// integrators they are 1 and 0.
     end: [R; 2],
 }
 
@@ -145,7 +145,8 @@ impl<R: Real> ContactLaw<R> {
         [weight, scale]
     }
 
-    /// Weights D of the rows of a contact, for the effective mass matrix of a discrete step. All rows use the correction of the first row.
+    /// Weights D of the rows of a contact, for the effective mass matrix of a discrete step. The ratio of the first row's inverse inertias
+    /// with the effective and with the ordinary mass matrix corrects the weights of all rows.
     #[inline(always)]
     fn in_metric<const N: usize>(&self, input: SoftInput<'_, R>, cone: Cone, dofs: &[u32], column: &[V3<R>], mut weight: [R; N]) -> [R; N] {
         let Some(effective) = input.effective else { return weight };

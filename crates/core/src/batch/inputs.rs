@@ -2,7 +2,8 @@
 
 use crate::model::Model;
 
-/// Inputs of a call of `step`, environment-major. For an empty slice, the present input remains in force.
+/// Inputs of a call of `step`, environment-major. For an empty slice, the present input remains in force; an empty mask selects all
+/// environments.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepInputs<'a> {
     /// Controls, (num_envs, nu), or (nu) for all environments. They remain in force after the call.
@@ -20,7 +21,8 @@ pub struct StepInputs<'a> {
     pub mocap_quat: &'a [f64],
     /// Whether each equality is active during this call, (num_envs, neq); 0 for an inactive equality.
     pub eq_active: &'a [f64],
-    /// Mask of the environments that make steps, (num_envs). The state of other environments does not change. Their inputs are not read.
+    /// Mask of the environments that make steps, (num_envs). The state of other environments does not change, and their inputs are not
+    /// read. An empty mask selects all environments.
     pub mask: &'a [bool],
 }
 

@@ -417,7 +417,7 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
     })
 }
 
-/// Clears the status flags and maxima of the last call in the group.
+/// Clears the record of the last call in the group: status flags, worst rows, maxima, and counts of actuator bounds and sensor faults.
 fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
     group.worst[..R::LANES].fill(0);

@@ -103,7 +103,7 @@ impl NarrowWorkspace {
         }
     }
 
-    /// Begins a step: exchanges the two lists, so that the planes that the last step stored in `new_planes` are now in `last_planes`.
+    /// Begins a step: exchanges `last_planes` and `new_planes`. The planes that the last step stored are then in `last_planes`.
     pub(crate) fn begin_step(&mut self) {
         if !self.last_planes.is_empty() {
             std::mem::swap(&mut self.last_planes, &mut self.new_planes);

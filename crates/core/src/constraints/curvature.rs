@@ -37,11 +37,12 @@ struct Field<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the curvature terms to the offsets of a contact's friction rows, except at impacts. Returns the terms, m/s.
+    /// Adds the curvature terms to the offsets of a contact's friction rows, in the lanes `lanes`. Returns the terms, m/s; 0 where none was
+    /// added. Impacts, deep overlaps, and contacts of which only one surface can move get no terms.
     ///
     /// `free` are the velocities of the rows without constraints, and `change` is the change of these velocities by the free motion, m/s.
-    /// A term t is a target velocity of its row. Let J v be the velocity of the row before the step, and G its diagonal entry of the
-    /// Delassus matrix. The impulse of the row changes the velocity from J v to t, with the work (t^2 - (J v)^2) / (2 G). Terms are
+    /// A term t gives its row the target velocity -t. Let J v be the velocity of the row before the step, and G the row's diagonal entry of
+    /// the Delassus matrix. The impulse of the row changes the velocity from J v to -t, with the work (t^2 - (J v)^2) / (2 G). Terms are
     /// therefore bounded by |t| <= |J v|, so that they add no energy. The function is compiled separately, because few contacts need it,
     /// and inlined it would slow down all.
     #[inline(never)]
@@ -80,8 +81,8 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Curvature term kappa of the contacts in slot `k` (one contact per lane), in the lanes `lanes` (bits), m/s^2; see the formula of the
-/// module.
+/// Acceleration kappa in the formula of the module, for the contacts in slot `k` (one contact per lane), in the lanes `lanes` (bits),
+/// m/s^2.
 #[inline(always)]
 fn rate<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
     let RowInput { compiled, kinematics, .. } = *input;

@@ -422,7 +422,8 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Position correction of an equality as biases of its rows, m/s. It is a rate times the position error, with a bounded speed.
+    /// Position correction of an equality as biases of its rows, m/s. The correction is a rate times the position error, with a bounded
+    /// speed. The function also marks the lanes of `alive` that have a position error.
     #[inline(always)]
     fn correct(&mut self, input: &RowInput<'_, R>, rows: &EqualityJacobian<R>, alive: R::Mask) -> V3<R> {
         let RowInput { options, h, .. } = *input;

@@ -33,8 +33,8 @@ pub(crate) fn ball_limit<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) ->
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Law of the row of a limit, in the lanes in which the limit can be reached within the step. If there are none, the function clears
-    /// the stored impulse and returns `None`.
+    /// Law of the row of a limit, in the lanes in which the joint is near the limit or can reach it within two steps. If there are no such
+    /// lanes, the function clears the stored impulse and returns `None`.
     ///
     /// `phi` is the distance to the limit, m or rad, and `free` its time derivative without constraints. If the step is evaluated at a
     /// displaced state for a derivative, `solved` is the distance in the solution; otherwise it is `None`. With split stabilisation

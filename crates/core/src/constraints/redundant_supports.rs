@@ -38,7 +38,8 @@ pub(crate) struct ContactGroups<R> {
     /// Matrix of the load sharing. Its entries are the effects of a unit normal impulse of each contact (column) on each coordinate of the
     /// solver's velocity w (row).
     rows: Vec<f64>,
-    /// Sum of the effects of all normal impulses on each coordinate, which load sharing must not change. It is scaled like `rows`.
+    /// For each row of `rows`, sum of the effects of all normal impulses on the row's coordinate, in the scale of the row. Load sharing
+    /// must not change it.
     sums: Vec<f64>,
     /// Index of the coordinate of each row of `rows`.
     coordinates: Vec<u32>,
@@ -157,7 +158,8 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(self.groups.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
-    /// Newly loaded lanes: those with a contact group without impulses, one of whose contacts closes in this step.
+    /// Newly loaded lanes: those with a contact group that has no normal impulses yet, and one of whose contacts has a negative normal
+    /// velocity. Lanes with more than [`MAX_NEW_CONTACTS`] contacts are left out.
     ///
     /// The first impulses of such a group must have the least norm. Gauss-Seidel iterations would load the contacts that they visit first.
     #[inline(always)]
@@ -204,8 +206,8 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(slipping)
     }
 
-    /// Shares the loads of the contact groups evenly in the lanes `lanes`, after [`ContactGroups::find_slips`]. Returns the lanes in which
-    /// a load changed.
+    /// Shares the loads evenly in those clusters of contact groups that [`ContactGroups::find_slips`] found to slip, in the lanes `lanes`.
+    /// Returns the lanes in which a load changed.
     ///
     /// The function recomputes `iterate.w`, which may change by rounding in other lanes.
     #[inline(always)]
@@ -283,8 +285,8 @@ impl<R: Real> ContactGroups<R> {
 
     /// Redistributes the load of the contacts in `points`.
     ///
-    /// The function finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there
-    /// are none, or if no load would change.
+    /// The function finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are
+    /// no such impulses, or if no load would change by more than a tolerance.
     fn distribute(&mut self, lane: usize, problem: &Problem<R>) -> bool {
         let (total, most) = self.points.iter().fold((0.0, 0.0_f64), |(sum, most), p| (sum + p.before, most.max(p.before)));
         for _ in 0..self.points.len() {
@@ -305,7 +307,8 @@ impl<R: Real> ContactGroups<R> {
 
     /// Computes `rows` and `sums` from the contacts in `points`.
     ///
-    /// Each coordinate that a free contact moves gets a row of unit length in `rows`, and the effect of all normal impulses in `sums`.
+    /// Each coordinate that a contact in `points` moves gets a row in `rows`, with zeros for contacts that are not free. The row is scaled
+    /// to unit length. `sums` gets the effect of all normal impulses on the coordinate, in the same scale.
     fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
         let Self { points, rows, sums, coordinates, .. } = self;
         coordinates.clear();

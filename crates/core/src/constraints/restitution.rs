@@ -243,9 +243,9 @@ pub(crate) struct ImpactStep<'a, R: Real> {
 impl<R: Real> ImpactStep<'_, R> {
     /// Sets the offset of the normal row of contact `i` in the position solve to (gap at the end of the step) / h, in the lanes `lanes`.
     ///
-    /// Positions move by time_after v+ + h correction after the evaluation of contacts. The end gap is therefore gap + h v_position - (h -
-    /// time_after) v_n+. For a contact that overlaps by more than the slop, the offset does not change. `impulses` are the impulses of the
-    /// velocity solution.
+    /// After the evaluation of contacts, positions move by time_after v+ + h correction. With the normal velocity v_position = v_n+ +
+    /// correction of the position solve, the end gap is gap + h v_position - (h - time_after) v_n+. For a contact that overlaps by more
+    /// than the slop, the offset does not change. `impulses` are the impulses of the velocity solution.
     #[inline(always)]
     fn set_end_gap_offset(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, time_after, .. } = *self;
@@ -294,8 +294,8 @@ impl<R: Real> PositionSolution<R> {
     ///
     /// `impulses` are the impulses of the velocity solution. The function writes the displacement by the impulses, divided by h, to
     /// `impact_displacement`: (1 + (time_before - t) / h) dv for an impact at time t. The term with t can be enormous if large impulses at
-    /// different times cancel. Its speed is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the largest speed, in the metric of the
-    /// kinetic energy.
+    /// different times cancel. The change by this term is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the free velocity or the
+    /// solution, whichever has more kinetic energy.
     pub(crate) fn remove_impacts(&mut self, compiled: &LaneModel<R>, impulses: &mut Iterate<R>, step: &ImpactStep<'_, R>) {
         kernel!(R, || {
             let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;

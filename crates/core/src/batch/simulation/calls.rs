@@ -169,9 +169,9 @@ impl Simulation {
 
     /// Reads all sensors of all environments, (num_envs, nsensordata), with the inputs in force.
     ///
-    /// If `truth` is true, `out` gets the ideal readings of the present state. Otherwise it gets the readings after the transfer functions:
-    /// those of the last step, or the first observation if the user has set the state since then. Without transfer functions, these are the
-    /// ideal readings too. Repeated calls give the same numbers.
+    /// If `truth` is true, `out` gets the ideal readings of the present state. Otherwise it gets the readings of the last step after the
+    /// transfer functions. If the user has set the state since then, these are readings of the new state. Without transfer functions, these
+    /// are the ideal readings too. Repeated calls give the same numbers.
     ///
     /// # Errors
     /// [`Error::Length`] for `out`, and [`Error::Threads`] when threads cannot be started.

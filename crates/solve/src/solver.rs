@@ -108,12 +108,12 @@ fn solve_system<R: Real>(
     let (mut rest, newly_loaded) = (lanes, lanes.and(system.problem.newly_loaded));
     if newton_steps > 0 && newly_loaded.any() {
         let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
-        let (left, slip) = kernel!(R, || {
+        let (before, slip) = kernel!(R, || {
             iterate.solve_eliminated(system, newly_loaded);
             (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
         });
-        outcome.residual = masked(newly_loaded, left);
-        let redistributed = newly_loaded.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
+        outcome.residual = masked(newly_loaded, before);
+        let redistributed = newly_loaded.and(before.gt(goal).or(slip.gt(R::of(SLIPS))));
         let search = Search { steps: newton_steps, tolerance: goal, terms: Terms::LeastNorm };
         newton.solve(system, iterate, search, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A newly loaded lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
@@ -121,8 +121,8 @@ fn solve_system<R: Real>(
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     // In 32 bits, sweeps continue to their limit (see `FIRST_SWEEPS`).
-    let wide = !<R::Scalar as Scalar>::IS_SINGLE;
-    let first_sweeps = if newton_steps > 0 && wide { sweeps.min(FIRST_SWEEPS) } else { sweeps };
+    let is_double = !<R::Scalar as Scalar>::IS_SINGLE;
+    let first_sweeps = if newton_steps > 0 && is_double { sweeps.min(FIRST_SWEEPS) } else { sweeps };
     sweep_lanes(system, iterate, SweepSettings { sweeps: first_sweeps, tolerance }, rest, &mut outcome);
     let mut left = lanes.and(outcome.residual.gt(newton_threshold));
     if newton_steps == 0 || left.none() {

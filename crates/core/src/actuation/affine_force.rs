@@ -63,8 +63,8 @@ impl<R: Real> AffineForce<R> {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
         let late = weights.late_fraction(effective_inertia.rate(damping));
         let spring_damping = weights.spring_damping(late, stiffness);
-        // The added inertia supplies the damping of the velocity change. The explicit part therefore has the damping at the velocity
-        // before the step, and all other forces at `motion.velocity`.
+        // Damping that opposes the motion acts on the velocity before the step, because the added inertia supplies the damping of the
+        // change. A negative damping (`rate` above zero) is explicit: it acts on `motion.velocity`.
         let viscous = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - spring_damping * motion.before;
         let added_inertia =
             damping * weights.damping * (R::one() + late) + stiffness * weights.stiffness + spring_damping * weights.late_step;

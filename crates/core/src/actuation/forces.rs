@@ -14,8 +14,8 @@
 //! a^T. It is an upper bound of a a^T (Gershgorin), so that the rule remains stable.
 //!
 //! The midpoint rule does not damp a motion that is too fast for the step: its amplification tends to -1, while the true motion dies out.
-//! With damping, the step therefore evaluates a part of the force later, by the late fraction `s = z / (6 + z)`, `z = h d / m`. Here m is
-//! the inertia from the diagonal of M:
+//! A fraction `s` of the damping is therefore evaluated at the end of the step instead of its middle: `s = z / (6 + z)`, `z = h d / m`.
+//! Here m is the inertia from the diagonal of M:
 //!
 //! ```text
 //! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
@@ -497,28 +497,28 @@ impl<R: Real> ActuatorForces<R> {
         for (k, servo) in compiled.servos.iter().enumerate() {
             let (actuator, dv) = (&compiled.actuators[servo.actuator], dv_of(self, k));
             // Lanes in which a change of this servo's active bound requires a new solve.
-            let counts = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
+            let matters = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
             let trial = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv));
             let mut force = trial.force;
             if let Some((index, bounded_force)) = trial.bounded_force {
                 self.trial_bounded_forces[index] = bounded_force;
                 self.unclamped[k] = trial.split;
-                changed = changed.or(trial.changed.and(counts).and_not(self.fixed[k]));
+                changed = changed.or(trial.changed.and(matters).and_not(self.fixed[k]));
             }
             // An explicit force is already clamped by stage 1, and adds no inertia at any velocity.
             if let Some(bounds) = actuator.force_range.filter(|_| implicit.includes(actuator)) {
                 let (found, assumed) = (outside(force, bounds), self.assumed_saturated[k]);
                 force = within(force, Some(bounds));
                 let at_other_bound = found.and(assumed).and(force.eq(self.fixed_force[k]).not());
-                changed = changed.or(differ(found, assumed).or(at_other_bound).and(counts));
+                changed = changed.or(differ(found, assumed).or(at_other_bound).and(matters));
                 self.found_saturated[servo.actuator] = found;
             }
             self.trial_force[servo.actuator] = force;
         }
         for (r, range) in compiled.actuator_force_ranges.iter().enumerate().filter(|(_, range)| range.has_servos) {
-            let (mut counts, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
+            let (mut matters, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
             for &(a, arm) in &range.actuators {
-                counts = compiled.actuators[a].servo.map_or(counts, |k| counts.or(self.stiff[k]));
+                matters = compiled.actuators[a].servo.map_or(matters, |k| matters.or(self.stiff[k]));
                 sum += R::splat(arm) * self.trial_force[a];
                 assumed_sum += R::splat(arm) * self.force[a];
             }
@@ -526,12 +526,12 @@ impl<R: Real> ActuatorForces<R> {
             let is_above = |sum: R| sum.gt(R::splat(range.bounds[1]));
             let at_other_bound = found.and(assumed).and(differ(is_above(sum), is_above(assumed_sum)));
             self.found_sum_saturated[r] = found;
-            changed = changed.or(differ(found, assumed).or(at_other_bound).and(counts));
+            changed = changed.or(differ(found, assumed).or(at_other_bound).and(matters));
         }
         if !may_change {
             return changed;
         }
-        // In lanes without a change, all assumptions stay, so that the lane gets the same bits as if it were alone.
+        // Lanes without a change are solved again only because of other lanes. They keep all assumptions, and thereby their bits.
         let update = |assumed: R::Mask, found: R::Mask| found.and(changed).or(assumed.and_not(changed));
         for (assumed, &found) in self.assumed_sum_saturated.iter_mut().zip(&self.found_sum_saturated) {
             *assumed = update(*assumed, found);

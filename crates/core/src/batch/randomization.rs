@@ -44,8 +44,8 @@ impl Randomization {
     /// Whether no field will have per-environment values after the assignments `assigned`. `all` is true if the assignments are for all
     /// environments.
     pub fn leaves_no_fields(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
-        let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
-        assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
+        let is_removed = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
+        assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(is_removed)
     }
 
     /// Parameters that will differ from the compiled model's after the assignments `assigned`, for each of the environments `envs`.
@@ -62,12 +62,12 @@ impl Randomization {
         assigned: &[Assignment<'_>],
         envs: &[usize],
     ) -> Result<Vec<Differences>, ModelError> {
-        let mut rows: BTreeMap<&str, Option<&[f64]>> = self.fields().map(|(name, values)| (name, Some(values))).collect();
-        rows.extend(assigned.iter().copied());
-        let mut variants = Variants::new(model, rows.keys().copied())?;
-        let shared: Vec<Vec<f64>> = rows.keys().map(|name| numbers(model, name)).collect();
+        let mut fields: BTreeMap<&str, Option<&[f64]>> = self.fields().map(|(name, values)| (name, Some(values))).collect();
+        fields.extend(assigned.iter().copied());
+        let mut variants = Variants::new(model, fields.keys().copied())?;
+        let shared: Vec<Vec<f64>> = fields.keys().map(|name| numbers(model, name)).collect();
         let of_env = |&env: &usize| {
-            let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map(|all| row(all, env, shared.len())));
+            let values = fields.values().zip(&shared).map(|(given, model_values)| given.map(|all| row(all, env, model_values.len())));
             let values: Vec<Option<&[f64]>> = values.collect();
             let variant = variants.with(&values, &shared).map_err(|e| e.of(&format!("environment {env}")))?;
             let numbers = with_actuator_models.map_or_else(|| compiled.params_of(variant), |apply| compiled.params_of(&apply(variant)));

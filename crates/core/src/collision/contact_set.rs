@@ -205,7 +205,8 @@ impl<R: Real> Contacts<R> {
     /// gravity covers in the step, g h^2, m.
     ///
     /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
-    /// added if the sum of both errors exceeds [`DISTANCE_ROUNDINGS`] * [`FORCE_ERROR`] * `drop`. Smaller errors hardly change the force.
+    /// added if the sum of both errors can change the force noticeably. Each error is an upper bound, [`DISTANCE_ROUNDINGS`] times a
+    /// typical error. The typical error must therefore exceed the fraction [`FORCE_ERROR`] of `drop`.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

@@ -175,8 +175,8 @@ impl<R: Real> CollisionWorkspace<R> {
                 });
             }
             statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (displacements(poses)[g] + *slack, may_tunnel[g]));
-            // For geoms that may tunnel, the search has also found pairs whose bounding balls do not overlap. Listed pairs of this kind
-            // are removed here, dynamic pairs in `find_contacts` of stage 3.
+            // The boxes of geoms that may tunnel are enlarged, so that the search has also found pairs whose bounding balls do not
+            // overlap. Such pairs are removed here if they are listed, and in `find_contacts` of stage 3 if they are dynamic.
             if checks_passing {
                 statics.pairs.retain_mut(|(index, lanes)| {
                     let pair = compiled.pairs.get(*index as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));

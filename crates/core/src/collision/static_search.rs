@@ -143,8 +143,8 @@ impl<R: Real> StaticSearch<R> {
     /// Searches the tree with the box of group number `group` in lane `lane`, and adds the overlapping pairs to `found_pairs`.
     #[inline(always)]
     fn visit_tree(&mut self, pairs: &StaticPairs, group: usize, lane: usize) {
-        let groups = &self.groups[group];
-        let whole: Bounds<R::Scalar> = array!(|k| groups[k].lane(lane));
+        let sides = &self.groups[group];
+        let whole: Bounds<R::Scalar> = array!(|k| sides[k].lane(lane));
         let mut at = 0;
         while let Some(node) = pairs.nodes.get(at) {
             let own = &self.nodes[at];

@@ -72,10 +72,9 @@ impl<R: Real> RowInput<'_, R> {
     /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It is usually the result of
     /// [`RowInput::closing_part`]. Very fast bodies without restitution may close the whole gap if it is wide.
     ///
-    /// `lanes` (bits) are the lanes with a contact. A gap is wide above [`WIDE_GAP_RATIO`] times the tunnelling distance. After such a body
-    /// has closed its gap, it is still very fast. Contacts are therefore evaluated at the beginning of the next step too, where the geoms
-    /// touch. With [`RowInput::closing_part`] the body could close only a part of its gap in each step, and would slow down before it
-    /// touches.
+    /// `lanes` (bits) are the lanes with a contact. A gap is wide above [`WIDE_GAP_RATIO`] times the tunnelling distance. If the body
+    /// could close only a part of a wide gap in each step, it would slow down before it touches. A body that closes a wide gap is still
+    /// very fast, so that the next step is also evaluated at its beginning and finds the contact there.
     #[inline(always)]
     pub(crate) fn closing_part_of_slot(&self, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];

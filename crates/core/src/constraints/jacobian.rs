@@ -163,7 +163,8 @@ impl<R: Real> RowBuilder<R> {
             }
             let sign = self.sign_of(d);
             let motion = velocity_at(&kinematics.axes[d], arm);
-            // Adding zero converts -0 to 0, so that the bits of a lane do not depend on the contacts of other lanes.
+            // Degrees of freedom that move the contact only in other lanes have the sign 0 here, and their entries could be -0. Adding
+            // zero makes them 0, so that the bits of a lane do not depend on other lanes.
             let j =
                 [dot(axes[0], motion) * sign + R::zero(), dot(axes[1], motion) * sign + R::zero(), dot(axes[2], motion) * sign + R::zero()];
             free = add_scaled(free, j, input.v_free[d]);

@@ -22,8 +22,8 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the rows' free
-    /// velocity, m/s. `free` is the part of this velocity that the motion of the surfaces themselves causes (conveyors, mocap bodies).
+    /// Computes the Jacobian of the relative rotation about the contact's axes, times `weight` (m), into `column`. Returns the velocity
+    /// of the rows without impulses, m/s. `free` is the part of this velocity that conveyors and mocap bodies cause.
     #[inline(always)]
     pub(crate) fn rotation_columns(&mut self, input: &RowInput<'_, R>, axes: &[V3<R>; 3], weight: V3<R>, mut free: V3<R>) -> V3<R> {
         for &d in &self.dofs {
@@ -32,7 +32,8 @@ impl<R: Real> RowBuilder<R> {
             let axis = angular(&input.kinematics.axes[d]);
             let mut j = zero();
             for i in 0..3 {
-                // Adding zero converts -0 to 0, so that the bits of a lane do not depend on the contacts of other lanes.
+                // Degrees of freedom that move the contact only in other lanes have the sign 0 here, and their entries could be -0.
+                // Adding zero makes them 0, so that the bits of a lane do not depend on other lanes.
                 j[i] = dot(axes[i], axis) * sign * weight[i] + R::zero();
             }
             free = add_scaled(free, j, input.v_free[d]);

@@ -60,14 +60,15 @@ impl<R: Real> VelocityLoop<'_, R> {
             let Self { free, velocity, .. } = self;
             span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
             unchecked = unchecked.or(lanes);
+            // The first solves activate only the earliest collision of each body.
             let motion = SweptMotion::Solved { finds_all: passes.ge(R::of(EARLIEST_ONLY_PASSES)) };
             passes = R::select(lanes, passes + R::one(), passes);
             lanes = span!(probe, Solve, || self.activate_colliding(motion));
             if lanes.none() && scheme.in_the_middle {
-                let checked = unchecked.and(impact_passes.lt(R::of(IMPACT_PASSES)));
+                let to_check = unchecked.and(impact_passes.lt(R::of(IMPACT_PASSES)));
                 let first = impact_passes.eq(R::zero());
-                lanes = span!(probe, SolveImpacts, || self.correct_impact_forces(checked, first));
-                impact_passes = R::select(checked, impact_passes + R::one(), impact_passes);
+                lanes = span!(probe, SolveImpacts, || self.correct_impact_forces(to_check, first));
+                impact_passes = R::select(to_check, impact_passes + R::one(), impact_passes);
                 (passes, unchecked) = (R::select(unchecked, R::zero(), passes), none);
             }
             if lanes.none() {

@@ -157,16 +157,16 @@ impl<R: Real> ImpulsePredictor<R> {
     #[inline(always)]
     pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let (rows, impulses) = (&problem.rows, &mut velocity.impulses);
-        let [rough, solved] = [lanes.and(self.rough), lanes.and_not(self.rough)];
+        let [rough, precise] = [lanes.and(self.rough), lanes.and_not(self.rough)];
         if rough.any() {
             stepper_solve::gauss_seidel::sweep_from_zero(rows, impulses, ROUGH_ITERATIONS, rough);
         }
-        if solved.any() {
+        if precise.any() {
             // Rounding may prevent a small tolerance from being met, so that the iteration limit of the solver applies too.
             let limit = f64::from(options.iterations).max(ESTIMATE_ITERATIONS);
             let sweeps = (ESTIMATE_ITERATIONS * options.accuracy_factor()).min(limit) as u32;
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
-            stepper_solve::gauss_seidel::estimate(rows, impulses, settings, solved, solved.and(self.moving));
+            stepper_solve::gauss_seidel::estimate(rows, impulses, settings, precise, precise.and(self.moving));
         }
     }
 
@@ -208,9 +208,8 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// Residual at which the solver stops in each lane, m/s: [`RELATIVE_TOLERANCE`] times the speed of the lane's fastest degree of freedom.
 /// The result is at least the rounding error of velocities, and at most the tolerance of the options.
 ///
-/// The rounding error is taken as 1e4 machine epsilons of a velocity of 1 m/s. In 32 bits that is 1e-3 m/s, which is more than the default
-/// tolerance. With a user's tolerance of this size, heavy boxes would creep into light ones. Lanes with a contact group (`has_groups`)
-/// therefore stop at a smaller residual.
+/// The rounding error is taken as 1e4 machine epsilons of a velocity of 1 m/s, in 32 bits 1e-3 m/s. With so large a residual, heavy boxes
+/// would creep into light ones on which they lie. Lanes with a contact group (`has_groups`) therefore stop at a smaller residual.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     kernel!(R, || {
         let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();

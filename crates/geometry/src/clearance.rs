@@ -10,7 +10,8 @@ use crate::vectors::Pose;
 use crate::workspace::Workspace;
 
 impl Narrow {
-    /// Distance of a convex shape from a surface, on either side of it, m. The result is at most `most`, and negative if they overlap.
+    /// Distance of a convex shape from the triangles of a surface, m; negative if the shape overlaps a triangle. A shape behind the
+    /// surface has a positive distance, too. If the distance exceeds `most`, m, the result is `most`.
     pub fn clearance(&mut self, surface: &Surface, shape: &ConvexShape, [ground, body]: [Pose; 2], most: f64) -> f64 {
         let Workspace { triangles, polytope, .. } = &mut self.workspace;
         let nothing = ConvexShape::Sphere { radius: 0.0 };

@@ -42,7 +42,8 @@ pub(super) fn edges_of_triangle(other: &ProjectedFeature, id: u32) -> Option<[us
 
 /// Adds corners of the feature `other` that are behind the plane of the feature `reference`, which is a triangle.
 ///
-/// A corner may be outside an edge of the triangle by at most its depth times the entry of that edge in `rises`.
+/// A corner may be outside an edge of the triangle, by at most the corner's depth behind the plane times the entry of that edge in
+/// `rises`.
 pub(super) fn behind(reference: &ProjectedFeature, other: &ProjectedFeature, rises: &[f64; 3], out: &mut Vec<Shared>) {
     for c in &other.corners {
         let depth = reference.height(c.x, c.y) - c.h;

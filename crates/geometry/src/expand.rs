@@ -57,8 +57,8 @@ impl Polytope {
 
     /// Separation of two overlapping polytopes along the facet of the Minkowski difference A - B that is nearest to the origin.
     ///
-    /// `start` is a tetrahedron that contains the origin. The result is `None` if `start` has fewer vertices, or if rounding hides the
-    /// facet.
+    /// `start` is a tetrahedron that contains the origin. The result is `None` if `start` has fewer than four vertices, or if rounding
+    /// hides the facet.
     pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<Separation> {
         if start.len() < 4 {
             return None;

@@ -154,7 +154,7 @@ pub fn quat_to_mat<R: Real>(q: [R; 4]) -> M3<R> {
     ]
 }
 
-/// Unit quaternion (w, x, y, z) of a rotation, of either sign.
+/// Unit quaternion (w, x, y, z) of a rotation matrix. The sign is arbitrary, because q and -q are the same rotation.
 ///
 /// The columns of 4 q q^T are sums and differences of the matrix's entries. The longest column has the smallest rounding error (Shepperd,
 /// 1978).

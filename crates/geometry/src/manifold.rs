@@ -384,9 +384,10 @@ fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
 
 /// Indices, ascending, and number of contact points that span nearly the area of all points.
 ///
-/// The first is the deepest of the `count` points (smallest `h[1]`), the second the point farthest from it. The third is the point farthest
-/// from the line through these two, and the fourth adds most area to the triangle of the three. Of points that are equal up to rounding,
-/// the first in the list is chosen, so that the choice does not change from step to step. `size` is the size of the pair, m.
+/// The point that is chosen first is the deepest of the `count` points (smallest `h[1]`), the second the point farthest from it. The third
+/// is the point farthest from the line through these two, and the fourth adds most area to the triangle of the three. Of points that are
+/// equal up to rounding, the first in the list is chosen. The choice therefore does not change from step to step. `size` is the size of
+/// the pair, m.
 fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize; KEPT], usize) {
     let (tie, tie_area) = (EQUAL_DEPTH * size, 1e-6 * size * size);
     let mut kept = [0; KEPT];

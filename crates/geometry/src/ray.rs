@@ -123,8 +123,8 @@ pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
     }
 }
 
-/// First triangle on the path from `from` to `from + most d`, and the part t for which the path meets it at `from + t d`. `None` if the
-/// path meets none. `tree` has the bounding boxes of the triangles.
+/// First triangle on the path from `from` to `from + most d`, and the parameter t at which the path meets it: the point `from + t d`.
+/// `None` if the path meets none. `tree` has the bounding boxes of the triangles.
 fn first_met(tree: &Bvh, from: V, d: V, most: f64, triangle: impl Fn(u32) -> [V; 3]) -> Option<(u32, f64)> {
     let sheared = Sheared::new(from, d)?;
     let [o, along] = [from, d].map(|p| Vector::new(p[0], p[1], p[2]));

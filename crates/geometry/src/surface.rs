@@ -77,7 +77,7 @@ pub struct MeshSurface {
     /// Outward unit normal of each triangle.
     normals: Vec<V>,
     /// Third vertex of the neighbour across the edge that starts at each corner of a triangle; `None` without a neighbour. If an edge has
-    /// several neighbours, it is that of the neighbour that rises most.
+    /// several neighbours, the entry is for the neighbour that rises most above the triangle.
     across: Vec<[Option<u32>; 3]>,
     /// Vertices that share an edge with each vertex. Those of vertex v are in `around[first[v]..first[v + 1]]`.
     around: Vec<u32>,

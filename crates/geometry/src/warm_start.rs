@@ -48,7 +48,7 @@ enum Candidate {
 /// Separation of two hulls, the largest along any direction, if the search near the cached normal finds it.
 ///
 /// The result is `None` if it is uncertain whether another facet of the Minkowski difference A - B is nearer to the origin, and for shapes
-/// other than hulls. The search stops at a lower bound of the separation that makes `limits` exclude a contact.
+/// other than hulls. If `limits` exclude a contact, the result may be a lower bound.
 pub(super) fn largest_separation_near(pair: &Pair<'_>, cached: &CachedNormal, limits: &SearchLimits) -> Option<Facing> {
     let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
     let hulls: [&Hull; 2] = [a, b];

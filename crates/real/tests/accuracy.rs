@@ -43,12 +43,12 @@ fn sweep(from: f64, to: f64, n: usize) -> impl Iterator<Item = f64> {
     (0..n).map(move |i| from + (to - from) * (i as f64 + 0.41421356) / n as f64)
 }
 
-/// Magnitudes over the whole range of exponents, with both signs.
+/// Numbers with `n` magnitudes between `smallest` and `largest`, at equal ratios, each with both signs.
 fn magnitudes(smallest: f64, largest: f64, n: usize) -> impl Iterator<Item = f64> {
     sweep(smallest.log2(), largest.log2(), n).flat_map(|e| [e.exp2(), -e.exp2()])
 }
 
-/// Doubles at and next to multiples of pi/2, where sine or cosine nearly vanishes and an inaccurate argument reduction shows.
+/// Doubles at and next to multiples of pi/2 up to `most`, where sine or cosine nearly vanishes and an inaccurate argument reduction shows.
 fn around_quarter_turns(most: f64) -> impl Iterator<Item = f64> {
     (1..=(most / (PI / 2.0)) as u32).flat_map(|k| {
         let x = f64::from(k) * (PI / 2.0);

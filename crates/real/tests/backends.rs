@@ -55,7 +55,8 @@ fn truth<R: Real>(m: R::Mask) -> R {
     R::select(m, R::one(), R::zero())
 }
 
-/// Applies every operation to one group of lanes. The lanes of each result follow one another in `out`.
+/// Applies every operation of [`NAMES`] to the lanes `a` and `b`. Writes the results to `out`, one after the other, each with all its
+/// lanes.
 #[inline(always)]
 fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) {
     let (a, b) = (R::load(a), R::load(b));

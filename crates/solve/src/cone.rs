@@ -50,8 +50,8 @@ pub(crate) fn positive<R: Real>(m: R::Mask, x: R) -> R::Mask {
     m.and(x.gt(R::zero()))
 }
 
-/// Smallest ratio of mobilities at which a contact counts as movable along its normal. It compares the mobility along the normal with the
-/// sum of the mobilities in all three directions.
+/// Smallest relative mobility of a contact along its normal at which the contact counts as movable in this direction. It is relative to
+/// the sum of the contact's mobilities in all three directions.
 ///
 /// The value is the square of a ratio of lever arms of 1e-5, or of a thousand rounding errors if that is larger. A body that rotates about
 /// the shorter lever arm approaches at 1e-5 of its speed, and stopping it takes 1e5 times the force that rotates it. Evidence: a cylinder
@@ -64,8 +64,8 @@ fn negligible<R: Real>() -> f64 {
 
 /// Lanes of the mask `m` in which a contact can move along its normal.
 ///
-/// Its mobility `along` the normal, 1/kg, must exceed `least` and a negligible fraction of the sum `all` of the mobilities in its three
-/// directions.
+/// The mobility `along` the normal, 1/kg, must exceed `least`, and the fraction [`negligible`] of the sum `all` of the mobilities in the
+/// contact's three directions.
 #[inline(always)]
 pub(crate) fn movable<R: Real>(m: R::Mask, along: R, all: R, least: R) -> R::Mask {
     positive(m, along).and(along.gt(least.max(all * R::of(negligible::<R>()))))

@@ -41,7 +41,7 @@ macro_rules! by_kind {
             pub scalars: $scalars,
             /// Contacts with sliding friction, in their frames (n, t1, t2).
             pub contacts: $contacts,
-            /// Contacts with torsional or rolling friction, as their rows are scaled.
+            /// Contacts with torsional or rolling friction. Their rows are scaled so that all rows have the same friction coefficient.
             pub rolling_contacts: $rolling_contacts,
         }
     };
@@ -75,8 +75,8 @@ macro_rules! make_kinds {
     };
 }
 
-/// Evaluates an expression for contact `i`, of which there are `count` with three rows. They count first, then those with six rows (rolling
-/// friction).
+/// Evaluates an expression for contact `i`. The index `i` counts the `count` contacts with three rows first, then those with six rows
+/// (rolling friction).
 ///
 /// `at_contact!(i of count, [set: &problem] => set.activate(i, lanes))` binds `set` as in [`each_kind`], and `i` to the index in the kind.
 macro_rules! at_contact {

@@ -64,7 +64,7 @@ impl<R: Real> Snapshot<R> {
         make_kinds!(Self { w, } [count: capacity] => Vec::with_capacity(count))
     }
 
-    /// Copies the impulses of an iterate, unless `lanes` is empty. Later, any of these lanes may restore them.
+    /// Copies the impulses of an iterate in all lanes. Does nothing if `lanes`, the lanes that the caller may restore, is empty.
     pub fn save(&mut self, iterate: &Iterate<R>, lanes: R::Mask) {
         if lanes.any() {
             self.w.clone_from(&iterate.w);

@@ -96,12 +96,12 @@ struct LaneOutcome {
 }
 
 impl Newton {
-    /// Improves the impulses of the lanes `lanes`, lane by lane: of those whose residual is above the tolerance, or of all for
-    /// [`Terms::LeastNorm`].
+    /// Improves the impulses of the lanes `lanes`, one lane after the other. Lanes whose residual meets the tolerance are skipped, except
+    /// with [`Terms::LeastNorm`].
     ///
-    /// `outcome` holds the residuals, which are replaced, and the numbers of Newton steps, which increase by the steps of this call. No
-    /// residual increases, except to one within the tolerance. If many impulses are possible, the solver finds those near the start, or
-    /// those of least norm for [`Terms::LeastNorm`].
+    /// `residual` has the residual of each lane, m/s, and gets the new one. `taken` has numbers of Newton steps, which increase by the
+    /// steps of this call. A residual that increases remains within the tolerance. If many impulses are possible, the solver finds those
+    /// near the start, or those of least norm for [`Terms::LeastNorm`].
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,

@@ -94,8 +94,8 @@ impl<R: Real> PositionRows<R> {
     /// cause no additional velocity. They are stored in `reference`, with the scaled velocity change that they cause.
     ///
     /// The correction of a row is the difference between its position target and its velocity target. Rows without correction remain hard.
-    /// The compliance of other scalar rows is the damping ratio times the mobility. For a contact the ratio grows with the correction, and
-    /// a minimum mobility (`floors`, 1/kg, one for each constraint) is added to the mobility.
+    /// The compliance of a scalar row with a correction is the damping ratio times the row's mobility. For a contact the ratio grows with
+    /// the correction, and a minimum mobility (`floors`, 1/kg, one for each constraint) is added to the mobility.
     #[inline(always)]
     pub fn damp(
         &mut self,

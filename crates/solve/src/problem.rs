@@ -19,8 +19,8 @@ by_kind! {
         ///
         /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example.
         pub newly_loaded: R::Mask,
-        /// Mobility of a contact along its normal below which the contact is immovable, 1/kg, for the contacts that are appended from now
-        /// on.
+        /// Mobility of a contact along its normal below which the contact is immovable, 1/kg. A contact gets the value of the time at
+        /// which it is appended.
         pub least_mobility: R,
     } each ConstraintSet[R]
 }

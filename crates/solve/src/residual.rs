@@ -59,9 +59,10 @@ pub fn max_residual_for_energy<'a, R: Real>(system: impl Into<System<'a, R>>, it
 
 /// Lanes in which the impulses do not determine the kinetic energy, because of their residual.
 ///
-/// An error of `residual`, at most 1e-6 m/s, in all rows has the work `residual sum_i |lambda_i|`. The energy is ambiguous if this exceeds
-/// the kinetic energy |w|^2 / 2 of the velocity change plus `negligible`, J. This occurs in a jam with almost no lever arm, where impulses
-/// a million times the load cancel. `negligible` excludes unloaded contacts, whose impulses and velocities are both rounding error.
+/// An error of `residual` in all rows has the work `residual sum_i |lambda_i|`; residuals above 1e-6 m/s count as 1e-6 m/s. The energy is
+/// ambiguous if this work exceeds the kinetic energy |w|^2 / 2 of the velocity change plus `negligible`, J. This occurs in a jam with
+/// almost no lever arm, where impulses a million times the load cancel. `negligible` excludes unloaded contacts, whose impulses and
+/// velocities are both rounding error.
 #[inline(always)]
 pub fn energy_is_ambiguous<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R, negligible: R) -> R::Mask {
     let (system, mut impulse) = (system.into(), R::zero());

@@ -56,7 +56,7 @@ fn reach(shape: &ConvexShape, n: V) -> f64 {
     }
 }
 
-/// Separation along a direction.
+/// Separation of two shapes along the unit vector `n` from the first to the second, m; negative if they overlap along it.
 pub(crate) fn separation(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, n: V) -> f64 {
     let back = |p: &Pose, n: V| rotate_back(&p.mat, n);
     dot(n, sub(pb.pos, pa.pos)) - reach(a, back(pa, n)) - reach(b, scale(back(pb, n), -1.0))

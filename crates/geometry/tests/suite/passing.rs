@@ -7,8 +7,9 @@ use stepper_geometry::{ConvexShape, Narrow, Pose, Solid, SolidMotion};
 
 const LEVEL: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
-/// Half thickness of the walls of a corner, and distance of their inner sides from the origin, m.
+/// Half thickness of the walls of a corner, m.
 const THICKNESS: f64 = 1e-3;
+/// Distance of the inner sides of the walls from the origin, m.
 const ROOM: f64 = 0.5;
 
 /// Wall of a corner across an axis, with its inner side at -[`ROOM`].

@@ -8,15 +8,16 @@ use proptest::prelude::*;
 use stepper_geometry::linear_algebra::*;
 use stepper_geometry::{ConvexShape, Grid, Hull, Narrow, Point, Pose, SearchLimits, Solid, Surface};
 
-/// Half sizes of the floor along x and y, and of the body along x, y and z, m.
+/// Half sizes of the floor along x and y, m.
 const FLOOR: [f64; 2] = [0.05, 0.3];
+/// Half sizes of the body along x, y and z, m.
 const BODY: [f64; 3] = [0.03, 0.02, 0.02];
 
 /// Largest distance of a contact in the search, m. It exceeds the height of the highest corner of the most tilted body.
 const PREDICTION: f64 = 1e-3;
 
-/// Smallest share of the common area that the contact points must span. Four corners of a hexagon span at least half of it, and those of an
-/// octagon at least 0.6.
+/// Smallest fraction of the common area of body and floor that the contact points must span. Four corners of a hexagon span at least half
+/// of the hexagon, and those of an octagon at least 0.6.
 const LEAST_SHARE: f64 = 0.5;
 
 fn cuboid(half: [f64; 3]) -> Hull {
@@ -40,7 +41,7 @@ fn body(kind: usize) -> ConvexShape {
 
 type P = [f64; 2];
 
-/// Twice the area of the triangle of three points.
+/// Twice the area of the triangle of three points; negative if they are clockwise.
 fn turn(a: P, b: P, c: P) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
@@ -92,7 +93,10 @@ fn over_floor(corners: &[P]) -> Vec<P> {
     polygon
 }
 
-/// Contact points of a tilted body and the floor, and the area of the body's part above the floor.
+/// Contact points of a tilted body and the floor, and the area of the body's lower face above the floor, m^2.
+///
+/// `floors` and `bodies` are the types of the floor and the body. `at` is the place of the body's centre, and `depth` the overlap, m.
+/// `tilt` has the direction of the tilt axis and the angle, rad; `yaw`, rad, is about the vertical.
 fn meet(floors: usize, bodies: usize, epsilon: f64, at: P, yaw: f64, tilt: (V3<f64>, f64), depth: f64) -> (Vec<Point>, f64) {
     let ((ground, top), shape) = (floor(floors), body(bodies));
     let axis = [tilt.0[0], tilt.0[1], 0.0];

@@ -76,7 +76,7 @@ pub trait Impulse<R: Real>: Copy + Debug {
     /// Numbers of all rows in one lane.
     type Numbers: AsRef<[f64]>;
 
-    /// Impulse of zero in every row but the normal one.
+    /// Impulse `normal` in the normal row, and zero in every other row.
     fn of_normal(normal: R) -> Self;
 
     /// Impulse of the normal row, or of the only row.
@@ -244,27 +244,33 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of the impulse lambda, J. R is the compliance.
     fn add_potential(&self, lambda: Self::Impulse, sum: R) -> R;
 
-    /// Replaces the offset of the velocity solve by `moved` in the lanes `lanes`, and changes that of the position solve by as much.
+    /// Replaces the offset of each row in the velocity solve by `moved`, in the lanes `lanes`. The row's offset in the position solve
+    /// changes by the same amount. (A contact's tangential offsets of the position solve are relative to those of the velocity solve, and
+    /// remain.)
     fn shift(&mut self, moved: Self::Impulse, lanes: R::Mask);
 
     /// Offset of the normal row without damping, m/s or rad/s.
     fn undamped_offset(&self) -> R;
 
-    /// Damps the targets of the rows by a compliance. It acts on the difference from the impulse `lambda`, which therefore causes no
-    /// additional velocity. `floor` is a minimum mobility, 1/kg.
+    /// Adds a compliance that damps the position targets of the rows. It acts on the difference from the impulse `lambda`: this impulse
+    /// itself causes no additional velocity. `floor`, 1/kg, is added to the mobility of a contact; scalar rows ignore it.
     fn damp(&mut self, lambda: Self::Impulse, damping: Damping<R>, floor: R);
 
-    /// Velocity by which damping prevents the normal row from meeting its target, m/s or rad/s. `change` is the change of its impulse since
-    /// the reference solution, and zero for an eliminated row.
+    /// Velocity by which damping prevents the normal row from meeting its target, m/s or rad/s. `change` is the change of the row's
+    /// impulse since the reference solution, and zero for an eliminated row.
     fn shortfall(&self, change: R) -> R;
 
     /// Target of a row that no impulse can move, m/s or rad/s.
     fn immovable_target(&self) -> R;
 
-    /// Velocity target, without its position correction, of a row that no impulse can move, m/s or rad/s.
+    /// Target velocity of a row that no impulse can move, without the part that corrects a position error, m/s or rad/s.
     fn unmet_velocity(&self) -> R;
 
-    /// Impulse of a proof of infeasibility, from the normal impulses after damping and before it.
+    /// Impulse of the normal row in a proof of infeasibility, N s or N m s: the change from `before`, the impulse of the reference
+    /// solution, to `now`.
+    ///
+    /// It is 0 for rows that cannot be in a proof (dry friction, and rows with the compliance of a spring). A decrease counts for
+    /// equalities only.
     fn witness(&self, now: R, before: R) -> R;
 }
 
@@ -338,7 +344,7 @@ pub struct SavedConstraint {
     pub(crate) position_g: Vec<f64>,
     /// Initial impulse of each row, N s or N m s.
     pub(crate) impulse: Vec<f64>,
-    /// Least and largest impulse of a scalar row, or the friction coefficient of a contact, twice.
+    /// Least and largest impulse of a scalar row. For a contact, both numbers are its friction coefficient.
     pub(crate) set: [f64; 2],
     /// Compliance of the normal row of a contact, or of a scalar row, at least 0.
     pub(crate) compliance: f64,
@@ -382,9 +388,9 @@ impl SavedConstraint {
 /// The columns of a constraint are the coordinates of w (scaled velocity change) at which it has entries in any lane, ascending. A lane
 /// without an entry at a listed coordinate has zeros there.
 ///
-/// The set has the parts that the velocity solve and the position solve share. Its methods get the other parts as an argument, `rows`, for
-/// one of these solves. Methods that compute a sum or a maximum over all kinds get the result of the previous kinds as an argument. The
-/// order of the arithmetic is therefore that of the rows.
+/// The set has the parts that the velocity solve and the position solve share. The rows of one of these solves are the argument `rows` of
+/// its methods. Methods that compute a sum or a maximum over all kinds get the result of the previous kinds as an argument. Every sum
+/// therefore has the order of the rows.
 #[derive(Clone, Debug)]
 pub struct ConstraintSet<R: Real, T: Row<R>> {
     /// Rows of each constraint, with the offsets g of the velocity solve.
@@ -613,9 +619,9 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         sum
     }
 
-    /// Changes the velocity and position targets of all rows in the lanes `lanes`, after a change of the free velocity. `change` is the
-    /// change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each target increases by the row's velocity
-    /// due to this change.
+    /// Changes the offsets g of all rows, for velocities and positions, in the lanes `lanes`, after a change of the free velocity.
+    /// `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the
+    /// row's velocity due to this change.
     #[inline(always)]
     pub(crate) fn shift(&self, rows: &mut Rows<T>, change: &[R], lanes: R::Mask) {
         for row in &mut rows.items {
@@ -623,11 +629,12 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         }
     }
 
-    /// Damps the targets of the rows by a compliance, see [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the
-    /// difference from the present `impulses`, which therefore cause no additional velocity.
+    /// Damps the position targets of all rows that are not eliminated by a compliance, see
+    /// [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the difference from `impulses`. These impulses therefore
+    /// cause no additional velocity.
     ///
-    /// `floors` has a minimum mobility per constraint, 1/kg. `reference` are two lists, to which the normal impulses and the undamped
-    /// targets are appended.
+    /// `floors` has a minimum mobility per constraint, 1/kg. The function appends the normal impulse of each constraint to
+    /// `reference_lambda`, and the undamped offset of each normal row to `reference_g`.
     #[inline(always)]
     pub(crate) fn damp(
         &self,
@@ -668,7 +675,7 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         most
     }
 
-    /// Larger of `most` and the largest velocity target, without its position correction, of a row that no impulse can move, m/s or rad/s.
+    /// Larger of `most` and the largest target velocity of a row that no impulse can move, without position corrections, m/s or rad/s.
     #[inline(always)]
     pub(crate) fn unmet_velocity(&self, rows: &Rows<T>, mut most: R) -> R {
         for row in &rows.items {

@@ -116,8 +116,8 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
-    /// Hard contact with the friction coefficient `mu`, the offsets `g`, and the block `gram` of the Delassus matrix. It exists in the
-    /// first of the `lanes`, and is immovable in the second.
+    /// Hard contact with the friction coefficient `mu`, the offsets `g`, and the block `gram` of the Delassus matrix. `active` are the
+    /// lanes in which the contact exists, `immovable` those in which no impulse can move it along its normal.
     #[inline(always)]
     fn new(span: Span, [active, immovable]: [R::Mask; 2], mu: R, g: [R; N], gram: &[[R; N]; N]) -> Self {
         let (local, trace) = L::new(gram, active);
@@ -167,8 +167,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         self.rows.items.last().map_or(R::Mask::splat(false), |contact| contact.immovable)
     }
 
-    /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. The caller must do this
-    /// before setting the trace ratio and the compliance of the contact.
+    /// Makes the last contact of the list movable along its normal in the lanes `lanes`, in which it was immovable. The caller must do
+    /// this before setting the mobility ratio and the compliance of the contact.
     pub fn make_movable(&mut self, lanes: R::Mask) {
         kernel!(R, || {
             let Some(contact) = self.rows.items.last_mut() else { return };
@@ -276,7 +276,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous
-    /// impulse, N s, with zeros up to six numbers.
+    /// impulse as six numbers, N s or N m s; the last three are zeros for a contact with three rows.
     #[inline(always)]
     pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; 6] {
         let (mut before, mut change) = ([R::zero(); 6], [R::zero(); N]);
@@ -601,13 +601,13 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
 
 /// Least tangential mobility of a contact whose block of the Delassus matrix has the trace `trace`, 1/kg.
 ///
-/// A direction in which the contact cannot move (a planar mechanism) has zero mobility. A floor below most physical ratios, and far above
-/// the rounding of the entries, gives it zero impulse instead of 0/0. The floor bounds a step and does not change the solution: directions
-/// with less mobility take more sweeps. For a cylinder that brakes in line with both of its axes, a floor of 2e-11 gave impulses of 1e8 N s
-/// of rounding error.
+/// A direction in which the contact cannot move (in a planar mechanism) has zero mobility. The floor, a fraction of the trace, gives it
+/// zero impulse instead of 0/0. The floor is far below most physical mobilities, and far above the rounding of the entries. It bounds the
+/// step of an iteration and does not change the solution: directions with less mobility than the floor take more sweeps. For a cylinder
+/// that brakes in line with both of its axes, a floor of 2e-11 of the trace gave impulses of 1e8 N s, which were rounding error.
 ///
-/// Measured in 32 bits on 64 quadrupeds that step on flat ground: a floor of 1.2e-2 takes 8.7 sweeps per step. A foot moves a hundred times
-/// more easily across its leg than along it. A floor of 1.2e-4 takes 2.6 sweeps, and 64 bits with 1e-8 take 3.1.
+/// Measured in 32 bits on 64 quadrupeds that step on flat ground: a floor of 1.2e-2 of the trace takes 8.7 sweeps per step. A foot moves a
+/// hundred times more easily across its leg than along it. A floor of 1.2e-4 takes 2.6 sweeps, and 64 bits with 1e-8 take 3.1.
 #[inline(always)]
 pub(super) fn least_tangent<R: Real>(trace: R) -> R {
     trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e3))

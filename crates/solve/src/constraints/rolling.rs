@@ -23,7 +23,7 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 ///
 /// With the normal impulse eliminated, the tangential problem is `A x_t + c = -s x_t`, as for
 /// [`SlidingSolver`](crate::constraints::sliding::SlidingSolver): c is the tangential velocity without the impulse x_t, and s the friction
-/// multiplier. It is solved in the principal axes of A, the columns of Q, with the principal values a. Jacobi's method finds them.
+/// multiplier. The solver uses the principal axes of A, the columns of Q, and the principal values a, which Jacobi's method finds.
 ///
 /// The tangential block of the Delassus matrix is then replaced by `G_nn (k k^T) + Q diag(a) Q^T`, where k is the column of the normal row
 /// divided by G_nn. Only changes of the impulse are computed with this replacement. Errors of the axes therefore do not change the solution
@@ -108,10 +108,11 @@ impl<R: Real> RollingSolver<R> {
         (rate, x, push - dot(self.coupling, x))
     }
 
-    /// Adds one compliance to the normal row and one to the other rows. Returns the ratio of the normal row's previous diagonal entry to
-    /// the new one.
+    /// Adds the compliance `normal` to the normal row and the compliance `tangential` to each other row, 1/kg. Returns the ratio of the
+    /// normal row's previous diagonal entry to the new one.
     ///
-    /// The principal axes do not change, because only the update uses them.
+    /// The principal axes remain those of the matrix without compliance. An error of the axes does not change the solution to which the
+    /// sweeps converge.
     #[inline(always)]
     fn add_compliance(&mut self, [normal, tangential]: [R; 2]) -> R {
         let nn = self.nn;

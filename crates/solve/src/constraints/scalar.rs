@@ -65,8 +65,8 @@ impl<R: Real> ScalarRow<R> {
         along * self.inv_diagonal
     }
 
-    /// Velocity correction after damping, m/s or rad/s, from the undamped `correction`. `ratio` is the compliance relative to the row's
-    /// mobility. The row stores the difference between the two.
+    /// Velocity correction after damping, m/s or rad/s, from the undamped `correction`. `ratio` is the ratio of the damping compliance to
+    /// the row's mobility. The row stores the velocity by which damping reduces the correction (`damping_deficit`).
     ///
     /// This function is for rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp)
     /// then skips these rows.
@@ -81,8 +81,8 @@ impl<R: Real> ScalarRow<R> {
 
     /// Velocity by which an immovable row misses its target, m/s or rad/s; 0 for dry friction.
     ///
-    /// For an equality it is the absolute value of `equality`. For a limit with the offset `g` it is -g, which is negative if the limit is
-    /// met.
+    /// For an equality the result is the absolute value of `equality`, the missed velocity with either sign. For a limit with the offset
+    /// `g` the result is -g, which is negative if the limit is met.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);
@@ -148,8 +148,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the trace ratio of the last row of the list: its diagonal entry before elimination of equality rows divided by that after it.
-    /// The scale of the residual uses the entry before elimination.
+    /// Sets the mobility ratio of the last row of the list. It is the row's diagonal entry of the Delassus matrix before elimination of
+    /// equality rows, divided by that after it. The scale of the residual uses the entry before elimination.
     #[inline(always)]
     pub fn set_mobility_ratio(&mut self, ratio: R) {
         if let Some(row) = self.rows.items.last_mut() {

@@ -71,7 +71,8 @@ impl<R: Real> SlidingSolver<R> {
     /// velocity before any impulse, plus its bias (minus the target velocity).
     ///
     /// Let `x` be a tangential impulse along principal axes of A that have no mobility. Together with the normal impulse `n = -coupling .
-    /// x`, it changes no velocity. Both are in the cone if the angle between `x` and `-coupling` is at most `acos(1 / (mu |coupling|))`.
+    /// x`, it changes no velocity. The impulse (n, x) is in the friction cone if the angle between `x` and `-coupling` is at most `acos(1
+    /// / (mu |coupling|))`.
     #[inline(always)]
     fn is_self_locking(&self, mu: R, g: [R; 3]) -> R::Mask {
         let [nn, na, nb, aa, _, bb] = self.gram;

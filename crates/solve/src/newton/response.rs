@@ -139,7 +139,7 @@ struct Block {
 }
 
 impl Block {
-    /// Whether the impulse follows the loads: it is not at a bound, or at the tip of the cone.
+    /// Whether the impulse changes with the loads: it is neither at a bound nor at the tip of the cone.
     fn is_active(&self) -> bool {
         matches!(self.piece, Piece::Held | Piece::Sliding)
     }
@@ -196,8 +196,8 @@ impl<R: Real> Response<R> {
     /// The rows do not determine the motion if, for example, contacts share loads while they slip about a point. `name` returns a number
     /// that identifies a constraint in other problems. Its arguments are the kind, the index and the lane.
     ///
-    /// For a position solve `before` is the velocity solve, at whose impulses damping causes no velocity. Loads that the velocity solve
-    /// leaves undetermined must cause no motion in the position solve either.
+    /// For a position solve, `before` is the response of the velocity solve, at whose impulses damping causes no velocity. Loads that the
+    /// velocity solve leaves undetermined must cause no motion in the position solve either.
     pub fn settle<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -469,8 +469,8 @@ fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
 }
 
 impl Linear {
-    /// Computes the derivative of the impulses of a lane into `own`, where the mode of each constraint (open, sticking, slipping, at a
-    /// bound) is known. Returns false if the motion depends on impulses that the rows do not determine.
+    /// Computes the derivative of the impulses of a lane into `own`, which must have the mode of each constraint (open, sticking,
+    /// slipping, at a bound). Returns false if the motion depends on impulses that the rows do not determine.
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
         let (mut blocks, mut next) = (vec![], 0);

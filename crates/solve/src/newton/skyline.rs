@@ -109,7 +109,8 @@ impl Skyline {
 
     /// Replaces the matrix by its factors L U. Returns false if a pivot is not above `least`; the factors are then invalid.
     ///
-    /// If the matrix may be `indefinite`, the size of a pivot is tested. For a `symmetric` matrix only the lower triangle is read.
+    /// If `indefinite`, pivots may be negative, and their absolute values are compared with `least`. If `symmetric`, only the lower
+    /// triangle of the matrix is read.
     #[inline(always)]
     pub(super) fn factor(&mut self, least: f64, symmetric: bool, indefinite: bool) -> bool {
         for j in 0..self.first.len() {

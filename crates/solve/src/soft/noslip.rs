@@ -24,8 +24,7 @@ use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 pub struct SlipEffort<S> {
     /// Largest number of sweeps (Gauss-Seidel iterations).
     pub sweeps: u32,
-    /// Improvement of an island's objective by a sweep below which the island stops. It is relative to the diagonal sum of the island's
-    /// mass matrix.
+    /// Improvement of an island's objective by a sweep below which the island stops, divided by the trace of the island's mass matrix.
     pub tolerance: S,
 }
 
@@ -365,8 +364,8 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Adds `by`, J, to the improvement of the objective of an island. It is the island that contains the scalar row or contact with the
-    /// index `item` in each lane.
+    /// Adds `by`, J, to the improvement of the objective of an island: the one that contains the scalar row or contact with the index
+    /// `item` in each lane.
     #[inline(always)]
     fn add_improvement(&mut self, item: usize, by: R) {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
@@ -380,8 +379,7 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Lanes in which an island continues to sweep. It is the island that contains the scalar row or contact with the index `item` in each
-    /// lane.
+    /// Lanes in which an island continues to sweep: the one that contains the scalar row or contact with the index `item` in each lane.
     #[inline(always)]
     fn running_lanes(&self, item: usize) -> R::Mask {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
@@ -543,8 +541,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
             matrix[k][k] = R::select(exists, matrix[k][k], R::one());
         }
         let presses = normal.ge(R::of(LEAST_FORCE));
-        let single = R::Mask::splat(N == 6).and(contact.weight[N - 1].gt(R::zero()));
-        let mut next = minimise_in_ball(&matrix, &linear, normal, lanes.and(presses), single);
+        let rolls = R::Mask::splat(N == 6).and(contact.weight[N - 1].gt(R::zero()));
+        let mut next = minimise_in_ball(&matrix, &linear, normal, lanes.and(presses), rolls);
         let (mut change, mut quadratic, mut first) = ([R::zero(); N], R::zero(), R::zero());
         for k in 1..N {
             next[k] = R::select(presses, next[k] * contact.scale[k], R::zero());
@@ -571,13 +569,14 @@ impl<R: Real, const N: usize> Friction<R, N> {
     }
 }
 
-/// Minimiser of 1/2 x^T A x + b^T x in the ball |x| <= r, in the lanes `lanes`.
+/// Minimiser of 1/2 x^T A x + b^T x in the ball |x| <= r, in the lanes `lanes`. `rolls` are the lanes in which the contact has rolling
+/// friction.
 ///
 /// Newton's method searches the multiplier l, starting from 0. The equation `|(A + l)^-1 b|^2 = r^2` is convex in l, so that l increases to
 /// the solution. A result outside the ball is scaled to the sphere. If A is singular (see [`is_regular`]) the result is 0, as in MuJoCo.
 #[inline(always)]
-fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {
-    let regular = is_regular(matrix, single);
+fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, rolls: R::Mask) -> [R; N] {
+    let regular = is_regular(matrix, rolls);
     let lanes = lanes.and(regular);
     let (mut multiplier, mut x, mut square) = (R::zero(), [R::zero(); N], R::zero());
     let (mut running, enough, ball) = (lanes, R::of(MULTIPLIER_TOLERANCE), r * r);
@@ -614,10 +613,10 @@ fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r
     x
 }
 
-/// Lanes in which the matrix can be inverted: its smallest pivot in the lanes `single`, or its determinant in the others, is at least
-/// [`LEAST_DETERMINANT`].
+/// Lanes in which the matrix can be inverted: its determinant is at least [`LEAST_DETERMINANT`]. In the lanes `rolls`, the smallest pivot
+/// of its factors is compared instead of the determinant: those in which the contact has rolling friction.
 #[inline(always)]
-fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], single: R::Mask) -> R::Mask {
+fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], rolls: R::Mask) -> R::Mask {
     let factors = factor(matrix, R::zero());
     let least = R::of(LEAST_DETERMINANT);
     let rounding = R::of(ROUNDING * <R::Scalar as Scalar>::EPSILON.to_f64());
@@ -628,7 +627,7 @@ fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], single: R::Mask) ->
         smallest = smallest.min(pivot);
         sound = sound.and(pivot.gt(rounding * matrix[k][k]));
     }
-    sound.and(R::select(single, smallest, determinant).ge(least))
+    sound.and(R::select(rolls, smallest, determinant).ge(least))
 }
 
 /// Factors L D L^T of A + l I, where A is `matrix`: L is below the diagonal, 1 / D on it.

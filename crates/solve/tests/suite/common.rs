@@ -29,8 +29,8 @@ impl Share {
         holds
     }
 
-    /// Fails if the property held for a smaller fraction of the cases than `share`, by more than five standard deviations. Chance causes
-    /// this in one test in three million.
+    /// Fails if the property held for less than the fraction `share` of the cases, by more than five standard deviations. Chance causes a
+    /// failure in one test in three million. `what` names the property in the output.
     pub(crate) fn at_least(&self, share: f64, what: &str) {
         let (held, drawn) = (f64::from(self.held.get()), f64::from(self.drawn.get()));
         println!("{what}: {:.5} of {drawn}", held / drawn);

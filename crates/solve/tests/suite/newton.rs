@@ -21,8 +21,9 @@ struct Contact {
     g: [f64; 3],
 }
 
-/// Random problems: every row touches some coordinates, which are scaled by up to `ratio` (the root of a ratio of masses), and some
-/// contacts come twice.
+/// Random problems with up to `most` - 1 contacts, not counting duplicates, and up to three limits. `mu` draws the friction coefficients.
+/// Every row has entries at some coordinates, which are scaled by factors from 1 / `ratio` to 1 (roots of mass ratios). Some contacts come
+/// twice.
 fn case(most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
     (1..most, 6usize..16).prop_flat_map(move |(contacts, n)| {
         let entry = prop_oneof![1 => Just(0.0), 2 => -1.0..1.0];
@@ -307,8 +308,8 @@ fn nearly_all_random_problems_are_solved() {
 /// the measured shares.
 const MOST_LEFT: [f64; 2] = [0.01, 0.05];
 
-/// Problem with a coupling of normal and tangent above 1/mu: pressing makes the contact slide, and sliding makes it press (Painleve 1895).
-/// The velocities are those of one body.
+/// Problem with a coupling of normal and tangent; above 1/mu pressing makes the contact slide, and sliding makes it press (Painleve 1895).
+/// `slip` is the slip velocity without impulses, m/s.
 fn painleve(coupling: f64, slip: f64) -> Case {
     let y = vec![[1.0, coupling, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 1.0]];
     Case { n: 3, limits: vec![], contacts: vec![Contact { y, mu: 1.2, g: [-0.1, slip, 0.0] }] }

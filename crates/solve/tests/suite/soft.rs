@@ -60,8 +60,8 @@ struct Case {
 
 const ROWS: usize = 3 + 2 * 3 + 6;
 
-/// Number of bodies that may touch, each with [`SIZE`] coordinates. The solver eliminates a different number of coordinates together, so
-/// that these may belong to two bodies.
+/// Number of bodies that may touch, each with [`SIZE`] coordinates. The solver eliminates up to three coordinates together, which may
+/// belong to two bodies.
 const BODIES: usize = 6;
 const SIZE: usize = 4;
 

@@ -112,7 +112,7 @@ impl Clipper {
     /// Adds the contact points of two shapes along the normal of `facing` whose distance is at most `prediction`, m, in the frame of the
     /// first shape.
     ///
-    /// There is at least one point if the shapes are that close.
+    /// There is at least one point if the distance of the shapes along the normal is at most `prediction`.
     pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, prediction: f64, out: &mut Manifold) {
         let Facing { found, corners, .. } = *facing;
         let n = found.normal;

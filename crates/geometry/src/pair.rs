@@ -95,7 +95,8 @@ impl<'a> Pair<'a> {
         self.a.radius() + self.b.radius()
     }
 
-    /// Point of the second shape, without its rounding radius, that is farthest along `d`. Both are in the frame of the first shape.
+    /// Point of the second shape, without its rounding radius, that is farthest along `d`. The point and `d` are in the frame of the first
+    /// shape.
     pub(super) fn support_b(&self, d: V) -> V {
         self.place(self.b.support(rotate_back(&self.mat, d)))
     }

@@ -61,9 +61,9 @@ pub struct SolidMotion {
     pub pose: Pose,
     /// Angular velocity of the solid in world axes, rad/s.
     pub angular: V,
-    /// Velocity of the moving frame, m/s: that of the root of a floating tree.
+    /// Velocity of the moving frame, m/s. The frame of a solid of a floating tree moves with the root of the tree.
     pub root_velocity: V,
-    /// Velocity of the origin of the solid in the moving frame at time 0, m/s. It rotates with the solid.
+    /// Velocity of the origin of the solid in the moving frame at time 0, m/s. This vector rotates with the solid.
     pub linear: V,
 }
 

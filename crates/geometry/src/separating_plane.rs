@@ -1,9 +1,10 @@
 //! Separating plane of two hulls that remains valid for many steps. It consists of a half space that contains the first hull, and a ball
 //! that contains the second hull and bulges little towards the first one.
 //!
-//! Both are fixed to their hulls and depend only on the hulls' vertices. They therefore remain valid when poses or states change. Let `pos`
-//! and `mat` be the pose of the second hull in the frame of the first. Let the first hull be within n . x <= a, and the second within the
-//! ball of radius q |m| + e about p - q m in its frame. The separation of the hulls along n is then at least
+//! The half space is fixed to the first hull and the ball to the second. They depend only on the hulls' vertices, and therefore remain
+//! valid when poses or states change. Let `pos` and `mat` be the pose of the second hull in the frame of the first. Let the first hull be
+//! within n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its frame. The separation of the hulls along n
+//! is then at least
 //!
 //! ```text
 //! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)

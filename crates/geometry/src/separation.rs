@@ -16,10 +16,10 @@
 //! Repetition climbs to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
 //! curvature + gap). There is always a result, because the climb starts from the best of the face normals and axes of both shapes.
 //!
-//! The overlap may be shallower in another direction. Three conditions exclude this. A closest point is as deep below the other shape's
-//! surface. Or the ball around the origin with the depth as radius is inside a ball that can roll within the difference. Or this ball is
-//! inside the part of the difference that is described in `warm_start.rs`. Otherwise a search of the difference (`expand.rs`) finds a
-//! shallower direction, or shows that there is none.
+//! The overlap may be shallower in another direction. Each of three conditions proves that it is not. First, a closest point is as deep
+//! below the other shape's surface. Second, the ball around the origin with the depth as radius is inside a ball that can roll within the
+//! difference. Third, this ball is inside the part of the difference that is described in `warm_start.rs`. Without such a proof, a search
+//! of the difference (`expand.rs`) finds a shallower direction, or shows that there is none.
 
 use crate::expand::Polytope;
 use crate::facing::{EQUAL_SEPARATION, Facing, GAP, Separation};

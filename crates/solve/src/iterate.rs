@@ -85,7 +85,7 @@ impl<R: Real> Snapshot<R> {
     /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` is not
     /// updated.
     ///
-    /// `weight` returns the weight of the present impulses, from 0 to 1. Its argument is the first coordinate at which the constraint has
+    /// `weight` returns the weight of the current impulses, from 0 to 1. Its argument is the first coordinate at which the constraint has
     /// an entry.
     pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, weight: &mut impl FnMut(u32) -> f64) {
         each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, weight));

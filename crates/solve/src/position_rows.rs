@@ -7,7 +7,7 @@
 //! each other, the remaining error is least in the mean square. The compliance acts on the difference from the reference impulses, so that
 //! loads that already act cause no error.
 //!
-//! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the present motion. The proof is
+//! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the current motion. The proof is
 //! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, summed over the coordinates d. Then no change of the velocities within
 //! the bounds c_d meets the targets (weak duality).
 

@@ -49,7 +49,8 @@ pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: 
     })
 }
 
-/// Largest residual at which the impulses determine the kinetic energy, m/s, see [`energy_is_ambiguous`]. `negligible` is an energy, J.
+/// Largest residual at which the impulses determine the kinetic energy, m/s, see [`energy_is_ambiguous`]. `negligible`, J, is added to the
+/// kinetic energy.
 #[inline(always)]
 pub fn max_residual_for_energy<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, negligible: R) -> R {
     let (system, mut impulse) = (system.into(), R::zero());

@@ -42,7 +42,7 @@ impl<R: Real> Cuboid<R> {
         rotate_back(&self.mat, sub(point, self.centre))
     }
 
-    /// Vector from the closest point of the box to `x`, m; 0 inside. Both are in the frame of the box.
+    /// Vector from the closest point of the box to `x`, m; 0 if `x` is inside. The result and `x` are in the frame of the box.
     #[inline(always)]
     fn beyond(&self, x: V3<R>) -> V3<R> {
         array_of(

@@ -42,7 +42,7 @@ fn shape() -> impl Strategy<Value = ConvexShape> {
     ]
 }
 
-/// Support function of a shape: maximum of n . x over the shape's points x. Both are in the shape's frame.
+/// Support function of a shape: maximum of n . x over the shape's points x. The vector `n` and the points are in the shape's frame.
 fn reach(shape: &ConvexShape, n: V) -> f64 {
     let points = |p: &[V]| p.iter().map(|x| dot(*x, n)).fold(f64::NEG_INFINITY, f64::max);
     match shape {

@@ -24,7 +24,7 @@ pub(super) const MEMORY: usize = 4;
 /// History of the sweeps (Gauss-Seidel iterations) of each lane, for Anderson's acceleration. It begins when the lane last started to run.
 #[derive(Clone, Debug)]
 pub(crate) struct History<R: Real> {
-    /// Scaled velocity change w by all impulses before the present sweep, in coordinates in which its kinetic energy is |w|^2 / 2.
+    /// Scaled velocity change w by all impulses before the current sweep, in coordinates in which its kinetic energy is |w|^2 / 2.
     pub(super) start: Vec<R>,
     /// Change f of the scaled velocity change w by the previous sweep.
     pub(super) f: Vec<R>,
@@ -45,15 +45,15 @@ pub(crate) struct History<R: Real> {
     pub(super) gram: [[R; MEMORY]; MEMORY],
 }
 
-/// Change f of the scaled velocity change w by the present sweep, with its dot products.
+/// Change f of the scaled velocity change w by the current sweep, with its dot products.
 pub(super) struct SweepChange<R> {
-    /// Squared length |f|^2 of the change f of the scaled velocity change w by the present sweep.
+    /// Squared length |f|^2 of the change f of the scaled velocity change w by the current sweep.
     pub(super) length: R,
     /// Dot products of the newest difference `df` with the stored differences, beginning with itself. Here f is the change of the scaled
     /// velocity change w by a sweep.
     with_newest: [R; MEMORY],
     /// Dot products of f with the last differences `df` of f between sweeps. Here f is the change of the scaled velocity change w by the
-    /// present sweep.
+    /// current sweep.
     with_f: [R; MEMORY],
 }
 
@@ -110,7 +110,7 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Number of differences between sweeps that are stored in any lane, including that of the present sweep.
+    /// Number of differences between sweeps that are stored in any lane, including that of the current sweep.
     #[inline(always)]
     pub(super) fn stored_changes(&self) -> usize {
         if self.swept.any() { 1 + self.stored[1..].iter().take_while(|stored| stored.any()).count() } else { 0 }

@@ -5,7 +5,7 @@
 //! is once differentiable. Its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. A compliance R of a row gives `c = 1 / (1 + rho R)` and
 //! multiplies rho by the same factor.
 //!
-//! De Saxce's term s_i = mu |v_t| is constant, or evaluated at the present w (an "implicit" step). The implicit equation is that of the
+//! De Saxce's term s_i = mu |v_t| is constant, or evaluated at the current w (an "implicit" step). The implicit equation is that of the
 //! exact friction law. Its matrix is not symmetric and no function is minimised, but close to the solution Newton's method converges at
 //! once.
 
@@ -20,7 +20,7 @@ use stepper_real::{Real, kernel};
 /// reduce a pivot to zero, in Painleve's paradox.
 const LEAST_PIVOT: f64 = 1e-3;
 
-/// Augmented Lagrangian of one island at the present scaled velocity change w, and Newton's method for its minimum.
+/// Augmented Lagrangian of one island at the current scaled velocity change w, and Newton's method for its minimum.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AugmentedLagrangian {
     /// Ratio kappa of the proximal step length to the step of the natural map, the function that is zero at the solution.
@@ -67,10 +67,10 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes the projected impulses and the gradient at the present scaled velocity change w of an island. Returns an upper bound of the
+    /// Computes the projected impulses and the gradient at the current scaled velocity change w of an island. Returns an upper bound of the
     /// gradient, expressed as the velocity of a row, m/s.
     ///
-    /// If `implicit`, De Saxce's terms mu |v_t| are those at the present velocities (the exact friction law); otherwise they are constant.
+    /// If `implicit`, De Saxce's terms mu |v_t| are those at the current velocities (the exact friction law); otherwise they are constant.
     pub(super) fn evaluate(&mut self, rows: &Island, implicit: bool) -> f64 {
         rows.multiply(&rows.w, &mut self.v);
         for (v, g) in self.v.iter_mut().zip(&rows.g) {
@@ -80,8 +80,8 @@ impl AugmentedLagrangian {
         self.compute_gradient(rows)
     }
 
-    /// Computes the argument x of each constraint's projection from the present velocities, and its projection z on the admissible
-    /// impulses. If `implicit`, De Saxce's terms mu |v_t| are those at the present velocities (the exact friction law).
+    /// Computes the argument x of each constraint's projection from the current velocities, and its projection z on the admissible
+    /// impulses. If `implicit`, De Saxce's terms mu |v_t| are those at the current velocities (the exact friction law).
     #[inline(always)]
     fn project(&mut self, rows: &Island, implicit: bool) {
         for (i, block) in rows.blocks.iter().enumerate() {

@@ -98,17 +98,17 @@ pub(super) struct ProximalPoint {
     lagrangian: AugmentedLagrangian,
     /// Acceleration of the fixed point of De Saxce's terms mu |v_t|.
     anderson: Anderson,
-    /// Velocities of all rows of the island at the present impulses, m/s.
+    /// Velocities of all rows of the island at the current impulses, m/s.
     v: Vec<f64>,
-    /// De Saxce's terms mu |v_t| at the present velocities, m/s.
+    /// De Saxce's terms mu |v_t| at the current velocities, m/s.
     image: Vec<f64>,
     /// Impulses with the smallest residual so far.
     best: SavedImpulses,
     /// Impulses before an attempt of the exact friction law.
     before: SavedImpulses,
-    /// Residual of the present impulses, m/s.
+    /// Residual of the current impulses, m/s.
     residual: f64,
-    /// Number of Newton steps in the present search.
+    /// Number of Newton steps in the current search.
     steps: u32,
     /// Number of rounds of the outer loop in the last search.
     pub(super) rounds: u32,
@@ -151,7 +151,7 @@ impl ProximalPoint {
         let mut most = largest_kappa(&self.lagrangian.slip, search.tolerance);
         let mut kappa = KAPPA[0].min(most);
         if search.terms == Terms::LeastNorm {
-            // A proximal step from zero impulses. Newton's method starts at the present motion.
+            // A proximal step from zero impulses. Newton's method starts at the current motion.
             rows.lambda.fill(0.0);
             self.best.residual = f64::INFINITY;
             kappa = kappa.max(KAPPA[1].min(most));
@@ -248,7 +248,7 @@ impl ProximalPoint {
         self.best.save(rows, self.residual);
     }
 
-    /// Makes a proximal step with the exact friction law, to an error of at most a tenth of the present residual. Returns its number of
+    /// Makes a proximal step with the exact friction law, to an error of at most a tenth of the current residual. Returns its number of
     /// Newton steps, and whether it changed any impulse.
     ///
     /// Returns `None`, and changes nothing, if Newton's method does not converge. `most_steps` limits the Newton steps of the whole search.
@@ -274,7 +274,7 @@ impl ProximalPoint {
         None
     }
 
-    /// Sets De Saxce's terms mu |v_t| to those at the present velocities of the island, and discards the history of their acceleration.
+    /// Sets De Saxce's terms mu |v_t| to those at the current velocities of the island, and discards the history of their acceleration.
     fn reset_slip(&mut self, rows: &Island) {
         let slips = rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()]));
         self.lagrangian.slip.clear();
@@ -283,7 +283,7 @@ impl ProximalPoint {
     }
 
     /// Computes the next values of De Saxce's terms mu |v_t|, with Anderson's acceleration. Returns the largest difference between the
-    /// previous values and those at the present velocities, m/s.
+    /// previous values and those at the current velocities, m/s.
     fn recompute_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
         self.image.extend(rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()])));

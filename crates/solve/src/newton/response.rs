@@ -105,7 +105,7 @@ struct LaneResponse {
     matrix: Vec<f64>,
     /// Sets of impulses of the active rows that change no velocity, one set after the other. The rows do not determine such impulses.
     undetermined: Vec<f64>,
-    /// Index of the first row of each stored constraint in the present problem; `None` if the present problem does not have the constraint.
+    /// Index of the first row of each stored constraint in the current problem; `None` if the current problem does not have the constraint.
     found: Vec<Option<usize>>,
     /// Changes of the velocities of the active rows, m/s.
     change: Vec<f64>,
@@ -421,7 +421,7 @@ impl LaneResponse {
     /// Corrects the velocities of the rows of lane `l` whose damping was switched on or off since the solution was stored. The corrected
     /// velocities are those with the damping of the stored problem.
     ///
-    /// `compliances` are those of the present problem, 1/kg. `before` are the impulses at which damping causes no velocity.
+    /// `compliances` are those of the current problem, 1/kg. `before` are the impulses at which damping causes no velocity.
     fn keep_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
         for (block, first) in self.blocks.iter().zip(&self.found) {
             let Some(first) = *first else { continue };

@@ -27,10 +27,10 @@ pub(super) struct Hessian<R: Real> {
     /// Columns left of the diagonal that are in the pattern of each row, as ascending ranges. Rows of a tree have few ranges, and loops
     /// over a range need no index for each entry.
     runs: Vec<Vec<Range<usize>>>,
-    /// Whether the columns of each row are those of the previous row and that row's index. The joints of a body or of a limb have such
-    /// rows.
+    /// Whether the columns of each row are those of the previous row, and the index of the previous row. The joints of a body or of a limb
+    /// have such rows.
     follows: Vec<bool>,
-    /// Number of multiplications of a factorisation with the present pattern and of a solution with the factors, together.
+    /// Number of multiplications of a factorisation with the current pattern and of a solution with the factors, together.
     pub(super) work: usize,
     /// Buffer for a vector in the order of the matrix rows.
     ordered: Vec<R>,
@@ -219,7 +219,8 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Eliminates `W` rows of the matrix, from row `first` on. The columns of each must be those of the previous row and that row's index.
+    /// Eliminates `W` rows of the matrix, from row `first` on. The columns of each must be those of the previous row, and the index of the
+    /// previous row.
     ///
     /// Subtractions start with the last row, so that the bits are those of an elimination row by row.
     #[inline(always)]

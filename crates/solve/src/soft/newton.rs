@@ -34,7 +34,7 @@ pub struct SoftOutcome<R> {
 pub struct SoftSolver<R: Real> {
     /// Hessian of the soft problem's objective, and its factors.
     hessian: Hessian<R>,
-    /// Acceleration of each row relative to its reference, at the present acceleration.
+    /// Acceleration of each row relative to its reference, at the current acceleration.
     pub(super) argument: Argument<R>,
     /// Change of each row's relative acceleration along Newton's direction.
     change: Argument<R>,
@@ -52,7 +52,7 @@ pub struct SoftSolver<R: Real> {
     forces: Vec<R>,
     /// Noslip solver, which recomputes friction forces without regularisation, if there is one.
     noslip: Option<Box<NoSlip<R>>>,
-    /// Whether the present forces are those of the noslip solver.
+    /// Whether the current forces are those of the noslip solver.
     forces_without_slip: bool,
 }
 
@@ -212,7 +212,7 @@ impl<R: Real> SoftSolver<R> {
         self.hessian.factor();
     }
 
-    /// Noslip solver, if it has computed the present forces; `None` if they are those of the regularised problem.
+    /// Noslip solver, if it has computed the current forces; `None` if they are those of the regularised problem.
     fn noslip_forces(&self) -> Option<&NoSlip<R>> {
         self.noslip.as_deref().filter(|_| self.forces_without_slip)
     }

@@ -175,7 +175,7 @@ pub(super) struct NoSlip<R: Real> {
     count: usize,
     /// Island (set of coupled trees) of each kinematic tree in each lane, as the smallest tree of the island.
     parents: Vec<u32>,
-    /// Improvement of the objective of each island (set of coupled trees) by the present sweep, J.
+    /// Improvement of the objective of each island (set of coupled trees) by the current sweep, J.
     improvement: Vec<R>,
     /// Lanes in which each island (set of coupled trees) continues to sweep, as bits.
     running: Vec<u32>,
@@ -282,7 +282,7 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Sweeps in the lanes `lanes` until all islands have stopped. `a` is the acceleration by the present forces, which is updated.
+    /// Sweeps in the lanes `lanes` until all islands have stopped. `a` is the acceleration by the current forces; the function updates it.
     ///
     /// `visits` are the contacts in the order in which each sweep visits them. Returns the number of sweeps of each lane.
     pub(super) fn sweep(

@@ -14,16 +14,16 @@ pub(crate) const ROUGH_ITERATIONS: u32 = 2;
 /// iterations from zero do not carry the load through a stack that hardly moves.
 pub(crate) const MIN_ROUGH_MOTION_OF_SEVERAL_TREES: f64 = 1e-3;
 
-/// Displacement per step above which impulses are predicted by iterating to a tolerance, rad or m. In such a step an error of the predicted
-/// velocity changes the next step.
+/// Displacement per step above which impulses are predicted by iterating to a tolerance, rad or m. In such large motions, the error of a
+/// rough prediction would change the next step.
 pub(crate) const MAX_ROUGH_MOTION: f64 = 0.3;
 
-/// Largest number of Gauss-Seidel iterations of an impulse prediction that is not rough. The number holds at the solver's default
-/// tolerance.
+/// Largest number of Gauss-Seidel iterations of an impulse prediction that is not rough. The step multiplies it by
+/// `StepSettings::accuracy_factor`, which is 1 at the default tolerance.
 pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
-/// Largest error that the impulse prediction may cause in the free velocity (the velocity without constraint impulses), m/s. The value
-/// holds at the default tolerance of the step.
+/// Largest error that the impulse prediction may cause in the free velocity (the velocity without constraint impulses), m/s. The step
+/// divides it by `StepSettings::accuracy_factor`, which is 1 at the default tolerance.
 ///
 /// An error d of the predicted velocity v changes the effect of inertial forces by about h |v| d in a step of h seconds. The iterations
 /// therefore stop at `ESTIMATE_ERROR / (h |v|)`.
@@ -84,8 +84,9 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// and there too the body is still ahead of the surface.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of solves after which the step activates only the earliest collision of each body. After later solves it activates all pairs that
-/// collide within the step. The count starts from zero when the problem is assembled again or an impact changes it.
+/// Number of solves, from the first one on, that are each followed by the activation of only the earliest collision of each body. Each
+/// later solve is followed by the activation of all pairs that collide within the step. The count starts from zero when the problem is
+/// assembled again or an impact changes it.
 pub(crate) const EARLIEST_ONLY_PASSES: f64 = 6.0;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
@@ -96,8 +97,9 @@ pub(crate) const MAX_PREDICTIONS: usize = 3;
 /// motion. Smaller overlaps may come from the error of the predicted impulses.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
 
-/// Ratio of an overlap in the predicted motion, beyond [`PREDICTED_MARGIN`], to the error of the predicted positions, up to which the
-/// collision counts as doubtful. The error is estimated as the residual of the prediction, m/s, times the duration of the motion, s.
+/// Ratio of an overlap in the predicted motion to the error of the predicted positions, up to which the collision counts as doubtful. The
+/// overlap is measured beyond the overlap of resting contacts. The error is estimated as the residual of the prediction, m/s, times the
+/// duration of the motion, s.
 ///
 /// Evidence: of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a
 /// quadruped takes 2 % longer on boxes and 6 % on a height field, with 10 up to 15 %.
@@ -127,8 +129,8 @@ pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 /// converge within the iteration limit stays below 10.
 pub(crate) const MAX_IMPACT_RESIDUAL: f64 = 100.0;
 
-/// Largest speed of a position correction after a rebound, as a multiple of the largest speed in the step. It also bounds the displacement
-/// by impacts, divided by the time step.
+/// Largest speed of a position correction after a rebound, as a multiple of the largest speed in the step. The same ratio bounds the
+/// displacement by impacts, divided by the time step.
 ///
 /// Let v_k be the velocity after impact k, and t_k the time of this impact as a fraction of the step. The displacement divided by the time
 /// step is the sum of t_k (v_k - v_(k-1)). As t_k increases with k, the sum is at most twice the largest speed |v_k|.
@@ -136,8 +138,8 @@ pub(crate) const MAX_REBOUND_SPEED_RATIO: f64 = 2.0;
 
 /// Largest number of repeated solves for impacts, after the first solve of a step.
 ///
-/// Each solve evaluates inertial forces at the velocity of the previous solve. Its error is smaller than that of the previous solve by a
-/// factor of the time step.
+/// Each solve evaluates inertial forces at the velocity of the previous solve. Its error is that of the previous solve times a factor that
+/// is proportional to the time step.
 pub(crate) const IMPACT_PASSES: f64 = 3.0;
 
 /// Largest number of times that a step moves its evaluation point to the time of its first impact. The evaluation point is the time within
@@ -158,7 +160,8 @@ pub(crate) const END_TOLERANCE: f64 = 1e-6;
 /// second time, at the predicted velocity.
 pub(crate) const FAST_ROTATION: f64 = 0.5;
 
-/// Largest joint rotation per step to which the velocity is scaled down after a motion that was too fast for the time step, rad.
+/// Joint rotation per step to which the fastest joint is slowed down, rad. The step scales the whole velocity of a lane whose motion was
+/// too fast for the time step.
 pub(crate) const MAX_ROTATION: f64 = 1.0;
 
 /// Change of the velocity by the corrector above which the corrector has not converged, as a fraction of the largest velocity. The
@@ -181,8 +184,8 @@ pub(crate) const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
 /// s without impacts.
 pub(crate) const MAX_GROWTH_RATE: f64 = 10.0;
 
-/// Relative growth of the kinetic energy by the error of a step above which it counts as unresolved, at any time step. At small
-/// time steps, [`MAX_GROWTH_RATE`] is the smaller limit.
+/// Relative growth of the kinetic energy by the error of a step above which the step counts as unresolved, at any time step. At small time
+/// steps, [`MAX_GROWTH_RATE`] is the smaller limit.
 pub(crate) const MAX_GROWTH: f64 = 0.1;
 
 /// Change of the velocity by constraint impulses, as a fraction of the largest velocity, above which the step counts as an impact. The
@@ -205,8 +208,8 @@ pub(crate) const TARGET_RATIO: f64 = 0.1;
 
 // Stage 8: the position correction.
 
-/// Residual to which a position correction is solved, m/s, at the default tolerance. It is a fraction of a micrometre per step, and the
-/// next step corrects the rest.
+/// Residual to which a position correction is solved, m/s, at the default tolerance. In a step it causes an error of a fraction of a
+/// micrometre, which the next step corrects.
 pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
 /// Target speed of a constraint row in the position correction below which the row gets no damping, m/s or rad/s. Rounding alone makes
@@ -286,8 +289,9 @@ pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 
 // Constraint rows.
 
-/// Additional distance from a joint or tendon limit within which the limit has a constraint row, rad or m. It is added to the motion
-/// towards the limit at the velocity without constraints. Impulses of contacts can rotate a joint towards its limit in the same step.
+/// Additional distance from a joint or tendon limit within which the limit has a constraint row, rad or m. The whole distance is this
+/// number plus the motion towards the limit at the velocity without constraints. The reason is that impulses of contacts can rotate a joint
+/// towards its limit in the same step.
 pub(crate) const LIMIT_LOOK_AHEAD: f64 = 0.01;
 
 /// Ratio of a constraint row's squared lengths after and before the elimination of the equalities, below which the equalities may block the
@@ -300,7 +304,7 @@ pub(crate) const MIN_REMAINING_LENGTH: f64 = 1e-6;
 /// Overlap of a contact above which the curvature of its surfaces is neglected, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
 ///
 /// Bodies with such overlaps are jammed and do not roll. Curvature adds target velocities to friction rows, which impulses usually cannot
-/// reach in a jam. Evidence: of 16 unsolved problems of jammed arms, 14 are solved at once without curvature.
+/// reach in a jam. Evidence: of 16 unsolved constraint problems of jammed arms, 14 are solved at once without curvature.
 pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 
 // Redundant supports, whose loads are shared.
@@ -312,8 +316,8 @@ pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
 /// the contacts share the load.
 pub(crate) const SLIP_SPEED: f64 = 1e-6;
 
-/// Length below which a row counts as linearly dependent on other rows. It is the length after these rows are eliminated from the row,
-/// whose length was 1. The two values are for double and for single precision.
+/// Length of a row after the elimination of other rows, below which the row counts as linearly dependent on them. Before the elimination
+/// the length is 1. The two values are for double and for single precision.
 pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
 
 /// Smallest change of a contact's normal impulse for which redundant supports redistribute their load, relative to the largest normal

@@ -101,7 +101,8 @@ impl<R: Real> EffectiveInertia<R> {
         }
     }
 
-    /// Rate at which the damping of the joints and `damping`, that of the actuator, slow the actuator down, 1/s.
+    /// Rate at which damping slows the actuator down, 1/s. It includes the damping of the joints, and `damping`, the damping of the
+    /// actuator.
     #[inline(always)]
     pub(crate) fn rate(self, damping: R) -> R {
         self.mobility * damping + self.damping_rate

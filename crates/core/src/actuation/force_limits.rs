@@ -110,8 +110,8 @@ impl<R: Real> BoundedForce<R> {
     }
 }
 
-/// Finds the active bound of a force at a velocity: lanes at a force limit, lanes on the motor's torque-speed curve, and lanes at the upper
-/// bound.
+/// Active bound of a force at a velocity, as three masks: lanes at a force limit, lanes on the motor's torque-speed curve, and lanes at an
+/// upper bound. In the lanes of the first two masks that are not in the third, the bound is a lower one.
 #[inline(always)]
 fn active_bound<R: Real>(
     dynamics: &CompiledActuatorDynamics<R::Scalar>,
@@ -151,7 +151,7 @@ fn bounded<R: Real>([at_limit, on_curve, at_upper]: [R::Mask; 3], numbers: &Actu
 pub(crate) struct LimitedForce<R: Real> {
     /// Force, N or N m.
     pub(crate) force: R,
-    /// Lanes in which a limit or the curve determines the force.
+    /// Lanes in which a limit or the curve determines the force, so that it differs from the given one.
     pub(crate) is_limited: R::Mask,
 }
 

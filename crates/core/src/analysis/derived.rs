@@ -36,7 +36,8 @@ pub enum DerivedQuantity {
     GeomPos,
     /// Orientations of the geoms, quaternions (w, x, y, z): (ngeom, 4).
     GeomQuat,
-    /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). Without mass, it is that of the body alone.
+    /// Centre of mass of every body with its descendants in the world frame, m: (nbody, 3). If they have no mass, it is the centre of mass
+    /// of the body alone.
     SubtreeCom,
     /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
     Acceleration,
@@ -55,8 +56,8 @@ pub enum DerivedQuantity {
     BodyCom,
     /// Inertias of the bodies about the centre of mass of their kinematic tree, in world axes: (nbody, 10); zeros for the world.
     ///
-    /// Six numbers are xx, yy, zz, xy, xz, yz in kg m^2. Three are the mass times the position of the body's centre of mass in kg m. The
-    /// last is the mass in kg.
+    /// The first six numbers are xx, yy, zz, xy, xz, yz in kg m^2. The next three are the mass times the position of the body's centre of
+    /// mass, relative to that of the tree, in kg m. The last is the mass in kg.
     BodyInertia,
     /// Angular (rad/s) and linear (m/s) velocities of the bodies at the centre of mass of their kinematic tree, in world axes: (nbody, 6).
     BodyMotion,

@@ -77,7 +77,7 @@ pub fn exclude(model: &Model) -> Model {
     }
 }
 
-/// Two marks for every body, to test whether an overlap is with the ground.
+/// Two flags for every body, to test whether an overlap is with the ground.
 struct Ground {
     /// Whether the body is fixed to the world.
     fixed: Vec<bool>,

@@ -116,8 +116,8 @@ impl<R: Real> HardNominal<R> {
 
     /// Calls `see` for each contact or limit that has an impulse in the solved step, in the lanes `lanes` (bits).
     ///
-    /// The first argument of `see` is true for a limit. The others are its gap in the solved step, its gap in the last evaluation, and the
-    /// lanes (bits) to which both gaps apply.
+    /// The first argument of `see` is true for a limit. The next two are gaps of the contact or limit: in the solved step, and in the last
+    /// evaluation. The last has the lanes (bits) to which both gaps apply.
     pub(super) fn each_gap(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, see: &mut impl FnMut(bool, R, R, u32)) {
         let there = &s.evaluation.contacts;
         for lane in each_of(lanes) {

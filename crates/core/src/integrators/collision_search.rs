@@ -62,8 +62,8 @@ struct CandidatePair<R: Real> {
     lanes: R::Mask,
     /// Overlap on the path up to which the pair counts as not colliding, m.
     tolerance: R,
-    /// Time at which the pair overlaps, s. `before` is an earlier time at which it does not touch yet, so that the first touch is between
-    /// them. The search narrows this bracket where the order of collisions matters.
+    /// Time at which the pair overlaps, s. `before` is an earlier time at which the pair does not touch yet. The first touch is between
+    /// these two times. The search narrows this bracket where the order of collisions matters.
     time: R,
     before: R,
     /// Distance plus tolerance at the time `time`, m, which is negative. `distance_before` is the same quantity at the time `before`.
@@ -383,7 +383,8 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Removes candidates from those of the lanes `lanes` in which another pair of the same kinematic trees touches earlier.
+    /// Removes each candidate from those of the lanes `lanes` in which another pair of the same kinematic trees touches earlier, by more
+    /// than `window` (s).
     ///
     /// That earlier impact changes the motion of these trees, so that the later collision may not occur.
     #[inline(always)]
@@ -428,8 +429,8 @@ fn add_packed<R: Real>(
     }
 }
 
-/// Groups packed paths with the same kernel, as many as a register has lanes, and calls `test` for each group. The arguments are the
-/// kernel, the paths, and the items of the paths (pairs of geoms in one lane).
+/// Groups packed paths with the same kernel, as many as a register has lanes, and calls `test` for each group. The arguments of `test` are
+/// the kernel, the paths, and the items of the paths (pairs of geoms in one lane).
 #[inline(always)]
 fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnMut(Kernel, &[PackedPath<R::Scalar>], &[Item<R::Scalar>])) {
     for kernel in [Kernel::SphereBox, Kernel::CapsuleBox] {

@@ -23,8 +23,8 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) applied: Vec<R>,
     /// Velocity after the step without constraints, nv.
     pub(crate) v: Vec<R>,
-    /// Predicted velocity after the step, constraints included, nv. Velocity-dependent forces are evaluated between it and the velocity
-    /// before the step ([`Scheme::velocity_weight`]).
+    /// Predicted velocity after the step, constraints included, nv. Velocity-dependent forces are evaluated at a velocity between this one
+    /// and the velocity before the step ([`Scheme::velocity_weight`]).
     pub(crate) v_expected: Vec<R>,
     /// Generalized impulse of the constraints in this step, nv.
     pub(crate) impulse: Vec<R>,

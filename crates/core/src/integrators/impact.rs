@@ -178,10 +178,10 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Recomputes the free velocity in lanes in which contacts made the velocity jump, by elastic or inelastic impacts. Returns these
     /// lanes, which must be solved again.
     ///
-    /// The midpoint rule moves half of the step at the velocity before it, and half at the velocity after it. Inertial forces should
-    /// therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean velocity instead.
-    /// If the velocity jumps, this is an error of first order in momentum and energy. The function checks the lanes `checked`. For those
-    /// in `first`, it is the first check in this step.
+    /// The midpoint rule moves bodies for half of the step at the velocity before the step, and for half at the velocity after it. Inertial
+    /// forces should therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean
+    /// velocity instead. If the velocity jumps, this is an error of first order in momentum and energy. The function checks the lanes
+    /// `checked`. For those in `first`, it is the first check in this step.
     #[inline(always)]
     pub(crate) fn correct_impact_forces(&mut self, checked: R::Mask, first: R::Mask) -> R::Mask {
         let lanes = if checked.any() { self.lanes_with_impacts(first).and(checked) } else { checked };
@@ -255,8 +255,8 @@ impl<R: Real> VelocityLoop<'_, R> {
 
     /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
     ///
-    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, its inertial forces become those at the
-    /// velocity before the step. Later corrections do not change it: `extra_before_impacts` cancels `free_change`.
+    /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity is recomputed, with inertial
+    /// forces at the velocity before the step. In later corrections it stays: `extra_before_impacts` cancels `free_change`.
     fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;

@@ -98,7 +98,7 @@ pub(crate) fn read_sensors<R: Real>(
     sense(compiled, kinematics, &mut sensors.workspace, &input);
 }
 
-/// Applies the error models of sensors to the true readings in the lanes `lanes`. `start` marks the first reading of an episode.
+/// Applies the error models of sensors to the true readings in the lanes `lanes`. `start` is true for the first reading of an episode.
 pub(crate) fn apply_errors<R: Real>(
     errors: &Errors<R::Scalar>,
     options: &StepSettings,

@@ -83,7 +83,7 @@ impl<R: Real> Scheme<R> {
 
     /// Whether the step predicts the velocity after it, and evaluates velocity-dependent forces with this prediction.
     ///
-    /// The schemes with `implicit_forces` do so, and no others.
+    /// The result equals `implicit_forces`.
     pub(crate) fn predicts(&self) -> bool {
         self.implicit_forces
     }

@@ -22,15 +22,18 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled
     /// problem. The head of `velocity_loop.rs` lists the files of its methods.
     ///
-    /// There are four assumptions. (1) Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred
-    /// contact that collides becomes active. (2) The velocity after the step is the predicted one, with which inertial forces were
-    /// evaluated. If an impact changed it, they are recomputed, at most three times. (3) Newton's law of impact has a solution in which
-    /// friction adds no energy. If not, the impact becomes inelastic. (4) The active bounds of stiff servos (with Euler's rule, of all
-    /// servos with actuator dynamics) are those of the solution. If not, the mass matrix changes, so that the problem is assembled and
-    /// solved again, at most four times.
+    /// There are four assumptions:
     ///
-    /// The second result has the lanes whose energy may be wrong. In them assumption 4 still fails, or an impact became inelastic. A
-    /// shorter time step helps.
+    /// * Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
+    ///   active.
+    /// * The velocity after the step is the predicted one, with which inertial forces were evaluated. If an impact changed the velocity,
+    ///   inertial forces are recomputed, at most three times.
+    /// * Newton's law of impact has a solution in which friction adds no energy. If not, the impact becomes inelastic.
+    /// * The active bounds of stiff servos (with Euler's rule, of all servos with actuator dynamics) are those of the solution. If not, the
+    ///   mass matrix changes, so that the problem is assembled and solved again, at most four times.
+    ///
+    /// The second result has the lanes whose energy may be wrong. There, active bounds of servos still differ after the last solve, or an
+    /// impact became inelastic. A shorter time step helps.
     #[inline(always)]
     pub(crate) fn solve_velocities(&mut self, probe: impl Probe) -> (Outcome<R>, R::Mask) {
         let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
@@ -115,8 +118,9 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature
     /// terms.
     ///
-    /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), it may not be able
-    /// to reach these velocities, and the impulses of the first solve diverge. The second solve therefore starts from zero impulses.
+    /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), the body may not
+    /// be able to reach these velocities, and the impulses of the first solve diverge. The second solve therefore starts from zero
+    /// impulses.
     #[inline(always)]
     fn solve_lanes(&mut self, lanes: R::Mask) -> Outcome<R> {
         let StepContext { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = self.context;

@@ -26,8 +26,8 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) tunnelled: R::Mask,
     /// Lanes with an unreliable kinetic energy after the step.
     ///
-    /// Either the integration error adds energy because the time step is too large, or the step replaced impacts without a plausible
-    /// elastic solution by inelastic ones.
+    /// There are three causes. The integration error adds energy because the time step is too large. The step made impacts inelastic,
+    /// because Newton's law has no plausible solution. Or the active bounds of servos still changed after the last solve.
     pub(crate) energy_unresolved: R::Mask,
 }
 

@@ -64,7 +64,7 @@ fn signed<R: Real>(word: &Word, shift: u32) -> R {
     )
 }
 
-/// Two independent standard normal numbers from two random words (Box and Muller 1958). The largest possible number is 6.7.
+/// Two independent standard normal numbers from two random words (Box and Muller 1958). Their largest possible absolute value is 6.7.
 ///
 /// Let u be the uniform number from the word `radius`. The two upper bits of the word `angle` give two signs, and the other bits an angle a
 /// in (-pi/4, pi/4). The numbers are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a), with these signs. They are the

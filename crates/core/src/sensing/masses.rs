@@ -26,8 +26,8 @@ impl<R: Real> SensorView<'_, R> {
         })
     }
 
-    /// Inertia and spatial velocity of a subtree part, the bodies of a subtree that are fixed to one frame. Both refer to the reference
-    /// point of the kinematic tree, which is the third result.
+    /// Inertia and spatial velocity of a subtree part, the bodies of a subtree that are fixed to one frame. The third result is the point
+    /// to which both refer: the reference point of the kinematic tree.
     #[inline(always)]
     fn moving(&self, part: &Part) -> (Inertia<R>, V6<R>, V3<R>) {
         let (motion, origin) = motion_of(self.compiled, self.kinematics, self.velocities, zero(), part.frame);

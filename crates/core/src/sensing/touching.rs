@@ -75,7 +75,8 @@ impl SensedContacts {
         &self.contacts[self.ends[lane]..self.ends[lane + 1]]
     }
 
-    /// Sum of the contact forces on the bodies marked in `bodies`, N, and its torque about `point`, N m, in world axes.
+    /// Sum of the contact forces on the bodies marked in `bodies`, N, and sum of the contact torques on them about `point`, N m, in world
+    /// axes. Contacts between two marked bodies do not count.
     pub(super) fn wrench_on<R: Real>(&self, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
         let (mut force, mut torque): (V3<R>, V3<R>) = ([R::default(); 3], [R::default(); 3]);
         for lane in 0..R::LANES {
@@ -240,7 +241,8 @@ impl<R: Real> SensorView<'_, R> {
     /// Tests whether one geom of a contact is on the first side of a contact sensor, and the other geom on its second side. A side is a set
     /// of geoms or a volume.
     ///
-    /// The result is `None` if they are not. Otherwise it is true if the contact's second geom is on the first side.
+    /// The result is `None` if the contact does not match. Otherwise it is false if the contact's first geom is on the first side, and true
+    /// if its second geom is.
     fn matches(&self, sides: &[Side<R::Scalar>; 2], contact: &Contact, lane: usize) -> Option<bool> {
         let fits = |side: &Side<R::Scalar>, geom: usize| match side {
             Side::Geoms(which) => which[geom],

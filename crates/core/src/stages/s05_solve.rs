@@ -117,7 +117,7 @@ pub struct ImpulsePredictor<R: Real> {
     /// Moving lanes in which [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero impulses predict accurately enough. The other moving
     /// lanes iterate from the previous impulses to `tolerance`.
     rough: R::Mask,
-    /// Change of the contact velocities per iteration at which lanes outside `rough` stop iterating, m/s.
+    /// Change of the contact velocities in an iteration below which lanes outside `rough` stop iterating, m/s.
     tolerance: R,
 }
 

@@ -56,8 +56,8 @@ bitflags! {
         const UNRESOLVED = 8;
         /// A geom moved so fast that it may have passed through a thin geom.
         const TUNNELLED = 16;
-        /// Constraints contradict each other: no motion of bounded speed corrects the position errors as far as it should. The step has
-        /// found impulses that prove this (by weak duality), and corrects the errors as far as possible.
+        /// Constraints contradict each other: no motion within the speed bounds of the correction removes as much of the position errors as
+        /// the options request. The step has found impulses that prove this (by weak duality), and corrects the errors as far as possible.
         const INFEASIBLE = 32;
         /// A contact overlapped by more than 1 mm: a hundred times the default slop.
         const DEEP = 64;

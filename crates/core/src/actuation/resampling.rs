@@ -1,7 +1,7 @@
 //! Resampling of the parameters of actuator models, per environment.
 //!
-//! A spec ([`ActuatorSpec`]) describes one actuator as a sequence of stages, such as servo, lag and limits. The stages of a spec and the
-//! length of its delay line cannot change after compilation. The parameters of the stages can.
+//! A spec ([`ActuatorSpec`]) describes the components of one actuator, such as servo, lag and limits. The components of a spec and the
+//! length of its delay line cannot change after compilation. The parameters of the components can.
 
 use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 use crate::model::{ActuatorError, DeviceError, Model, label};
@@ -106,7 +106,7 @@ impl ActuatorModels {
     }
 }
 
-/// All parameter lists of the spec, in an order that depends only on its stages.
+/// All parameter lists of the spec, in an order that depends only on its components.
 fn numbers(spec: &mut ActuatorSpec) -> Vec<&mut Vec<f64>> {
     let mut all = vec![&mut spec.delay, &mut spec.delay_steps, &mut spec.lag, &mut spec.low, &mut spec.high, &mut spec.friction];
     if let Some(s) = &mut spec.servo {
@@ -127,7 +127,7 @@ fn of_environments(spec: &ActuatorSpec, envs: &[usize]) -> ActuatorSpec {
     own
 }
 
-/// Copies the parameters of `given`, a spec with the same stages, to the environments `envs`. Each list of `given` has one value for
+/// Copies the parameters of `given`, a spec with the same components, to the environments `envs`. Each list of `given` has one value for
 /// all these environments, or one value for each.
 fn assign(spec: &mut ActuatorSpec, given: &mut ActuatorSpec, envs: &[usize], num_envs: usize) {
     for (own, given) in numbers(spec).into_iter().zip(numbers(given)) {
@@ -145,8 +145,8 @@ fn assign(spec: &mut ActuatorSpec, given: &mut ActuatorSpec, envs: &[usize], num
     }
 }
 
-/// Checks that a spec has the same stages as `made`, and valid parameters for `n` of the `num_envs` environments. `h` is the time
-/// step, s.
+/// Checks that a spec has the same components as `made`, and valid parameters for `n` of the `num_envs` environments. `h` is the time step,
+/// s.
 fn check_fit(spec: &ActuatorSpec, made: &ActuatorSpec, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError> {
     let sampled = |t: &ActuatorSpec| t.servo.as_ref().is_some_and(|s| !s.period.is_empty());
     for (name, here, there) in [

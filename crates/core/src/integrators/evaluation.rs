@@ -1,4 +1,5 @@
-//! Evaluation point of a step: the time in the step at which forces, contacts and rows are evaluated.
+//! Evaluation of a step at its evaluation point, with poses and contacts. The evaluation point is the time in the step at which forces,
+//! contacts and rows are evaluated.
 
 use stepper_real::{Mask, Real};
 
@@ -61,7 +62,7 @@ impl<R: Real> Evaluation<R> {
         }
     }
 
-    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
+    /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(super) fn poison(&mut self) {
         let Self { q, q_ahead, act, .. } = self;
         [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));

@@ -57,7 +57,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) free_change: Vec<R>,
     /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
-    /// Velocity after a whole step with the forces before its impacts.
+    /// Velocity after the step without constraints, if the inertial forces before its impacts acted for the whole step.
     pub(crate) v_before_impacts: Vec<R>,
     /// Argument `extra_before_impacts` of `ConstraintProblem::shift`: change of the velocity before impacts minus the change `free_change`.
     pub(crate) extra_before_impacts: Vec<R>,
@@ -114,7 +114,7 @@ impl<R: Real> FreeMotion<R> {
         }
     }
 
-    /// Fills the vectors that a step must compute before it reads them with NaN, for tests.
+    /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(super) fn poison(&mut self) {
         let Self { applied, v, v_expected, impulse, scratch, .. } = self;
         [applied, v, v_expected, impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));

@@ -1,4 +1,5 @@
-//! Evaluation point of a step: the time in the step at which forces, contacts and rows are evaluated.
+//! Search for the evaluation point of a step, and computation of stages 1 to 3 at this point. The evaluation point is the time in the step
+//! at which forces, contacts and rows are evaluated.
 
 use stepper_real::{Mask, Real};
 

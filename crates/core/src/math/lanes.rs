@@ -60,7 +60,8 @@ pub(crate) fn lane_bits(set: u32, first: usize, n: usize) -> u32 {
     (u64::from(set) >> first) as u32 & ((1u64 << n) - 1) as u32
 }
 
-/// Replaces the bits of the destination lanes in a set of lanes by the `n` lowest bits of `bits`.
+/// Replaces the bits of the destination lanes in a set of lanes by the `n` lowest bits of `bits`. With [`DestinationLanes::Each`], all
+/// these lanes get the lowest bit.
 pub(crate) fn set_lane_bits(set: &mut u32, to: DestinationLanes, n: usize, bits: u32) {
     let (there, bits) = match to {
         DestinationLanes::StartingAt(first) => ((((1u64 << n) - 1) as u32) << first, bits << first),

@@ -8,7 +8,8 @@ use stepper_real::{Real, Scalar};
 use crate::math::lanes::MAX_LANES;
 
 const MULTIPLIERS: [u64; 2] = [0xD251_1F53, 0xCD9E_8D57];
-/// Increments of the two key words from round to round: golden ratio and sqrt(3) - 1.
+/// Increments of the two key words from round to round. As fractions of 2^32 they are (sqrt(5) - 1) / 2, from the golden ratio, and sqrt(3)
+/// - 1.
 const WEYL: [u64; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
@@ -83,7 +84,7 @@ pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
 mod tests {
     use super::*;
 
-    /// Known answers of the authors' library (Random123, kat_vectors).
+    /// Compares random words with the known answers of the authors' library (Random123, kat_vectors).
     #[test]
     fn known_answers() {
         let all = |x: u32| [x; MAX_LANES];

@@ -22,7 +22,7 @@ pub(crate) struct Contact {
 #[derive(Clone, Debug)]
 pub(crate) struct SensedContacts {
     pub(super) contacts: Vec<Contact>,
-    /// Offset of each lane's contacts in the list. The last entry is the length of the list.
+    /// Index of each lane's first contact in `contacts`. The next entry is the end of the lane's contacts.
     pub(super) ends: [usize; MAX_LANES + 1],
 }
 

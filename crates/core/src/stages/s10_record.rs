@@ -45,7 +45,7 @@ bitflags! {
         const NOT_CONVERGED = 1;
         /// The step was not finite; the environment keeps its last finite state.
         const NON_FINITE = 2;
-        /// The step found more contacts than the capacity, and the last ones were left out.
+        /// The step found more contacts than the capacity, and left out those that it found last.
         const CONTACTS_FULL = 4;
         /// The step was too long for the motion.
         ///

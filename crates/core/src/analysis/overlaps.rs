@@ -14,11 +14,11 @@ use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
 /// Smallest violation of a joint limit that the report lists, m or rad. Evidence: model files give lengths with about four decimal digits.
-const WORTH_A_LINE: f64 = 1e-4;
+const MIN_REPORTED_VIOLATION: f64 = 1e-4;
 
-/// Overlap above which the report lists a pair of geoms, and above which [`exclude`] disables the collision of their bodies, m. Position
-/// correction leaves this overlap by default, see [`Options::slop`](crate::Options).
-const NOT_CORRECTED: f64 = 1e-5;
+/// Overlap above which the report lists a pair of geoms, and above which [`exclude`] disables the collision of their bodies, m. By default,
+/// position correction leaves an overlap of this size, see [`Options::slop`](crate::Options).
+const MIN_REPORTED_OVERLAP: f64 = 1e-5;
 
 /// Largest number of lines of each kind in the report.
 const SHOWN: usize = 12;
@@ -52,7 +52,7 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
             None => found.push(Overlap { geoms, depth }),
         }
     }
-    found.retain(|o| o.depth > NOT_CORRECTED);
+    found.retain(|o| o.depth > MIN_REPORTED_OVERLAP);
     found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.geoms.cmp(&b.geoms)));
     found
 }
@@ -113,7 +113,7 @@ pub fn out_of_range(model: &Model) -> Vec<OutOfRange> {
         .filter_map(|(j, (joint, &(q, _)))| {
             let [low, high] = joint.range?;
             let by = (low - model.qpos0[q]).max(model.qpos0[q] - high);
-            (by > WORTH_A_LINE).then_some(OutOfRange { joint: j, by })
+            (by > MIN_REPORTED_VIOLATION).then_some(OutOfRange { joint: j, by })
         })
         .collect();
     found.sort_by(|a, b| b.by.total_cmp(&a.by));

@@ -70,18 +70,18 @@ pub fn correct<R: Real>(
 /// momentum exactly.
 ///
 /// `v_free` contains the gyroscopic force at the velocity `v` before the step, applied for the time `times[0]`, s. It also contains this
-/// force at the velocity `after` the step, applied for `times[1]`. `halves` are the times from the beginning of the step to its evaluation
-/// point, and from there to its end, s.
+/// force at the velocity `after` the step, applied for `times[1]`. `evaluation_times` are two durations, s: from the beginning of the step
+/// to its evaluation point, and from there to the end.
 pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    [halves, times]: [[R; 2]; 2],
+    [evaluation_times, times]: [[R; 2]; 2],
     [v, after]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     kernel!(R, || {
-        let [time_before, time_after] = halves;
+        let [time_before, time_after] = evaluation_times;
         for spinner in &compiled.spinners {
             let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
             let at = spinner.dof;

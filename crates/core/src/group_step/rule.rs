@@ -80,7 +80,7 @@ pub struct ConstraintNames<'a, R: Real> {
 
 impl<R: Real> ConstraintNames<'_, R> {
     /// Name that stands for no constraint, in lanes that do not have constraint `i`.
-    const NOBODY: u64 = u64::MAX;
+    const NO_CONSTRAINT: u64 = u64::MAX;
 
     /// Name of constraint `i` of a kind in one lane. The kinds are scalar rows (0), contacts with sliding friction (1), and contacts with
     /// torsional or rolling friction (2).
@@ -91,7 +91,7 @@ impl<R: Real> ConstraintNames<'_, R> {
             1 => problem.sliding_slots[i],
             _ => (problem.rolling_slots[i].0, problem.rolling_slots[i].1),
         };
-        if lanes.bits() >> lane & 1 == 1 { contacts.ids[k][lane].0 } else { Self::NOBODY }
+        if lanes.bits() >> lane & 1 == 1 { contacts.ids[k][lane].0 } else { Self::NO_CONSTRAINT }
     }
 }
 

@@ -57,7 +57,7 @@ impl<R: Real> Rk4<R> {
     }
 
     /// Sets the current state to `state` + `time` times the current rates. If `time` is zero, the result is exactly `state`.
-    fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
+    fn set_state(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         kernel!(R, || {
             let moving = time.gt(R::zero());
             for i in 0..compiled.nv {
@@ -127,7 +127,7 @@ impl<R: Real> Rk4<R> {
         let state = [&state.q[..], &state.v[..], &state.act[..]];
         self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
         for (fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
-            self.go(compiled, state, scheme.h * R::of(fraction));
+            self.set_state(compiled, state, scheme.h * R::of(fraction));
             self.rates(compiled, inputs);
             kernel!(R, || {
                 for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
@@ -138,7 +138,7 @@ impl<R: Real> Rk4<R> {
             });
         }
         std::mem::swap(&mut self.sum, &mut self.rate);
-        self.go(compiled, state, scheme.h * R::of(1.0 / 6.0));
+        self.set_state(compiled, state, scheme.h * R::of(1.0 / 6.0));
         kernel!(R, || {
             let results = [(&mut position.q, &self.q), (&mut velocity.v, &self.v), (&mut position.act, &self.act)];
             for (out, new) in results {

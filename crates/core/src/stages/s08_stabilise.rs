@@ -207,8 +207,8 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let infeasible = if lacking.any() { prove_infeasible(input, system, impulses, reference, lacking, bounds) } else { lacking };
     if fast.any() {
         // With Baumgarte's method, the user can read the impulses. They are reduced in the same ratio as the motion.
-        let blended = (options.stabilization == Stabilization::Baumgarte).then_some(&*saved_impulses);
-        bound_islands(compiled, system, islands, (impulses, blended), fast, bounds, out);
+        let snapshot = (options.stabilization == Stabilization::Baumgarte).then_some(&*saved_impulses);
+        bound_islands(compiled, system, islands, (impulses, snapshot), fast, bounds, out);
     }
     infeasible
 }
@@ -290,14 +290,14 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
 /// Scales down the correction velocity `v` in the lanes `lanes`, in islands with a joint that exceeds its bound. An island is a set of
 /// bodies that rows connect.
 ///
-/// The whole island gets the same factor, so that loops stay closed. If `blended` has a snapshot of earlier impulses, the function changes
-/// `impulses` too: their difference from the snapshot is multiplied by this factor.
+/// The whole island gets the same factor, so that loops stay closed. With a `snapshot` of earlier impulses, the function changes `impulses`
+/// too: their difference from the snapshot is multiplied by this factor.
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     system: System<'_, R>,
     islands: &mut Islands,
-    (impulses, blended): (&mut Iterate<R>, Option<&Snapshot<R>>),
+    (impulses, snapshot): (&mut Iterate<R>, Option<&Snapshot<R>>),
     lanes: R::Mask,
     bounds: Bounds<R>,
     v: &mut [R],
@@ -312,7 +312,7 @@ fn bound_islands<R: Real>(
             let most = islands.max_of(compiled.dofs[dof].tree);
             if most > 1.0 { 1.0 / most } else { 1.0 }
         };
-        if let Some(snapshot) = blended {
+        if let Some(snapshot) = snapshot {
             snapshot.blend(system, impulses, lane, &mut |dof| part(dof as usize));
         }
         for joint in &compiled.joints {

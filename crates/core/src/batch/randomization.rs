@@ -21,8 +21,8 @@ pub struct Randomization {
     fields: BTreeMap<&'static str, Vec<f64>>,
 }
 
-/// Assignment of one field in some environments: name, and rows of values. There is one row per environment of the batch; the rows of other
-/// environments are not read. `None` restores the model's values.
+/// Assignment of one field in some environments: name, and rows of values. There is one row per environment of the batch. Rows of
+/// environments that the assignment leaves out are not read. `None` restores the model's values.
 pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
 
 impl Randomization {

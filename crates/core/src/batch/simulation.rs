@@ -36,7 +36,8 @@ use crate::options::{ContactLaw, Integrator, Options};
 
 /// Simulation of many environments of one model.
 ///
-/// A clone has the same state, parameters and inputs in force, and gives the same bits. It starts separate threads at its first step.
+/// A clone has the same state, parameters and inputs in force, and gives the same bits. The clone starts separate threads at its first
+/// step.
 #[derive(Clone)]
 pub struct Simulation {
     model: Arc<Model>,
@@ -178,7 +179,7 @@ impl Simulation {
 
     /// Residual at which the solver stops, m/s: the options' tolerance if it is set, otherwise [`Precision::tolerance`].
     ///
-    /// With MuJoCo's contact law it is at most 0.6 % of the velocity that gravity adds in a step.
+    /// With MuJoCo's contact law the result is at most 0.6 % of the velocity that gravity adds in a step.
     pub fn tolerance(&self) -> f64 {
         self.settings().tolerance
     }

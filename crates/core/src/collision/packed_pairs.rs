@@ -34,8 +34,8 @@ pub(super) struct Found<S> {
     pub(super) feature: u32,
     pub(super) lane: usize,
     pub(super) point: ContactPoint<S>,
-    /// If the ball's centre is over a face of the box: its distance from the border of this face, m. Zero or negative if the centre is over
-    /// no face, and zero for a capsule.
+    /// Distance of the ball's centre from the border of the box face that it is over, m. Zero or negative if the centre is over no face.
+    /// Zero for a capsule.
     pub(super) clearance: S,
 }
 

@@ -30,7 +30,7 @@ pub(crate) struct PackedSweep<R> {
     angular_velocity: V3<R>,
     /// Linear velocity of `origin`, m/s.
     velocity: V3<R>,
-    /// Spatial velocity of the link. Its linear part is the velocity at the point `motion_origin`, m.
+    /// Spatial velocity of the link of the ball or capsule, rad/s and m/s. Its linear part is the velocity at the point `motion_origin`.
     motion: V6<R>,
     motion_origin: V3<R>,
     /// Margin of each pair, m.

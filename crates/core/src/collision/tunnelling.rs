@@ -171,7 +171,7 @@ impl<R: Real> Path<'_, R> {
         SolidMotion { pose, angular, root_velocity, linear }
     }
 
-    /// Linear velocity of the root link of a kinematic tree, m/s. Zero unless its first joint is free or a slide.
+    /// Linear velocity of the root link of a kinematic tree, m/s. Zero if the first joint of the root link is neither free nor a slide.
     fn velocity_of_root(&self, tree: usize) -> V3<R> {
         let root = self.scene.compiled.links.iter().position(|link| link.is_root && link.tree == tree);
         let floats = |link: &usize| {

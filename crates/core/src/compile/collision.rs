@@ -85,7 +85,8 @@ pub struct DynamicPairs<S> {
     scalar: PhantomData<S>,
 }
 
-/// Geom in the set that forms the dynamic pairs. It may collide with any other geom of the set.
+/// Geom in the set that forms the dynamic pairs. Any two geoms of the set have the index of a dynamic pair. [`DynamicPairs::pair`] returns
+/// `None` for two geoms that do not collide.
 #[derive(Clone, Copy, Debug)]
 pub struct Member {
     /// Index of the geom in the compiled model.
@@ -166,12 +167,12 @@ impl<S: Scalar> DynamicPairs<S> {
 /// Number of contact points per geom for which memory is reserved in scenes with many similar geoms. Twelve neighbours fit around a ball
 /// (the kissing number), with eight points each. A contact belongs to two geoms, so the number is half of the product.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Largest number of pairs of geoms of ordinary size that are all listed. With more, pairs of a moving and a static geom become dynamic
-/// pairs. In every step, the broad phase finds those of them that can touch. Pairs of two moving geoms become dynamic pairs too if they
-/// alone are more than this number.
+/// Largest number of pairs of geoms of ordinary size for which the compiled model lists all pairs. With more pairs, those of a moving and a
+/// static geom become dynamic pairs. If the pairs of two moving geoms alone are more than this number, they become dynamic pairs too.
 const LISTED_PAIRS: usize = 3000;
 /// Ratio of a geom's size to the median size of geoms above which the geom counts as large. Pairs of large geoms are in the compiled
-/// model's list of pairs, and not among the dynamic pairs. In the broad phase, a cell as large as this geom would contain all geoms.
+/// model's list of pairs, and not among the dynamic pairs. In the broad phase, a cell as wide as a large geom would contain all other
+/// geoms.
 const LARGE: f64 = 8.0;
 
 /// Compiled collision geometry: geoms, listed pairs and dynamic pairs.

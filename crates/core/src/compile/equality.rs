@@ -254,7 +254,7 @@ impl Compiler<'_> {
     }
 
     /// Compiles the equalities and groups them in blocks, which a step assembles together. Hard equalities that share a degree of freedom
-    /// are in one block, with at most [`MOST_ROWS`] constraint rows.
+    /// are in one block, if the block then has at most [`MOST_ROWS`] constraint rows.
     ///
     /// The function increases `impulse_index`, the next free index in the list of impulses of scalar constraint rows.
     pub(super) fn equalities<S: Scalar>(&self, impulse_index: &mut usize) -> Vec<EqualityBlock<S>> {

@@ -8,7 +8,8 @@ use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 
 /// Compiled model of a group of lanes (one environment per lane): structure that all environments share, and parameters of each lane.
 ///
-/// In a worker, the parameters are those of its lanes. With one lane (`LaneModel<f64>`), they are those of the model or of one environment.
+/// In a worker, they are the parameters of the group that the worker steps. `LaneModel<f64>` has one lane, with the parameters of the model
+/// or of one environment.
 pub type LaneModel<R> = CompiledModel<<R as Real>::Scalar, R>;
 
 impl<R: Real> LaneModel<R> {

@@ -176,8 +176,8 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
     merged.leaders.iter().enumerate().map(link).collect()
 }
 
-/// Combines the bodies `chosen`, which are all fixed to one frame. Returns their mass, their centre of mass, and their inertia about it, in
-/// the frame's axes.
+/// Combines the bodies `chosen`, which are all fixed to one frame. Returns their total mass, their centre of mass in the frame, and their
+/// inertia about the centre of mass in the frame's axes.
 pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) -> bool) -> (f64, Vector3<f64>, [f64; 6]) {
     let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| chosen(b) && model.bodies[b].mass > 0.0).collect();
     let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);

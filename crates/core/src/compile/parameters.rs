@@ -34,7 +34,7 @@ parameter_rows! {
         inertia: [T; 6],
     }
 
-    /// Parameters of a degree of freedom that contribute to the mass matrix or to its implicit terms.
+    /// Parameters of a degree of freedom that contribute to the mass matrix, or to the implicit terms that a step adds to the matrix.
     DofParams {
         /// Viscous damping, N s/m or N m s/rad.
         damping: T,
@@ -154,7 +154,8 @@ parameter_tables! {
     bodies: body_com(body) -> [T; 3];
     /// Mass of a body of the model, kg.
     masses: mass(body) -> T;
-    /// Inertia of a body of the model about its centre of mass in the axes of its frame: xx, yy, zz, xy, xz, yz, kg m^2.
+    /// Inertia of a body of the model about its centre of mass: xx, yy, zz, xy, xz, yz, kg m^2. The axes are those of the frame to which
+    /// the body is fixed.
     moments: body_inertia(body) -> [T; 6];
     /// Gravity compensation force with index `i`, and its point of application.
     compensations: compensation(i) -> CompensationParams<T>;
@@ -248,7 +249,7 @@ impl Params<f64> {
 }
 
 impl<R: Real> Params<R> {
-    /// Sets the parameters with the indices `indices` to per-lane values. `numbers` has one row of lanes for each of them.
+    /// Sets the parameters with the indices `indices` to per-lane values. `numbers` has one value per lane for each index, index by index.
     pub fn load_lanes(&mut self, indices: &[u32], numbers: &[R::Scalar]) {
         for (&index, lanes) in indices.iter().zip(numbers.chunks_exact(R::LANES)) {
             self.numbers[index as usize] = R::load(lanes);

@@ -157,8 +157,8 @@ pub(crate) struct EndLaw<R> {
 impl<R: Real> EndLaw<R> {
     /// Constraint law at the impedance `impedance`, for a step of `h` seconds.
     ///
-    /// A law that is too stiff for the time step, h^2 K d > 1, becomes the stiffest law that does not bounce. It keeps its damping ratio as
-    /// far as the largest impedance permits.
+    /// A law that is too stiff for the time step, h^2 K d > 1, gets the largest stiffness with which the row does not bounce, h^2 K d = 1.
+    /// The law keeps its damping ratio as far as the largest impedance permits.
     #[inline(always)]
     pub(crate) fn new(law: &SoftLaw<R::Scalar>, impedance: R, h: R) -> Self {
         let (mut stiffness, mut damping) = (R::splat(law.stiffness) * impedance, R::splat(law.damping));

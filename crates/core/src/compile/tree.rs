@@ -58,8 +58,8 @@ pub struct Dof {
     pub link: usize,
     /// Index of the kinematic tree of the degree of freedom.
     pub tree: usize,
-    /// Start of the chain of the degree of freedom (itself and its ancestors) in the list of chains. It is also the start of its row in the
-    /// mass matrix.
+    /// Start of the chain of the degree of freedom (itself and its ancestors) in the list of chains. The row of the degree of freedom in
+    /// the mass matrix has the same start in the list of entries.
     pub chain: usize,
     /// Length of the chain of the degree of freedom, which contains it and its ancestors.
     pub depth: usize,

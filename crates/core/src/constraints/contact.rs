@@ -143,8 +143,8 @@ impl<R: Real> Assembler<'_, R> {
     /// result is the approach speed that is negligible in the other lanes, m/s.
     ///
     /// The solver counts a contact as immovable if its inverse inertia along the normal is tiny compared with those along the tangents, or
-    /// compared with 1 / (total moving mass). It can still move if some degree of freedom has a lever arm above [`least_lever`]. `offsets`
-    /// are the offsets g of the normal row in the two solves. Overwrites `column`.
+    /// compared with 1 / (total moving mass). Such a contact can still move if some degree of freedom has a lever arm above
+    /// [`least_lever`]. `offsets` are the offsets g of the normal row in the two solves. Overwrites `column`.
     #[cold]
     #[inline(never)]
     pub(crate) fn find_movable(

@@ -23,8 +23,8 @@ pub(crate) struct CompliantRow<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Computes bias and compliance of the normal row of the contacts in slot `k` (one per lane of `lanes`, bits), where their surfaces are
-    /// soft.
+    /// Computes bias and compliance of the normal row of the contacts in slot `k` (one per lane). The result covers those of the lanes
+    /// `lanes` (bits) in which the surfaces are soft.
     ///
     /// `free` is the normal velocity after the step without constraints, and `before` that before the step, m/s. The first component of
     /// `column` must have the half-solved normal row, L^-T J^T.

@@ -142,8 +142,8 @@ impl<R: Real> RowBuilder<R> {
     /// Projects the rows in `column` a second time, in the lanes `short` in which little of them remained after the first projection.
     ///
     /// After the first projection, rounding errors can be large compared with what remains of a row. The second projection removes them. A
-    /// row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its offset becomes
-    /// zero if it is rounding error.
+    /// row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. The offset of such a row becomes
+    /// zero if the offset is rounding error.
     #[cold]
     #[inline(never)]
     fn repeat_elimination<const N: usize>(
@@ -350,8 +350,8 @@ impl<R: Real> RowBuilder<R> {
 
 /// Squared length of a row after elimination, relative to its squared length before, below which the row is projected a second time.
 ///
-/// In 32 bits, one projection then leaves an error of 1e-6 along the equalities. That error moves a light body relative to the heavy one to
-/// which it is coupled.
+/// In 32 bits, a single projection of such a row leaves an error of 1e-6 along the equalities. That error moves a light body relative to
+/// the heavy one to which it is coupled.
 fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
@@ -359,7 +359,8 @@ fn reprojection_threshold<R: Real>() -> f64 {
 /// Mobility of some rows before the elimination of equalities, divided by their mobility after it. The mobility is the sum of the rows'
 /// squared lengths, the trace of their block of the Delassus matrix.
 ///
-/// The ratio is also 1 if the elimination leaves nothing of the rows. Without elimination it is exactly 1, without rounding error.
+/// If the elimination leaves nothing of the rows, the function returns 1. Without elimination the result is exactly 1, without rounding
+/// error.
 #[inline(always)]
 pub(crate) fn mobility_ratio<R: Real>(before: &[R], after: &[R]) -> R {
     let [mut mobility_before, mut mobility_after] = [R::zero(); 2];

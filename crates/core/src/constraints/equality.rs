@@ -32,8 +32,8 @@ pub(crate) struct EqualityJacobian<R: Real> {
     pub(crate) error: V3<R>,
     /// Velocity-dependent acceleration J' v of the rows.
     pub(crate) kappa: V3<R>,
-    /// Sum of the squared terms of each row. The entries of a row are differences of these terms, and entries far smaller than them are
-    /// rounding errors.
+    /// Sum of the squared terms of a row, each times its entry of D^-1, where L^T D L is the mass matrix. The entries of a row are
+    /// differences of these terms. Entries far smaller than the terms are rounding errors.
     size: R,
     /// For rows of points, inverse inertia of the two bodies along the rows if no other constraint acted, 1/kg. 0 for other rows.
     bodies: R,
@@ -63,10 +63,10 @@ impl<R: Real> RowBuilder<R> {
 
     /// Computes, into `column`, the Jacobian of two points that must coincide. The error is p0 - p1 (MuJoCo's `mjEQ_CONNECT`).
     ///
-    /// A joint that moves both frames rotates the error and keeps its length. With `relative`, the entries of such a joint are zero;
-    /// otherwise they are that rotation, as in MuJoCo. Hard equalities need `relative`. Without it an open planar loop on an arm would hold
-    /// the arm: only this rotation makes the row normal to the plane independent. The forces at the two points would also exert a torque on
-    /// the arm.
+    /// A joint that moves both frames rotates the error and keeps its length. If `relative` is true, the entries of such a joint are zero.
+    /// If it is false, they describe this rotation, as in MuJoCo. Hard equalities need `relative`. Otherwise, an open planar loop on an arm
+    /// would hold the arm. The row normal to the loop's plane would have entries at the joints of the arm alone. The forces at the two
+    /// points would also exert a torque on the arm.
     #[inline(always)]
     pub(crate) fn connect_points(
         &mut self,
@@ -162,7 +162,7 @@ impl<R: Real> RowBuilder<R> {
     }
 
     /// Adds the Jacobian of a linear combination of joints, times `factor`, to the first row in `column`. Returns the sum of the squares of
-    /// the added entries.
+    /// the added entries, each times its entry of D^-1, where L^T D L is the mass matrix.
     #[inline(always)]
     pub(crate) fn add_terms(&mut self, input: &RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
@@ -297,9 +297,10 @@ impl<R: Real> Assembler<'_, R> {
     /// offsets are J v_free.
     ///
     /// The work of a row's impulse is (t^2 - (J v)^2) / 2 G for the target velocity t = J v+. The curvature term of t is therefore at most
-    /// the speed |J v| before the step, and adds no energy. Without this bound it could be arbitrarily large where a loop straightens. The
-    /// offset of an immovable (linearly dependent) row becomes zero if it is at most the rounding error of the row's velocity. A larger
-    /// offset remains, and the residual contains it. `scales` is the index in `velocity_scales` of the first row's scale.
+    /// the speed |J v| before the step, and adds no energy. Without this bound, the term could be arbitrarily large where a loop
+    /// straightens. The offset of an immovable (linearly dependent) row becomes zero if it is at most the rounding error of the row's
+    /// velocity. A larger offset remains, and the residual contains it. `scales` is the index in `velocity_scales` of the first row's
+    /// scale.
     #[inline(always)]
     fn set_equality_offsets(&mut self, input: &RowInput<'_, R>, start: usize, scales: usize) {
         let rounding = R::of(velocity_rounding::<R>().powi(2));
@@ -449,9 +450,10 @@ pub(crate) struct SpringRow<R: Real> {
     pub(crate) taut: R::Mask,
 }
 
-/// Compliant row of a spring, damper and inertia, implicit in the velocity of the row.
+/// Law of the compliant row of a spring, damper and inertia, implicit in the velocity of the row.
 ///
-/// With the force -k e - d v - a v' of Euler's rule or the midpoint rule, the impulse is lambda = -Q v+ - P:
+/// Let k, d and a be stiffness, damping and inertia, e the position error, e_m its value in the middle of the step, and v the velocity of
+/// the row. With the force -k e - d v - a v' of Euler's rule or the midpoint rule, the impulse is lambda = -Q v+ - P:
 ///
 /// ```text
 /// Euler      force at e + h v+, v+:                     Q = h^2 k + h d + a          P = h k e - a v
@@ -461,8 +463,8 @@ pub(crate) struct SpringRow<R: Real> {
 /// so v+ + lambda/Q + P/Q = 0: a row of compliance 1/Q. Both rules are stable for any stiffness. The mass matrix keeps the sparsity of the
 /// tree; k J^T J in it would couple all joints of a tendon.
 ///
-/// The midpoint rule does not damp oscillations that are too fast for the step. Stiff springs therefore change over to Euler's rule by s =
-/// z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps the second order.
+/// The midpoint rule does not damp oscillations that are too fast for the step. Stiff springs therefore use a mixture of both rules, with
+/// the weight s = z^2 / (1 + z^2) of Euler's rule and z = G (h^2 k/4 + h d/2). This keeps the second order.
 #[inline(always)]
 pub(crate) fn spring_law<R: Real>(input: &RowInput<'_, R>, spring: &Spring<R::Scalar>, row: SpringRow<R>) -> RowLaw<R> {
     let RowInput { h, alive, in_the_middle, .. } = *input;

@@ -343,8 +343,8 @@ impl<R: Real> ContactGroups<R> {
 
     /// Computes normal impulses of least norm for the free contacts in `points`, with the effects in `sums`, and stores them in `shared`.
     ///
-    /// The rows become orthonormal one by one (modified Gram-Schmidt), and the sums with them. Returns false if the free contacts cannot
-    /// give these sums.
+    /// The rows become orthonormal one by one (modified Gram-Schmidt), and the sums with them. `total` is the sum of the normal impulses
+    /// before the sharing, N s. Returns false if the free contacts cannot give the sums, up to a fraction of `total`.
     fn least_norm(&mut self, total: f64) -> bool {
         let Self { points, rows, sums, done, .. } = self;
         let (n, m) = (points.len(), sums.len());

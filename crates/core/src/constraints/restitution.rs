@@ -268,9 +268,9 @@ impl<R: Real> ImpactStep<'_, R> {
 
     /// Excludes contacts that bounce from the position solve, except those that another impact pushes too deep.
     ///
-    /// A small overlap at the end of a step is harmless if the surfaces separate: the next step still finds the impact that caused it.
-    /// Correcting it would change the energy. An overlap is too deep above half the tunnelling distance, which is a quarter of the sum of
-    /// the inscribed radii. The correction of a deeper overlap could push the geoms apart on the far side.
+    /// A small overlap at the end of a step is harmless if the surfaces separate: the next step still finds the impact that caused it. The
+    /// correction of such an overlap would change the energy. An overlap is too deep if it exceeds half the tunnelling distance, which is a
+    /// quarter of the sum of the inscribed radii. The correction of a still deeper overlap could push the geoms apart on the far side.
     pub(crate) fn leave_out_impacts(&self, compiled: &LaneModel<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, .. } = *self;
         kernel!(R, || {

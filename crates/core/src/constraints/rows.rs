@@ -52,8 +52,8 @@ impl<R: Real> Assembler<'_, R> {
     /// Appends the row in component `k` of `column`, times `sign`, to the problem as a scalar row, with its initial impulse. In lanes in
     /// which the row does not exist, the stored impulse is cleared.
     ///
-    /// `lengths` are the squared lengths of the row before and after the elimination of equalities; `None` without elimination. They scale
-    /// the row's residual.
+    /// `lengths` are the squared lengths of the row before and after the elimination of equalities; `None` without elimination. Their ratio
+    /// scales the row's residual.
     #[inline(always)]
     pub(crate) fn push_row(
         &mut self,

@@ -88,7 +88,7 @@ impl Simulation {
     /// environment.
     ///
     /// The calling thread calls `watch` about every 0.05 s. The result equals that of [`Simulation::step`] with this number of steps,
-    /// except that mocap bodies have moved along the longer trajectory.
+    /// except for mocap bodies: they have moved along a part of the trajectory for all `nstep` steps.
     ///
     /// # Errors
     /// The errors of [`Simulation::step`].

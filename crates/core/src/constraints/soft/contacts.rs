@@ -168,10 +168,10 @@ impl<R: Real> ContactLaw<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of contacts that are closer than their margin; those with rolling friction come last.
+    /// Adds the rows of contacts that are closer than their margin. Contacts with torsional or rolling friction come last.
     ///
-    /// A slot may have contacts of different trees in every lane. It becomes one contact for all lanes with the same trees, so that no row
-    /// connects trees that do not touch in its lanes.
+    /// In different lanes, a slot may have contacts between different trees. The function adds one contact of the problem for all lanes in
+    /// which the trees are the same. No row then connects trees that do not touch in its lanes.
     pub(super) fn add_soft_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
         let compiled = input.row.compiled;
         for rolls in [false, true] {

@@ -255,7 +255,8 @@ impl<S: LaneScalar> Batch<S> {
         group.sensing.refresh(lane);
     }
 
-    /// Sets the controls that sensors of actuator forces read before the first step.
+    /// Sets the controls that sensors of actuator forces read before the first step. With actuator pipelines the function does nothing,
+    /// because the first step determines these controls.
     pub(super) fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]) {
         // With actuator pipelines, the first step determines the controls that sensors read.
         if self.pipelines.is_none() {

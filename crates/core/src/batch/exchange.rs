@@ -106,8 +106,8 @@ pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, 
     gather(&call.inputs.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }
 
-/// Gathers the rows `first..first + used` of an array with `n` columns in `out`, one row per lane. A single row is used in all lanes; an
-/// empty array gives zeros.
+/// Loads the rows `first..first + used` of an array with `n` columns into `out`, one row per lane. An array of one row loads this row into
+/// all lanes; an empty array gives zeros.
 fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
     kernel!(R, || {
         if n == 0 || out.is_empty() {

@@ -1,4 +1,5 @@
-//! Saved states: the state of environments as bytes. Restoring repeats every bit, or fails with an error.
+//! Saved states: the state of environments as bytes. Steps after a restore give the same bits as steps after the save. A restore of other
+//! bytes fails with an error.
 //!
 //! | bytes | content |
 //! |---|---|

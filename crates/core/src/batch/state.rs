@@ -115,8 +115,8 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Clears the results of earlier steps in a lane: impulses, contacts, separating planes, and the record of the last call (status,
-    /// residual, iterations, largest errors). Also clears the memories of sensors and actuator pipelines.
+    /// Clears the results of earlier steps in a lane: impulses, contacts, separating planes, last poses of mocap bodies, and the record of
+    /// the last call (status, residual, iterations, largest errors). Also clears the memories of sensors and actuator pipelines.
     pub fn clear_memory(&mut self, lane: usize) {
         let lanes = self.lanes;
         [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap].into_iter().for_each(|numbers| clear_column(numbers, lanes, lane));

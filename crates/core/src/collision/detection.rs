@@ -388,8 +388,8 @@ impl<R: Real> Scene<'_, R> {
     /// Lanes of `near` in which the contacts of a pair are unreliable, because a geom may have passed through the other one (tunnelled)
     /// since the beginning of the step.
     ///
-    /// In these lanes, the geoms have moved farther than the tunnelling distance of the pair ([`LaneModel::tunnelling_distance`]). In
-    /// addition, they overlap, may have passed through each other, or hit a surface of triangles.
+    /// In these lanes, the geoms have moved farther relative to each other than the tunnelling distance of the pair
+    /// ([`LaneModel::tunnelling_distance`]). In addition, they overlap, may have passed through each other, or hit a surface of triangles.
     #[inline(always)]
     fn may_have_tunnelled(
         &self,

@@ -176,7 +176,7 @@ impl<R: Real> EndLaw<R> {
     }
 
     /// Regularisation of a constraint row with the impedance `impedance` and the approximate inverse inertia `weight`. The regularisation
-    /// at MuJoCo's largest impedance is its lower bound.
+    /// at MuJoCo's largest impedance is the lower bound of the result.
     #[inline(always)]
     pub(crate) fn regularisation(&self, impedance: R, weight: R) -> R {
         let own = SoftLaw::<R::Scalar>::regularisation(impedance, weight) / self.factor;

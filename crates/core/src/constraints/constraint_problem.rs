@@ -26,7 +26,7 @@ pub struct ConstraintProblem<R: Real> {
     /// up to one contact per lane.
     pub sliding_slots: Vec<(usize, R::Mask)>,
     /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes in which the contact exists.
-    /// The lengths, m, scale the three rotation rows.
+    /// The third element has the lengths, m, that scale the three rotation rows.
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one active row (deferred rows do not count).
     pub constrained: R::Mask,
@@ -46,7 +46,7 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) impacts: Vec<Impact<R>>,
     /// Whether some contact is elastic (restitution above zero).
     pub(crate) elastic: bool,
-    /// Whether the step determines the times of impacts: the integrator does so, and some contact is elastic.
+    /// Whether the step determines the times of impacts: the integrator is the midpoint rule, and some contact is elastic.
     pub(crate) resolves_impacts: bool,
     /// Approaching contacts, whose rows the solver leaves out (defers) until the solved motion closes their gap.
     pub(crate) deferred: Vec<DeferredContact<R>>,

@@ -134,10 +134,11 @@ pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
     model.sensors.iter().map(|s| Some(transfer(s))).collect()
 }
 
-/// Actuator dynamics of all kinds, one entry for every actuator.
+/// Actuator models of all kinds, one entry for every actuator.
 ///
 /// On the first leg, the hip has a motor with a continuous servo, and the knee a motor whose control is a voltage. The second leg has
-/// sampled servos with lag and delay, the third only lag and delay. The fourth leg has no dynamics.
+/// sampled servos, and the third has neither servo nor motor. All actuators of these legs have delay and force limits, and all except the
+/// knee of the first leg have lag. Other actuators have no actuator model.
 pub(crate) fn trains(model: &Model) -> Vec<Option<ActuatorSpec>> {
     let servo = |period: Vec<f64>| Servo { kp: vec![20.0], ki: vec![5.0], kd: vec![0.5], integral_limit: vec![2.0], period };
     let motor = |voltage| Motor {

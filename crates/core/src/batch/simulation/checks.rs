@@ -43,8 +43,8 @@ impl Simulation {
         Ok(values)
     }
 
-    /// Checks that all numbers are finite in the precision of the simulation. `place` returns the name of a number and its environment, for
-    /// the message.
+    /// Checks that all numbers are finite in the precision of the simulation. For the message, `place` returns the name and the environment
+    /// of the number with a given index.
     pub(super) fn check_numbers(&self, values: &[f64], place: impl Fn(usize) -> (String, usize)) -> Result<(), Error> {
         let find = |wrong: &dyn Fn(f64) -> bool| {
             let i = values.iter().position(|&x| wrong(x))?;
@@ -64,7 +64,7 @@ impl Simulation {
         self.precision == Precision::F32 && !(x as f32).is_finite()
     }
 
-    /// Checks the length of an array in the precision of the simulation, and this precision.
+    /// Checks that an array has the length `must` and the precision of the simulation.
     pub(super) fn check_array(&self, name: &'static str, array: &Numbers<'_>, must: usize) -> Result<(), Error> {
         check_length(name, array.len(), must)?;
         match array.precision() == self.precision {

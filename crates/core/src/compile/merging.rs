@@ -128,7 +128,8 @@ impl Merged {
         self.last_dof(frame).is_some_and(|last| self.chain_of(last).contains(&(dof as u32)))
     }
 
-    /// Index of the mass matrix entry for the degrees of freedom `below` and `above`. `None` if `above` is not an ancestor of `below`.
+    /// Index of the mass matrix entry for the degrees of freedom `below` and `above`. `None` if `above` is neither `below` itself nor an
+    /// ancestor of `below`.
     pub(crate) fn entry(&self, below: usize, above: usize) -> Option<usize> {
         let (start, _) = self.dof_chain[below];
         self.chain_of(below).iter().position(|&d| d as usize == above).map(|k| start + k)

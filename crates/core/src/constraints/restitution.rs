@@ -98,8 +98,8 @@ impl<R: Real> Assembler<'_, R> {
         bias + change
     }
 
-    /// Replaces the `offsets` of a contact that bounces within the step, by the midpoint rule. Returns the lanes of `exists` in which the
-    /// rows are needed.
+    /// Replaces the `offsets` of the velocity solve for a contact that bounces within the step, by the midpoint rule. Returns the lanes of
+    /// `exists` in which the rows are needed.
     ///
     /// Only steps by the midpoint rule call this function. `free` are the velocities of the rows without constraints, before equalities are
     /// eliminated. `change` is the change of these velocities by the free motion in the step. After the elimination, the free velocity is
@@ -140,8 +140,8 @@ impl<R: Real> Assembler<'_, R> {
         })
     }
 
-    /// Changes the `offsets` of the torsional and rolling rows of the last added contact to the offsets at the time of the contact's
-    /// impact. `change` is the change of the rows' velocities by the free motion.
+    /// Changes the velocity solve's offsets of the torsional and rolling rows to those at the time of the impact, in the last added
+    /// contact. `change` is the change of the rows' velocities by the free motion.
     #[inline(always)]
     pub(crate) fn shift_rotation_to_impact(&self, change: V3<R>, rotation_offsets: &mut Offsets<R>) {
         if let Some(impact) = self.problem.impacts.last() {

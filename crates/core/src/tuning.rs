@@ -49,8 +49,8 @@ pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 /// Smallest value of `Options::iterations` at which lanes whose solve fails are solved a second time, without the terms of surface
 /// curvature.
 ///
-/// With a smaller limit, lanes are unsolved because they lack iterations, and their residual is that of the complete problem. The default
-/// limit is 50.
+/// With a smaller limit, lanes may be unsolved only because they lack iterations. They keep the residual of the problem with curvature
+/// terms. The default limit is 50.
 pub(crate) const MIN_NEWTON_STEPS_FOR_RETRY: u32 = 50;
 
 /// Time by which contact detection looks ahead when finite differences compute a derivative, s. Contacts that open in a displaced state are

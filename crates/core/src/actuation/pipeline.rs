@@ -444,9 +444,10 @@ impl ActuatorPipeline {
 
     /// Mean output of the lag over the step, for the input `u`.
     ///
-    /// The function also stores the output at the end of the step, from which the next call continues. With a continuous servo, this output
-    /// depends on the motion within the step. The function then stores the output at the beginning of the step and `u`, from which the next
-    /// call computes it. `u` and the result exclude the length and velocity terms of such a servo, which stage 1 adds.
+    /// The function also stores the output at the end of the step, from which the next call continues. The output of a lag after a
+    /// continuous servo depends on the motion within the step. The function then stores the output at the beginning of the step and `u`.
+    /// From these the next call computes the output at the end. `u` and the result exclude the length and velocity terms of a continuous
+    /// servo, which stage 1 adds.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

@@ -164,8 +164,9 @@ impl<R: Real> StepResolution<R> {
     /// ```
     ///
     /// for all kinds of forces: of actuators, damping, friction and contacts. The error in the work of gravity and springs is neglected: in
-    /// chains that gain 98 J, it is 0.01 J. Links alone in their tree do not count: the midpoint rule conserves their energy. A gain that
-    /// the tolerance may cause does not count. It may be rounding error, if constraints hold bodies that would move fast without them.
+    /// chains that gain 98 J, it is 0.01 J. Links alone in their tree do not count, because the midpoint rule conserves their energy. A
+    /// gain below the kinetic energy at the speed of the solver's tolerance does not count either. It may be the rounding error of
+    /// constraints that hold bodies, if these would move fast without constraints.
     #[inline(always)]
     pub(crate) fn find_energy_gain(
         &mut self,

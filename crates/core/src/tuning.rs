@@ -111,8 +111,9 @@ pub(crate) const PREDICTED_ERROR_RATIO: f64 = 2.0;
 /// inertial forces at the impact.
 pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 
-/// Ratio of a velocity change to the change by smooth forces above which the velocity change counts as an impact. Smaller velocity changes
-/// can be errors of the integration rule in smooth motion.
+/// Ratio of a velocity change by impulses to the velocity change by smooth forces, above which a step counts as one with an impact. A
+/// velocity change that was not predicted is compared in the same way. Smaller ratios can be errors of the integration rule in smooth
+/// motion.
 pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 
 /// Largest velocity change by an impact for which the step is solved again, as a rotation per step, rad. After larger changes, another

@@ -29,7 +29,7 @@ pub(crate) struct Rk4<R: Real> {
     q: Vec<R>,
     v: Vec<R>,
     act: Vec<R>,
-    /// Displacement theta of the current state from the configuration before the step, nv.
+    /// Displacement theta from the configuration before the step to that of the current state, in the coordinates of velocities, nv.
     rotation: Vec<R>,
     /// Rates of displacement, velocity and activations at the current state.
     rate: [Vec<R>; 3],

@@ -137,7 +137,7 @@ impl Nearest {
         norm(self.v)
     }
 
-    /// Unit vector from the shape A to the shape B, if their distance is more than `clear`, m.
+    /// Unit vector from the shape A to the shape B; `None` if their distance is at most `clear`, m.
     pub(super) fn normal(&self, clear: f64) -> Option<V> {
         let length = self.length();
         (length > clear).then(|| scale(self.v, -1.0 / length))

@@ -201,7 +201,7 @@ impl AdmissibleSet {
 
     /// Distance of the argument `x` of the projection from the boundary of the region `piece`, N s; negative outside the region.
     ///
-    /// The flag is true if the nearest boundary is that between sticking and slipping.
+    /// The second result is true if the nearest boundary is that between sticking and slipping.
     pub(crate) fn margin(&self, piece: Piece, x: &[f64]) -> (f64, bool) {
         match *self {
             Self::Interval { lo, hi } => match piece {

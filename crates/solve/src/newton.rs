@@ -99,16 +99,16 @@ impl Newton {
     /// Improves the impulses of the lanes `lanes`, one lane after the other. Lanes whose residual meets the tolerance are skipped, except
     /// with [`Terms::LeastNorm`].
     ///
-    /// `residual` has the residual of each lane, m/s, and gets the new one. `taken` has numbers of Newton steps, which increase by the
-    /// steps of this call. A residual that increases remains within the tolerance. If many impulses are possible, the solver finds those
-    /// near the start, or those of least norm for [`Terms::LeastNorm`].
+    /// `residual` has the residual of each lane, m/s, and gets the new one. `step_counts` has numbers of Newton steps, which increase by
+    /// the steps of this call. A residual that increases remains within the tolerance. If many impulses are possible, the solver finds
+    /// those near the start, or those of least norm for [`Terms::LeastNorm`].
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
         iterate: &mut Iterate<R>,
         search: Search<R>,
         lanes: R::Mask,
-        [residual, taken]: [&mut R; 2],
+        [residual, step_counts]: [&mut R; 2],
     ) {
         let system = system.into();
         let lanes = if search.terms == Terms::LeastNorm { lanes } else { lanes.and(residual.gt(search.tolerance)) };
@@ -124,7 +124,7 @@ impl Newton {
                 self.lane.scatter(lane, iterate);
                 residual.set_lane(lane, Scalar::from_f64(result.residual));
             }
-            taken.set_lane(lane, taken.lane(lane) + Scalar::from_f64(f64::from(result.steps)));
+            step_counts.set_lane(lane, step_counts.lane(lane) + Scalar::from_f64(f64::from(result.steps)));
         }
     }
 

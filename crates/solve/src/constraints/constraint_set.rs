@@ -225,11 +225,11 @@ pub trait Row<R: Real>: Copy + Debug {
     fn save(&self, lane: usize) -> SavedConstraint;
 
     /// Velocity y . w + g of each row at the scaled velocity change `w`, m/s or rad/s. The rows have the entries `y` at the coordinates
-    /// `columns`. The part by the compliance is not included.
+    /// `columns`. The velocity due to the compliance is not included.
     fn velocity(&self, columns: &[u32], y: &[Self::Impulse], w: &[R]) -> Self::Impulse;
 
-    /// Velocity of each row including the part by its compliance, from the velocity `v` without it. `compliant` is whether any constraint
-    /// of the list may have a compliance.
+    /// Sum of the velocity `v` of each row and the velocity R lambda due to its compliance R, m/s or rad/s. `compliant` is whether any
+    /// constraint of the list may have a compliance. If it is false, contacts return `v`.
     fn add_compliance(&self, v: Self::Impulse, compliant: bool, lambda: Self::Impulse) -> Self::Impulse;
 
     /// Compliance that all rows of the constraint have, 1/kg, without the additional compliance of a contact's normal.
@@ -441,15 +441,15 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     }
 
     /// Velocity y . w + g of each row of a constraint at the scaled velocity change `w`, m/s or rad/s: y is the scaled Jacobian, and g the
-    /// velocity before any impulse. The part by the compliance is not included.
+    /// velocity before any impulse. The velocity due to the compliance is not included.
     #[inline(always)]
     pub fn velocity(&self, row: &T, w: &[R]) -> T::Impulse {
         let (columns, y) = self.entries(row);
         row.velocity(columns, y, w)
     }
 
-    /// Velocity of each row of a constraint under the impulse `lambda`, including the part by its compliance, m/s or rad/s. `compliant` is
-    /// whether any constraint of the list may have a compliance.
+    /// Velocity of each row of a constraint under the impulse `lambda`, including the velocity due to the compliance, m/s or rad/s.
+    /// `compliant` is whether any constraint of the list may have a compliance.
     #[inline(always)]
     pub(super) fn velocity_under(&self, row: &T, compliant: bool, w: &[R], lambda: T::Impulse) -> T::Impulse {
         row.add_compliance(self.velocity(row, w), compliant, lambda)
@@ -576,7 +576,8 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         }
     }
 
-    /// Appends the velocities of all rows at the scaled velocity change `w`, m/s or rad/s. They include the contribution of the compliance.
+    /// Appends the velocities of all rows at the scaled velocity change `w`, m/s or rad/s. They include the velocity due to each row's
+    /// compliance.
     #[inline(always)]
     pub(crate) fn velocities(&self, rows: &Rows<T>, impulses: &[T::Impulse], w: &[R], out: &mut Vec<R>) {
         for (row, &lambda) in rows.items.iter().zip(impulses) {

@@ -28,8 +28,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Impulse that solves this contact, and the multiplier s of its friction disc (slip velocity divided by friction impulse, 1/kg), which
     /// is 0 for a contact that sticks or opens.
     ///
-    /// `v` is the contact's velocity under the impulse `lambda`, including the part by its compliance. `mu` is the friction coefficient.
-    /// The search for s starts at `guess`, in the lanes `lanes`.
+    /// `v` is the contact's velocity under the impulse `lambda`, including the velocity due to its compliance. `mu` is the friction
+    /// coefficient. The search for s starts at `guess`, in the lanes `lanes`.
     fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
 
     /// Impulse by the weaker update, in the lanes `active` in which the contact exists. The weaker update changes the impulse less than

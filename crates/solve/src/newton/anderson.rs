@@ -15,7 +15,7 @@ pub(super) struct Anderson {
     /// Number of De Saxce's terms (mu |v_t|, one per constraint), the entries of s.
     n: usize,
     /// Number of fixed-point steps since the start.
-    taken: usize,
+    steps: usize,
     /// De Saxce's terms s (mu |v_t| of each contact) before the last step, m/s.
     last_s: Vec<f64>,
     /// Residual f = T(s) - s before the last step, m/s.
@@ -30,7 +30,7 @@ impl Anderson {
     /// Discards the stored changes. `n` is the number of De Saxce's terms (mu |v_t|, one per constraint) in the next iteration.
     pub(super) fn restart(&mut self, n: usize) {
         self.n = n;
-        self.taken = 0;
+        self.steps = 0;
         for (buffer, len) in [(&mut self.last_s, n), (&mut self.last_f, n), (&mut self.ds, MEMORY * n), (&mut self.df, MEMORY * n)] {
             buffer.clear();
             buffer.resize(len, 0.0);
@@ -41,8 +41,8 @@ impl Anderson {
     /// becomes negative. `image` is T(s), the value without acceleration.
     pub(super) fn next(&mut self, s: &mut [f64], image: &[f64]) {
         let n = self.n;
-        if self.taken > 0 {
-            let at = (self.taken - 1) % MEMORY * n;
+        if self.steps > 0 {
+            let at = (self.steps - 1) % MEMORY * n;
             for i in 0..n {
                 self.ds[at + i] = s[i] - self.last_s[i];
                 self.df[at + i] = (image[i] - s[i]) - self.last_f[i];
@@ -60,13 +60,13 @@ impl Anderson {
             }
             s[i] = next.max(0.0);
         }
-        self.taken += 1;
+        self.steps += 1;
     }
 
     /// Coefficients c of Anderson's acceleration, which minimise |f - sum_j c_j df_j|. Here f is the residual of De Saxce's terms, and df_j
     /// are its stored changes. The coefficients follow from the normal equations by elimination.
     fn coefficients(&self) -> [f64; MEMORY] {
-        let (n, m) = (self.n, self.taken.min(MEMORY));
+        let (n, m) = (self.n, self.steps.min(MEMORY));
         let column = |j: usize| &self.df[j * n..(j + 1) * n];
         let inner = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b);
         let (mut a, mut c) = ([[0.0; MEMORY]; MEMORY], [0.0; MEMORY]);

@@ -178,7 +178,7 @@ impl Island {
     }
 
     /// Natural-map residual of the exact Coulomb problem, m/s; [`crate::residual()`] has its definition. Writes the velocities of all rows
-    /// to `v`, m/s, including the part by their compliance.
+    /// to `v`, m/s, including those due to compliances.
     pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
         self.multiply(&self.w, v);
         let mut worst = 0.0;

@@ -1,4 +1,4 @@
-//! Shared parts of the property tests: the number of random cases, and the share of them that must have a property.
+//! Shared parts of the property tests: the number of random cases, and the fraction of them that must have a property.
 
 #![allow(dead_code, reason = "not every test file passes draws over")]
 

@@ -304,7 +304,7 @@ fn nearly_all_random_problems_are_solved() {
     }
 }
 
-/// Largest share of the problems that may remain unsolved, for friction coefficients up to 0.3 and up to 1.5. The output of the test has
+/// Largest fraction of the problems that may remain unsolved, for friction coefficients up to 0.3 and up to 1.5. The output of the test has
 /// the measured shares.
 const MOST_LEFT: [f64; 2] = [0.01, 0.05];
 

@@ -208,9 +208,9 @@ impl ProximalPoint {
     /// Improves the impulses of the island `rows` by proximal steps with the exact friction law. Returns the number of Newton steps. The
     /// length of a proximal step depends on how well Newton's method converges.
     ///
-    /// With De Saxce's terms mu |v_t| constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at
-    /// once. A long step of the exact friction law switches too many of them for Newton's method. A short step is a small correction, and
-    /// unlike a sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
+    /// With De Saxce's terms mu |v_t| constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open
+    /// at once. A long step of the exact friction law switches too many contacts for Newton's method. A short step is a small correction,
+    /// and unlike a sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
     pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, search: Search<f64>) -> u32 {
         self.start(rows);
         let small = rows.w.len() <= SMALL;
@@ -274,7 +274,8 @@ impl ProximalPoint {
         None
     }
 
-    /// Sets De Saxce's terms mu |v_t| to those at the current velocities of the island, and discards the history of their acceleration.
+    /// Sets De Saxce's terms mu |v_t| to those at the current velocities of the island, and discards the history of Anderson's
+    /// acceleration.
     fn reset_slip(&mut self, rows: &Island) {
         let slips = rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()]));
         self.lagrangian.slip.clear();

@@ -194,7 +194,7 @@ impl<R: Real> Response<R> {
     /// rows determine the motion.
     ///
     /// The rows do not determine the motion if, for example, contacts share loads while they slip about a point. `name` returns a number
-    /// that identifies a constraint in other problems. Its arguments are the kind, the index and the lane.
+    /// that identifies a constraint in other problems. The arguments of `name` are the kind, the index and the lane.
     ///
     /// For a position solve, `before` is the response of the velocity solve, at whose impulses damping causes no velocity. Loads that the
     /// velocity solve leaves undetermined must cause no motion in the position solve either.
@@ -231,9 +231,10 @@ impl<R: Real> Response<R> {
     /// Replaces the impulses in the lanes `lanes` (bits) by a first-order solution. The problem must be close to that of the last
     /// [`Response::settle`].
     ///
-    /// Returns the lanes in which a constraint that pushed no longer exists. `name` returns the number that identifies a constraint in both
-    /// problems. Its arguments are the kind, the index and the lane. For a position solve, `before` is the velocity solve after its
-    /// response; the rows that were damped in the stored problem are damped here.
+    /// Returns the lanes (bits) in which a constraint that pushed in the stored problem does not exist in this one. `name` returns the
+    /// number that identifies a constraint in both problems. The arguments of `name` are the kind, the index and the lane. For a position
+    /// solve, `before` is the response of the velocity solve, for which the caller called this function first. The rows that were damped
+    /// in the stored problem are damped here.
     pub fn respond<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,

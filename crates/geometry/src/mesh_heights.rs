@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::linear_algebra::*;
 use crate::vectors::V;
 
-/// Largest number of cells that a triangle's bounding box overlaps, on average. It bounds the time of the construction.
+/// Largest average number of cells that the bounding box of a triangle overlaps. It bounds the time of the construction.
 const MAX_CELLS_MET: usize = 8;
 
 /// Largest number of cells per triangle. It bounds the memory of narrow meshes.

@@ -29,11 +29,11 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 
-/// Bulge of the ball around the second hull towards the first, relative to the gap between the hulls. The gap is reduced by the motion of
-/// the step. A larger bulge allows a smaller ball, but the plane becomes invalid after a smaller motion of the hulls.
+/// Bulge of the ball around the second hull towards the first, relative to the part of the gap that the motion of the step cannot close. A
+/// larger bulge allows a smaller ball, but the plane becomes invalid after a smaller motion of the hulls.
 const BULGE: f64 = 0.05;
-/// Gap between two hulls below which no separating plane is computed, relative to the size of the hulls. The gap is reduced by the motion
-/// of the step. With a smaller gap, the plane would be valid for a step or two only.
+/// Smallest gap between two hulls for which a separating plane is computed, relative to the size of the hulls. Only the part of the gap
+/// that the motion of the step cannot close counts. With a smaller gap, the plane would be valid for a step or two only.
 const LEAST: f64 = 5e-5;
 
 /// Normal along which two hulls are separated, the features where it was found, and the plane and ball that contain the hulls.

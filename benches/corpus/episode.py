@@ -98,13 +98,13 @@ class Limits:
         self.outside = self.excess(m.qpos0)
 
     def excess(self, qpos: Array) -> Array:
-        """Increase of the violation of each joint's range since the reference pose, at positions `qpos` (nq,), m or rad."""
+        """Violation of the range of each limited joint at `qpos` (nq,), less that in the reference pose, at least 0, m or rad."""
         q = qpos[self.adr]
         beyond: Array = np.maximum(np.maximum(self.low - q, q - self.high), 0.0)
         return np.maximum(beyond - self.outside, 0.0)
 
     def worst(self, excess: Array) -> tuple[float, float]:
-        """Largest limit violation of a hinge, rad, and of a slide, m. `excess` has the violation of each limited joint."""
+        """Largest value of `excess` over the hinges, rad, and over the slides, m."""
         return float(excess[self.hinge].max(initial=0.0)), float(excess[~self.hinge].max(initial=0.0))
 
 

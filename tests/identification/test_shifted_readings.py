@@ -1,5 +1,7 @@
 """Readings that stand one row too late or too early beside their controls: both ways of identification say so."""
 
+import math
+
 import numpy as np
 import pytest
 import stepper
@@ -102,6 +104,11 @@ def test_the_warning_is_of_what_explains_the_readings_best(shift, ratio, freed):
     for share in (ratio, *([] if freed is None else [freed])):
         assert f"{100 * share:.2g} %" in text
     assert "Do not use these values and intervals" in text
+
+
+def test_the_warning_says_when_an_initial_state_could_not_be_estimated():
+    """The fit that also estimates the initial state needs more readings than unknowns (the ratio is NaN without such a fit)."""
+    assert "there are too few readings to estimate it" in finding_of_fit(LATE, 0.01, math.nan)
 
 
 @pytest.mark.parametrize("shift", [0, LATE, EARLY])

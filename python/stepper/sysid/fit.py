@@ -417,7 +417,7 @@ def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tupl
 def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float | None:
     """Mean square residual of a new fit that also estimates the initial states, divided by the mean square residual of the given fit.
 
-    The result is None if the given fit already estimates the initial state of every episode, or if there are too few readings.
+    The result is None if the given fit already estimates the initial state of every episode, and NaN if there are too few readings.
 
     Args:
         residuals: Residuals of the given fit.
@@ -425,8 +425,10 @@ def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float |
         solver: Solver with the settings for the new fit.
     """
     other = residuals.freed(FREED_STD)
-    if other is None or other.count <= other.n:
+    if other is None:
         return None
+    if other.count <= other.n:
+        return np.nan
     # One search starts from the best parameters and one from the start values, both without displacements of the initial states.
     points = [np.concatenate([x[: other.n], other.start[other.n :]]) for x in (best.x, residuals.start)]
     found = min(solver.with_residuals(other).search(points), key=lambda s: s.cost)

@@ -8,6 +8,7 @@ right. Otherwise the fit is compared with fits to the readings of the next row a
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -77,8 +78,10 @@ def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
         shift: `LATE` or `EARLY`.
         ratio: Mean square residual of a fit with shifted readings, divided by that of the original fit.
         freed: Mean square residual of a fit that also estimates the initial state, without a shift, divided by that of the original fit.
-            None if the original fit already estimated the initial state.
+            None if the original fit already estimated the initial state, NaN if there are too few readings for such a fit.
     """
+    if freed is not None and math.isnan(freed):
+        return finding(shift, ratio, "A wrong initial state may be the cause instead: there are too few readings to estimate it")
     if freed is None:
         return finding(shift, ratio, "A wrong initial state is not the cause: it was estimated")
     if ratio < RATIO * freed:

@@ -812,8 +812,9 @@ class State:
 
 @final
 class Stepper:
-    """Batch of environments of one model. Calls release the GIL while they step, unless they take only a few microseconds. A pickle includes
-    the state.
+    """Batch of environments of one model.
+
+    Calls release the GIL while they step, unless they take only a few microseconds. A pickle includes the state.
 
     Args:
         model: Model of the scene.
@@ -1171,8 +1172,9 @@ class Stepper:
                 environment. No parameter changes.
         """
     def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
-        """Starts a recording of all further calls in a new folder, until the `Recorder` is closed. `stepper.replay` repeats the recorded
-        calls.
+        """Starts a recording of all further calls in a new folder, until the `Recorder` is closed.
+
+        `stepper.replay` repeats the recorded calls.
 
         Args:
             path: New or empty folder.

@@ -15,7 +15,7 @@ pub(crate) const ROUGH_ITERATIONS: u32 = 2;
 pub(crate) const MIN_ROUGH_MOTION_OF_SEVERAL_TREES: f64 = 1e-3;
 
 /// Displacement per step above which impulses are predicted by iterating to a tolerance, rad or m. In such large motions, the error of a
-/// rough prediction would change the next step.
+/// rough prediction would change forces that depend on the velocity too much.
 pub(crate) const MAX_ROUGH_MOTION: f64 = 0.3;
 
 /// Largest number of Gauss-Seidel iterations of an impulse prediction that is not rough. The step multiplies it by

@@ -37,8 +37,9 @@ use crate::model::Model;
 use crate::options::settings;
 use crate::selection::{Numbers, Selection};
 
-/// Batch of environments of one model. Calls release the GIL while they step, unless they take only a few microseconds. A pickle includes
-/// the state.
+/// Batch of environments of one model.
+///
+/// Calls release the GIL while they step, unless they take only a few microseconds. A pickle includes the state.
 ///
 /// Args:
 ///     model: Model of the scene.

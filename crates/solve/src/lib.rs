@@ -14,7 +14,7 @@
 //! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). A sweep is one Gauss-Seidel
 //! iteration over all rows. The Delassus matrix is never formed: a sweep costs time in proportion to the entries of the rows.
 //!
-//! A [`Problem`] does not change once its rows are assembled. Each row has a target for the velocity solve and one for the position solve.
+//! No solve changes the [`Problem`]. Each row has a target for the velocity solve and one for the position solve.
 //! A solve reads a [`System`], that of the problem or that of [`PositionRows`].
 //!
 //! All code is generic over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. Each kind of constraint has one file in

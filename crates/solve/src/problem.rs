@@ -1,4 +1,4 @@
-//! Constraint problem, which does not change after the assembly of its rows, and the system of rows that one solve reads.
+//! Constraint problem, which no solve changes, and the system of rows that one solve reads.
 
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, RowsRef};

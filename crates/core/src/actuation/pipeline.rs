@@ -145,7 +145,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the parameters of a group's actuator models into `actuator_dynamics`, for readings and inverse dynamics without a step.
+    /// Loads the parameters of a group's actuator models into `actuator_dynamics`: force limits, torque-speed curve, and gains of servos.
     ///
     /// A lag after a continuous servo passes on only a fraction of a change of the servo's output in the same step. The gains of the
     /// servo are therefore multiplied by this fraction. It grows during a step: readings use its value at the end, [`Self::advance`] uses

@@ -43,7 +43,7 @@ pub(crate) struct PackedSweep<R> {
 
 /// Whether a pair that is near in the lanes `lanes` (bits) can be packed. These are pairs of a moving ball or capsule and a static box,
 /// near in at most half of the lanes.
-pub(crate) fn is_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>, lanes: u32) -> bool {
+pub(crate) fn can_be_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>, lanes: u32) -> bool {
     let [first, second] = pair.geoms.map(|g| compiled.geoms[g].frame);
     matches!(pair.kernel, Kernel::SphereBox | Kernel::CapsuleBox)
         && 2 * lanes.count_ones() as usize <= R::LANES

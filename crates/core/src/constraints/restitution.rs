@@ -48,10 +48,10 @@ impl<R: Real> Assembler<'_, R> {
     /// Bias of a contact's normal row by Euler's rule, m/s, and the lanes of `exists` in which the row is needed. With the midpoint rule
     /// the function returns `bias` and `exists` unchanged.
     ///
-    /// In contacts that bounce, the result is e v-, minus the rebound velocity; in the others it is `bias`. v- is here the free normal
-    /// velocity. All elastic contacts whose gap is closed, or closes in the free motion, take part in an impact: 0 <= lambda, complementary
-    /// to v+ + e v- >= 0. A closed contact that the free velocity opens takes part too. A contact that is slower than the threshold before
-    /// the step rests, even if gravity makes it faster within the step.
+    /// In contacts that bounce, the result is e v-, where v- is the free normal velocity; in the others it is `bias`. All elastic
+    /// contacts whose gap is closed, or closes in the free motion, take part in an impact: 0 <= lambda, complementary to v+ + e v- >= 0.
+    /// A closed contact that the free velocity opens takes part too. A contact that is slower than the threshold before the step rests,
+    /// even if gravity makes it faster within the step.
     #[inline(always)]
     pub(crate) fn bounce_euler(
         &mut self,

@@ -6,7 +6,7 @@ use stepper_real::{Mask, Real, kernel};
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
 use crate::collision::packed_pairs::{Item, gather_scalars};
-use crate::collision::packed_sweep::{PackedSweep, is_packed};
+use crate::collision::packed_sweep::{PackedSweep, can_be_packed};
 use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch};
 use crate::compile::{Kernel, LaneModel};
 use crate::constraints::ConstraintProblem;
@@ -265,7 +265,7 @@ impl<R: Real> CollisionSearch<R> {
             candidate.tolerance = resting_overlap(query, candidate) + tolerance_of_contact;
             candidate.distance_before = gap.distance + candidate.tolerance;
             let tolerance = candidate.tolerance.max(least);
-            if is_packed(compiled, &path.pair, candidate.lanes.bits()) {
+            if can_be_packed(compiled, &path.pair, candidate.lanes.bits()) {
                 add_packed(packed, k, &path, candidate.lanes, gap, [tolerance, R::zero()]);
                 candidate.lanes = R::Mask::splat(false);
             } else {
@@ -332,7 +332,7 @@ impl<R: Real> CollisionSearch<R> {
                 is_certain = false;
                 let (path, lanes) = (query.path(candidate.pair), candidate.uncertain);
                 let time = candidate.next_time(evaluation, window);
-                if is_packed(compiled, &path.pair, candidate.lanes.bits()) {
+                if can_be_packed(compiled, &path.pair, candidate.lanes.bits()) {
                     let gap = Gap { distance: R::zero(), rate: R::zero() };
                     add_packed(packed, k, &path, lanes, gap, [candidate.tolerance, time]);
                 } else {
@@ -469,7 +469,7 @@ fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::
     (gap, tolerance)
 }
 
-/// Largest overlap of the resting contacts between the two bodies of a candidate pair, at most the slop (the overlap that position
+/// Largest overlap of the resting contacts of either body of a candidate pair, at most the slop (the overlap that position
 /// correction leaves), m. A body that slides to a support of the same height has this overlap there too.
 #[inline(always)]
 fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &CandidatePair<R>) -> R {

@@ -24,7 +24,7 @@ pub(crate) enum SweptMotion<R: Real> {
     /// Motion with the predicted impulses, before the solve.
     Predicted,
     /// Motion of the solver's solution. In the lanes `finds_all`, every colliding pair counts. In the others, only the earliest collision
-    /// of each body counts.
+    /// of each kinematic tree counts.
     Solved { finds_all: R::Mask },
 }
 

@@ -63,7 +63,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             let Self { free, velocity, .. } = self;
             span!(probe, IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
             unchecked = unchecked.or(lanes);
-            // The first solves activate only the earliest collision of each body.
+            // The first solves activate only the earliest collision of each kinematic tree.
             let motion = SweptMotion::Solved { finds_all: passes.ge(R::of(EARLIEST_ONLY_PASSES)) };
             passes = R::select(lanes, passes + R::one(), passes);
             lanes = span!(probe, Solve, || self.activate_colliding(motion));

@@ -39,8 +39,9 @@ pub(super) fn notify_recorder_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'
 
 #[pymethods]
 impl Stepper {
-    /// Starts a recording of all further calls in a new folder, until the `Recorder` is closed. `stepper.replay` repeats the recorded
-    /// calls.
+    /// Starts a recording of all further calls in a new folder, until the `Recorder` is closed.
+    ///
+    /// `stepper.replay` repeats the recorded calls.
     ///
     /// Args:
     ///     path: New or empty folder.

@@ -19,8 +19,9 @@ from stepper._stepper import Model, Stepper
 T = TypeVar("T")
 _RESULT = "each step computes it from the state, which sim.set_state(...) sets"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
-"""Advice for error messages about assignments to attributes of a model, by attribute. Attributes without advice here follow from the
-file."""
+"""Advice for error messages about assignments to attributes of a model, by attribute.
+
+Other read-only attributes follow from the model's file, which the message then recommends to change."""
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
@@ -111,7 +112,7 @@ for _name in _WRITING:
 
 
 def kind(field: str, remedy: str = "") -> type[ReadOnly]:
-    """Subclass of the read-only array type `ReadOnly` for one attribute, with its error message for attempts to write to it.
+    """Subclass of the read-only array type `ReadOnly` for one attribute. The error message for attempts to write names the attribute.
 
     Args:
         field: Name of the attribute, such as "qpos".
@@ -336,8 +337,8 @@ def unknown(kind: str, name: str, names: list[str]) -> str:
 def did_you_mean(name: str, known: Iterable[str], *, text: str | None = None) -> str:
     """End of an error message with up to three known names that are similar to an unknown one: "; did you mean ...?".
 
-    It is "" if no name is similar. `text` is the user's text that contains the name, such as "body_mas[arm]". If it is given, the message
-    has this text with the most similar name in it.
+    The result is "" if no name is similar. `text` is the user's text that contains the unknown name, such as "body_mas[arm]". With `text`,
+    the message suggests one corrected text instead: the most similar name replaces the unknown one, as in "body_mass[arm]".
     """
     found = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")], n=3 if text is None else 1)
     if text not in (None, name):

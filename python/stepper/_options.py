@@ -41,10 +41,10 @@ class Options(metaclass=Hinting):
             * "implicit": backward Euler for springs, dampers and servos, first order. Velocity-dependent forces use the predicted
               velocity. It is stable for any stiffness, and damps oscillations much faster than the time step within one step.
             * "euler": semi-implicit, first order, MuJoCo's Euler: implicit in joint damping alone. Springs and servos need
-              h^2 k / m < 4, and a tumbling body gains energy.
+              h^2 k / m < 4 (time step h, stiffness k, mass m), and a tumbling body gains energy.
             * "rk4": Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint (contact, limit, dry friction) in
               this step. Other environments take a midpoint step, which has errors of momentum and energy. The Runge-Kutta step is explicit:
-              springs and dampers need h sqrt(k / m) < 2.8 and h d / m < 2.7.
+              springs need h sqrt(k / m) < 2.8, and dampers with coefficient d need h d / m < 2.7.
 
             With contact="mujoco" the integrators are those of MuJoCo: "euler", "implicitfast", "implicit", "discrete" and "rk4". Joint
             damping is implicit in "euler", unless the model disables that. In "discrete", springs, dampers, servos and constraints are all

@@ -80,7 +80,8 @@ def around_body(sim: Stepper, points: ArrayLike, directions: ArrayLike, body: Ke
         points: Start points relative to the body, (n, 3) or (num_envs, n, 3), m.
         directions: Direction vectors, (n, 3) or (num_envs, n, 3).
         body: Name or index of the body.
-        axes: Axes of `points` and `directions`: "body", "heading" (turned about the vertical alone) or "world".
+        axes: Axes of `points` and `directions`: "body", "world", or "heading" (world axes, turned about the vertical by the body's
+            heading).
 
     Raises:
         ValueError: Unknown axes, or arrays of another shape.
@@ -151,7 +152,7 @@ def _rotated(quat: Array, vectors: Array) -> Array:
 
 
 def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
-    """Indices of elements along the axis of a quantity; a single int for a single body, site or geom."""
+    """Indices of elements along the axis of a quantity. If `of` is one body, site or geom, an int, which removes the axis."""
     several = not isinstance(of, str | int | np.integer)
     keys: Sequence[Any] = of if several else [of]  # type: ignore[assignment]
     if kind in ("body", "site", "geom"):
@@ -172,10 +173,10 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
 
 
 def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
-    """Array for a result, (...) in any unit, whose values are not set yet: `out` if it is given, otherwise a new array.
+    """Array in which the caller stores a result, (...) in any unit: `out` if it is given, otherwise a new array without set values.
 
     Raises:
-        ValueError: `out` has another shape or scalar type than required.
+        ValueError: `out` has another shape than `shape`, or another scalar type than `dtype`.
     """
     if out is None:
         return np.empty(shape, dtype)
@@ -185,10 +186,10 @@ def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array
 
 
 def copied(values: Array, out: Array | None) -> Array:
-    """Copy of an array (...) in its unit, stored in `out` if it is given, otherwise in a new array.
+    """Copy of an array of any shape (...) and unit, stored in `out` if it is given, otherwise in a new array.
 
     Raises:
-        ValueError: `out` has another shape or scalar type.
+        ValueError: `out` has another shape or scalar type than `values`.
     """
     found = output_array(values.shape, values.dtype, out)
     found[...] = values

@@ -13,9 +13,9 @@ class Status(IntFlag):
     NOT_CONVERGED = 1
     """The solver's residual was above the tolerance. `Stepper.residual` is the residual, `Stepper.worst_row` the constraint, and
     `Stepper.save_problem` writes the problem to a file. If the residual is above 0.01 m/s (and above ten times the tolerance), the step
-    does not let impulses increase the kinetic energy, and limits joint velocities to one radian per step. The step does the same, and
-    sets this flag, if large impulses that cancel each other jam a body. In this case, even a small residual can mean a large error of
-    the energy."""
+    does not let impulses increase the kinetic energy, and limits joint velocities to one radian per step. A step in which large impulses
+    that cancel each other jam a body has the same two limits and this flag. In such a jam, even a small residual can mean a large error
+    of the energy."""
     NON_FINITE = 2
     """A step gave a state that is not finite. The environment keeps its last finite state, and its time does not advance."""
     CONTACTS_FULL = 4
@@ -23,14 +23,17 @@ class Status(IntFlag):
     UNRESOLVED = 8
     """The time step is too long for the motion; use a shorter one. There are four cases:
 
-    First, a joint turns too far in one step: by half a radian while inertial forces accelerate it further, or by half a revolution from
-    impulses. (A jammed lever can do this.) The step then leaves out centrifugal and gyroscopic forces and limits joint velocities to one
-    radian per step. Its kinetic energy increases by no more than the work done. integrator="euler" has no such check and continues until
-    NON_FINITE.
+    First, a joint turns too far in one step:
 
-    Second, the error of integrator="midpoint" creates energy. The bound is a tenth of the kinetic energy per step, or a rate that doubles
-    it within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The flag does not change the motion.
-    Whipping chains have such steps.
+    * by half a radian while inertial forces accelerate it further; the step then leaves out centrifugal and gyroscopic forces
+    * by half a revolution from constraint impulses, as in a jammed lever
+
+    In both cases the step limits joint velocities to one radian per step. The kinetic energy then increases by no more than the work done.
+    integrator="euler" has no such check and continues until NON_FINITE.
+
+    Second, the error of integrator="midpoint" adds more energy than one of two bounds: a tenth of the kinetic energy in the step, or a
+    rate at which the kinetic energy doubles within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The
+    flag does not change the motion. Whipping chains have such steps.
 
     Third, elastic impacts became inelastic, because Newton's law of impact has no plausible solution, as in a corner with much friction.
 
@@ -40,8 +43,9 @@ class Status(IntFlag):
     INFEASIBLE = 32
     """The constraints contradict each other: no velocity within the bounds of position correction satisfies all of them.
 
-    The bounds are 5 m/s and 50 rad/s with the default `Options.max_correction_speed`, and proportional to this option. The proof is a
-    combination of impulses that moves nothing, or too little. Examples: a body squeezed between two others, a weld out of reach, a contact
+    The bounds are 5 m/s and 50 rad/s with the default `Options.max_correction_speed`, and proportional to this option. The solver
+    proves the contradiction by impulses (Farkas' lemma). At these impulses, the target velocities of the constraints need more power than
+    any velocity within the bounds gives. Examples: a body squeezed between two others, a weld out of reach, a contact
     whose normal passes through a hinge. The step satisfies the constraints as far as possible, in least squares. For links of a robot that
     overlap at the reference pose, load it with `stepper.load(..., overlaps="exclude")`."""
     DEEP = 64

@@ -84,7 +84,9 @@ class ActuatorModel:
         return self._changed(lambda x: x[index])
 
     def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
-        """Returns a copy for all environments of this actuator model, which has numbers only for those in a mask. Others get the number 0.
+        """Returns a copy for all environments of an actuator model that has numbers only for the environments in a mask.
+
+        Other environments get the number 0, which has no effect if the caller uses only the environments in the mask.
 
         Args:
             mask: Boolean mask (num_envs,). Arrays in this model have one number per True entry; those of the copy have num_envs.

@@ -40,7 +40,7 @@ Results: TypeAlias = list[Any]
 _LOST = (RayActorError, ObjectLostError)
 """Errors that Ray raises if an actor has died, or if the machine that stored its return value is lost."""
 _ATTEMPTS = 5
-"""Number of attempts at a call, each with a new actor, before the error of a lost actor is raised."""
+"""Largest number of attempts at a call. Each repetition runs in a new actor; after the last one, the error of the lost actor is raised."""
 
 
 class RayVectorEnv(VectorEnv[Array, Array, Array]):
@@ -206,7 +206,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return *(np.concatenate(array) for array in arrays), _join_infos(infos, sizes)
 
     def _forget(self) -> None:
-        """Discards the saved states of all blocks and the recorded calls, so that the next call creates the blocks again."""
+        """Discards the saved states and the recorded calls of all blocks. The next call then creates the blocks again."""
         self._saved = [None] * len(self._slices)
         self._calls = [[("make", (part.stop - part.start,))] for part in self._slices]
         self._whole, self._made = True, False
@@ -214,7 +214,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
     def _run(self, calls: list[Call]) -> Results:
         """Runs one method call in every block of environments.
 
-        Returns the result of each block. An actor that has died is replaced, and the new one repeats its recorded calls.
+        Returns the result of each block. A new actor replaces one that has died, and repeats the calls since the last backup.
         """
         if not self._actors:
             raise RuntimeError("the environments are closed")
@@ -244,7 +244,10 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         return results
 
     def _replace_actor(self, k: int, calls: list[Call]) -> Any:
-        """Starts a new actor in place of actor k, which has died, repeats its calls, and returns a Ray reference to their results."""
+        """Starts a new actor in place of actor k, which has died, and repeats the calls since the last backup.
+
+        Returns a Ray reference to the results of `calls`, the last call of each block.
+        """
         ray.kill(self._actors[k])  # The actor may be alive but unreachable.
         self._actors[k] = self._start()
         share = self._shares[k]
@@ -294,7 +297,7 @@ def sweep(
         run: Function to call. Its return value is pickled.
         cases: Last argument of each call.
         *shared: First arguments of all calls, such as models, policies and arrays; they are pickled once.
-        attempts: Number of times that a case is repeated if its worker dies.
+        attempts: Largest number of repetitions of a case whose worker died.
         options: Arguments of Ray's `options` for a task, such as {"num_cpus": 2}.
 
     Returns:

@@ -157,7 +157,10 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
 
 
 def _rows(infos: dict[str, Any], envs: Array, num_envs: int) -> list[dict[str, Any]]:
-    """Converts infos of a batch to one dictionary per environment. Dictionaries of environments not in `envs`, indices (n,), are empty."""
+    """Converts infos of a batch to one dictionary per environment.
+
+    `envs` are the indices of the environments to convert, (n,). Dictionaries of other environments are empty.
+    """
     rows: list[dict[str, Any]] = [{} for _ in range(num_envs)]
     for name, value in infos.items():
         if name.startswith("_"):

@@ -71,7 +71,7 @@ def identify(
 
 
 def _pair(text: str) -> tuple[str, str]:
-    """Heading and channel from a text heading=channel."""
+    """Heading of a data column and name of its channel, from a text heading=channel of the option --column."""
     name, equals, channel = text.rpartition("=")
     if not equals or not name:
         raise ValueError(f'--column is "{text}", must be heading=channel, as in "Fx [N]=wrist_force[0]"')

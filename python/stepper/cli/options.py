@@ -61,11 +61,13 @@ def study_of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
 
 
 def source_with(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
-    """Model or study for the argument `source` of a command.
+    """Argument `source` of a command, with the options --ray and --values applied.
+
+    Without these options, the result is `source` itself. With them, it is a study.
 
     Args:
         source: Path of a model or study, or the name of a built-in scene.
-        ray: Whether to run on Ray, a library for parallel tasks.
+        ray: Whether the study runs on Ray, a library for parallel tasks.
         values: Nominal values of parameters, texts of the form NAME=VALUE.
     """
     if not ray and not values:

@@ -65,7 +65,7 @@ class _SearchFolders:
     """Folders in which meshes are searched.
 
     Attributes:
-        of_file: Folder of the URDF, after its `meshdir` if it has one; empty for XML text.
+        of_file: Folder of the URDF file. If the URDF sets `meshdir`, that folder comes first in the list. Empty for XML text.
         packages: Folders that may be packages or contain packages.
         given: Folders of the argument `package_dirs`.
     """

@@ -22,11 +22,11 @@ FILMED = 300
 
 
 def check_film(env: str, file: str | Path, **settings: Any) -> None:
-    """Renders one frame, to find out before a training whether `film` can film the environment into a file on this machine.
+    """Checks, before a training, that `film` can film an environment on this machine. Renders one frame, and writes no file.
 
     Args:
         env: Id of an environment in Gymnasium's registry.
-        file: Video file.
+        file: Video file of the later film; only its ending is checked.
         **settings: Arguments of the environment.
 
     Raises:

@@ -32,7 +32,7 @@ class Settings:
     Attributes:
         env: Id of an environment in Gymnasium's registry.
         seed: Seed of all random numbers.
-        steps: Number of environment steps.
+        steps: Number of environment steps, summed over all environments.
         contact: Contact law of environments that stepper simulates, "mujoco" or "hard"; an empty text selects the default of the task.
         precision: Precision of environments that stepper simulates, "f64" or "f32".
         num_envs: Number of environments that step in parallel.
@@ -41,7 +41,7 @@ class Settings:
         minibatch: Number of samples per gradient step; samples that do not fill a minibatch are skipped.
         hidden: Number of units in each of the two hidden layers.
         learning_rate: Initial learning rate of Adam.
-        target_kl: Target Kullback-Leibler divergence of an update, nats; above twice it the learning rate falls, below half it rises.
+        target_kl: Target Kullback-Leibler divergence of an update, nats. The learning rate falls above 2 x target, and rises below half.
         gamma: Discount factor per action.
         gae_lambda: Decay factor lambda of generalised advantage estimation.
         clip: Deviation of the probability ratio from 1 at which the objective is clipped.

@@ -63,7 +63,7 @@ class Failures:
             row: Index of the call among all recorded events (rows).
             fields: Recorded arrays of the call, by the names in `stepper.recording.format.FIELDS`.
             faults: Number of clipped and number of lost samples of each sensor, (num_envs, nsensor, 2), from `Stepper.sensor_faults`.
-            saturation: Number of saturated steps, or a flag, for each actuator, (num_envs, nu), from `Stepper.actuator_saturation`.
+            saturation: Number of steps of the call in which each actuator saturated, (num_envs, nu), from `Stepper.actuator_saturation`.
         """
         ctrl = fields["ctrl"]
         faults, saturation = faults.reshape(len(ctrl), -1, 2), saturation.reshape(len(ctrl), -1)

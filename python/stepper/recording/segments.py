@@ -26,7 +26,7 @@ class Segment:
     Attributes:
         model: The recorded model.
         row: Index of the segment's first row in the recording. A row is a recorded event, such as a call of `step`.
-        period: Simulated time of a call of `step`, s.
+        period: Simulated time that a call of `step` advances, s.
         start: State before the first step: "qpos", "qvel", "act", (num_envs, ...).
         ctrl: Controls, (T, num_envs, nu).
         readings: "qpos", "qvel", "act" and "sensordata" after every call, (T, num_envs, ...).

@@ -62,12 +62,12 @@ def _gyro(
 
     Args:
         density: Noise density, deg/s/sqrt(Hz).
-        bias: Zero-rate offset, deg/s.
+        bias: Zero-rate offset (one standard deviation), deg/s.
         stability: In-run bias stability, deg/h; 0 leaves the drift out.
-        full: Range in both directions, deg/s.
-        bits: Resolution over the whole range; None leaves quantisation out.
-        scale: Relative error of the scale.
-        cross: Cross-axis sensitivity, rad.
+        full: Largest absolute reading, deg/s.
+        bits: Number of bits for the whole range, from -full to full; None leaves quantisation out.
+        scale: Standard deviation of the relative error of the scale factor.
+        cross: Standard deviation of the cross-axis sensitivity, rad.
     """
     return Transfer(
         noise_density=density * _DEG,
@@ -88,12 +88,12 @@ def _accelerometer(
 
     Args:
         density: Noise density, micro-g/sqrt(Hz).
-        bias: Zero-g offset, milli-g.
+        bias: Zero-g offset (one standard deviation), milli-g.
         stability: In-run bias stability, micro-g; 0 leaves the drift out.
-        full: Range in both directions, g.
-        bits: Resolution over the whole range; None leaves quantisation out.
-        scale: Relative error of the scale.
-        cross: Cross-axis sensitivity, rad.
+        full: Largest absolute reading, g.
+        bits: Number of bits for the whole range, from -full to full; None leaves quantisation out.
+        scale: Standard deviation of the relative error of the scale factor.
+        cross: Standard deviation of the cross-axis sensitivity, rad.
     """
     return Transfer(
         noise_density=density * 1e-6 * _G,

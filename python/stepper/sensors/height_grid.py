@@ -75,7 +75,7 @@ class HeightGrid:
         Args:
             u: Distances along x from the corner with the smallest x and y, in cells.
             v: Distances along y from that corner, in cells.
-            checks: Whether points may lie beyond the border.
+            checks: Whether points may lie beyond the border, where the result is NaN. If False, all points must lie within the border.
             out: Array of the shape of u.
         """
         columns, rows = self._cells

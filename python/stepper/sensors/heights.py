@@ -165,7 +165,7 @@ class HeightField:
     def around(
         self, places: ArrayLike, angles: ArrayLike, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None
     ) -> Array:
-        """Returns heights of the ground around given points, without a simulation. The height field is where it is in the model.
+        """Returns heights of the ground around given points, without a simulation. The height field has the pose of the model.
 
         Args:
             places: World x and y of the centres, (n, 2), m.

@@ -26,7 +26,8 @@ class RayFan:
         site: Name of the site at which the rays start.
         rays: Directions in the site's frame, (n, 3), of any positive length.
         geoms: Names of the geoms that the rays can hit. None selects all except those of the site's body and purely visual meshes.
-        data: Readings of each ray, in this order: "distance" (m, -1 without a hit), "direction", "origin", "point" (world, m).
+        data: Readings of each ray. Whatever the order here, the readings are in this order: "distance" (m, -1 without a hit), "direction"
+            (unit vector in world axes), "origin" of the ray and hit "point" (world coordinates, m).
     """
 
     site: str

@@ -9,7 +9,7 @@ from collections.abc import Callable
 Tick = Callable[[str, float], None]
 """Type of a progress callback. Its arguments are a text that names the work in progress, and the completed fraction (0 to 1).
 
-It is not called while computing time is measured.
+Functions that measure computing time do not call the callback during a measurement.
 """
 _LONGEST_PAUSE = 30.0
 """Longest time between two lines of progress, s."""
@@ -20,7 +20,7 @@ def silent(what: str, done: float) -> None:
 
 
 def progress_lines() -> Tick:
-    """Progress callback that writes lines, for files and pipes."""
+    """Progress callback that writes lines to stderr, for output to files and pipes: one line per tenth of the work, or every 30 s."""
     last: dict[str, tuple[int, float]] = {}
     first: dict[str, tuple[float, float]] = {}
 

@@ -300,7 +300,7 @@ def _flat(chosen: Iterable[Iterable[int | range]]) -> list[int]:
 
 
 def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any], bool]:
-    """Elements that a name, pattern or index in a selector selects, and whether it is an index or an exact name, not a pattern.
+    """Elements that a name, pattern or index in a selector selects, and whether the selection is without a pattern.
 
     Args:
         model: The model.
@@ -309,7 +309,8 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
         where: Beginning of error messages.
 
     Returns:
-        Indices of the elements; for "dof" and "coordinate" a range of indices for each joint. Whether the item is no pattern.
+        Two values. The first is a list of the elements' indices; a name or pattern of "dof" or "coordinate" gives a range of indices per
+        joint. The second is True for an index or an exact name, and False for a pattern.
     """
     labels = _labels(model, kind)
     if isinstance(item, int):

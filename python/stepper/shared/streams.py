@@ -24,7 +24,7 @@ _STEP = 2.0**-53
 
 
 def _mix(words: Words) -> Words:
-    """Hashes 64-bit integers in place with Steele, Lea and Flood's finalizer (splitmix64), and returns them. It is a permutation."""
+    """Hashes 64-bit integers in place with Steele, Lea and Flood's finalizer (splitmix64), a permutation, and returns the hashes."""
     words ^= words >> _SHIFTS[0]
     words *= _MIX_1
     words ^= words >> _SHIFTS[1]

@@ -113,7 +113,7 @@ def _check_numeric(name: str, value: Any) -> None:
 def check_numbers(part: Any, *others: str) -> None:
     """Checks that the fields of a dataclass are numbers or arrays of numbers, except those named in `others`.
 
-    A field with the name `limits` must be a pair of them.
+    A field with the name `limits` must be a pair (low, high) of numbers or arrays.
 
     Raises:
         TypeError: A field is not a number.

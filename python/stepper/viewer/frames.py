@@ -25,8 +25,8 @@ class Frame:
         geom_xquat: Orientations of the geoms, (n, ngeom, 4), quaternions (w, x, y, z).
         xpos: Positions of the bodies, (n, nbody, 3), m.
         xquat: Orientations of the bodies, (n, nbody, 4), quaternions (w, x, y, z).
-        center: Centres of mass of all bodies, m: (n, 3).
-        contact_env: Row of the environment of each contact in this frame, from 0 to n - 1: (k,).
+        center: Centre of mass of the whole model in each environment, (n, 3), m.
+        contact_env: Environment of each of the k contacts, as an index from 0 to n - 1 into the arrays of this frame: (k,).
         contact_pos: Positions of the contacts, (k, 3), m.
         contact_force: Forces on the second geoms in world axes, (k, 3), N.
         status: Flags of `stepper.Status`: (n,).

@@ -92,6 +92,6 @@ def _check_same(model: Model, m: Any) -> None:
 
 
 def row(sim: Stepper, name: str, env: int) -> Array:
-    """Value of a quantity of a stepper in one environment, (...), in its unit, also with `num_envs=None`."""
+    """Value of a quantity of a stepper in one environment, (...), in its unit. `env` has no effect with `num_envs=None`."""
     values = np.asarray(getattr(sim, name))
     return values if sim.num_envs is None else values[env]

@@ -103,7 +103,7 @@ class RecordedRun:
         return whole
 
     def _set_parameters(self, index: int) -> None:
-        """Sets the parameters of the stepper's environments to those that were recorded at the frame `index`."""
+        """Sets the parameters of the stepper's environments to those that the recorded environments had at the frame `index`."""
         due = sum(start <= index for start, _ in self._parameters)
         if due == self._in_force:
             return

@@ -24,7 +24,7 @@ Without a graphics card, MuJoCo's default of 4,096 takes most of the time of a p
 sizes hardly differ.
 """
 _LAMP = {"ambient": 0.15, "diffuse": 0.55, "specular": 0.2}
-"""White light of the lamp that is added to scenes without a light, from 0 to 1.
+"""Ambient, diffuse and specular brightness, from 0 to 1, of the white lamp that is added to scenes without a light.
 
 Pictures are as bright as those of the same scene with a light in the MJCF.
 """

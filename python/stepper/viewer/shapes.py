@@ -55,7 +55,7 @@ class Part:
         axes: Index into `geom_size` of the number that scales each axis of the mesh, (n, 3); 3 means no scaling.
         end: Position of the mesh on the z axis of its geom, (n,), in multiples of `geom_size[1]`.
         rgba: Colours, (n, 4), from 0 to 1.
-        group: MuJoCo's group of geoms, which are shown or hidden together.
+        group: Number of MuJoCo's geom group. The viewer shows or hides all geoms of a group together.
     """
 
     name: str

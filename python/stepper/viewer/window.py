@@ -108,7 +108,7 @@ class Window:
     def due(self) -> bool:
         """Whether at least 1 / `FRAMES` seconds have passed since the last frame, so that the next frame should be sent now.
 
-        If the result is True, the time until the following frame starts now.
+        A call that returns True counts as the sending of a frame: the following frame is due 1 / `FRAMES` seconds after this call.
         """
         now = time.monotonic()
         if now - self._sent < 1.0 / FRAMES:
@@ -284,7 +284,10 @@ class Window:
         self._forces.visible = bool(len(place)) and self._show_forces.value
 
     def _shift(self, frame: Frame) -> tuple[float, float, float]:
-        """Displacement of the scene in x and y, m, that keeps the followed environment at its initial place; 0 if none is followed."""
+        """Displacement (x, y, 0) of the scene, m, that keeps the followed environment's centre of mass at its initial x and y.
+
+        The displacement is 0 if the user follows no environment.
+        """
         chosen = "none" if self._follow is None else self._follow.value
         if chosen == "none" or self._start is None:
             return (0.0, 0.0, 0.0)

@@ -84,8 +84,8 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// and there too the body is still ahead of the surface.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
-/// Number of solves that activate only the earliest collision of each kinematic tree. Later solves activate all pairs that collide within the step. The count starts from zero when the problem is
-/// assembled again or an impact changes it.
+/// Number of solves that activate only the earliest collision of each kinematic tree. Later solves activate all pairs that collide within
+/// the step. The count starts from zero when the problem is assembled again or an impact changes it.
 pub(crate) const EARLIEST_ONLY_PASSES: f64 = 6.0;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5

@@ -25,7 +25,8 @@ pub struct ActuatorModels {
 pub struct ResampledActuators {
     /// Environments that get the parameters.
     pub envs: Vec<usize>,
-    /// Actuator specs of these environments alone, with the parameters taken from the model. `None` leaves an actuator unchanged.
+    /// Actuator specs of these environments alone, with the delays and force limits of the model's actuators. `None` leaves an actuator
+    /// unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
     /// New per-environment specs of all environments.
     drawn: Option<Vec<Option<ActuatorSpec>>>,

@@ -205,8 +205,8 @@ impl<R: Real> Contacts<R> {
     /// gravity covers in the step, g h^2, m.
     ///
     /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
-    /// added if the sum of both errors can change the force noticeably. Each error is an upper bound, [`DISTANCE_ROUNDINGS`] times a
-    /// typical error. The typical error must therefore exceed the fraction [`FORCE_ERROR`] of `drop`.
+    /// added where it matters: where the sum of both errors, divided by [`DISTANCE_ROUNDINGS`], exceeds [`FORCE_ERROR`] times `drop`. The
+    /// division gives a typical error, because both errors are upper bounds.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

@@ -56,8 +56,8 @@ fn least_lever<R: Real>() -> f64 {
 /// approach speed, so that speeds up to the resting speed are ignored.
 ///
 /// Nothing can correct an overlap of the contact either. The difference of `position` and `velocity` is the speed that would correct the
-/// overlap. If this speed exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. If it is between the resting speed and
-/// [`MIN_UNMET_TARGET`], only the residual can report the overlap. The function then returns 0, so that any approach speed counts.
+/// overlap. If this speed exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. If it is smaller, but above the resting speed, no
+/// stage reports the overlap. The function then returns 0, so that any approach speed of the contact counts as residual.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());

@@ -20,7 +20,7 @@ use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::math::spatial::*;
 use crate::tuning::{
-    MAX_IMPACT_RESIDUAL, MAX_RESOLVED_ROTATION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
+    MAX_IMPACT_RESIDUAL, MAX_RESOLVED_MOTION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
 };
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
@@ -209,7 +209,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             }
             let apart = R::select(first, pushed * pushed * R::of(0.25), R::zero());
             let change = jump.max(pushed);
-            let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
+            let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_MOTION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
             // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
             let mut touching = R::Mask::splat(false);

@@ -13,7 +13,7 @@ use crate::integrators::velocity_loop::VelocityLoop;
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s05_solve::ImpulsePredictor;
-use crate::tuning::MAX_IMPACT_ROTATION;
+use crate::tuning::MAX_IMPACT_MOTION;
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
@@ -104,7 +104,7 @@ fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut 
             fastest_free = fastest_free.max(v.abs());
             fastest_with_impulses = fastest_with_impulses.max((v + change).abs());
         }
-        let large = (scheme.h * largest_change).gt(R::of(MAX_IMPACT_ROTATION)).and(fastest_with_impulses.gt(fastest_free));
+        let large = (scheme.h * largest_change).gt(R::of(MAX_IMPACT_MOTION)).and(fastest_with_impulses.gt(fastest_free));
         if large.any() {
             for change in change {
                 *change = R::select(large, R::zero(), *change);

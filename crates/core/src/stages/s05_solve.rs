@@ -124,9 +124,10 @@ pub struct ImpulsePredictor<R: Real> {
 impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// The error of a rough prediction changes the free velocity by up to [`ESTIMATE_ERROR`]. If the options require a smaller change, the
-    /// predictor iterates to a tolerance in all moving lanes. It also does so with the option [`Solver::Newton`], and in lanes with a
-    /// contact group: three or more contacts between two bodies, one of which floats freely.
+    /// Rough predictions are accurate enough for the default tolerance, at which the free velocity may have an error of
+    /// [`ESTIMATE_ERROR`]. If the user's tolerance is smaller, the predictor iterates to a tolerance in all moving lanes. It also does so
+    /// with the option [`Solver::Newton`], and in lanes with a contact group: three or more contacts between two bodies, one of which
+    /// floats freely.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.accuracy_factor();

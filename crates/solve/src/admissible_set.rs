@@ -51,8 +51,8 @@ impl AdmissibleSet {
     /// Residual |lambda - P_K(lambda - rho u)| / rho of one constraint, m/s. P_K is the projection on this set, and the velocity u includes
     /// De Saxce's term mu |v_t|.
     ///
-    /// `v` are the velocities without this term, m/s, and `rho` is the step of the natural map, kg. The first component of the residual is
-    /// multiplied by `rigid_fraction`. A NaN propagates.
+    /// `v` are the velocities without this term, m/s, and `rho` is the step of the natural map, kg. The function multiplies the first
+    /// component of the residual by `rigid_fraction`, which is below 1 for a normal row with a spring. A NaN propagates.
     pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], rho: f64, rigid_fraction: f64) -> f64 {
         match *self {
             Self::Interval { lo, hi } => {
@@ -72,11 +72,12 @@ impl AdmissibleSet {
         }
     }
 
-    /// Computes rho DP_K(x) Y into `out`, row by row. DP_K is the derivative of the projection on this set, and Y a matrix such as the
-    /// constraint's scaled Jacobian. Returns false if the product is zero.
+    /// Computes rho DP_K(x) Y into `out`, row by row. DP_K is the derivative of the projection on this set at the argument `x`, and Y a
+    /// matrix such as the constraint's scaled Jacobian. If the product is zero, returns false and leaves `out` unchanged.
     ///
     /// `y` are the rows of Y with `n` entries each, in whole tiles (four numbers). If velocities `v` are given, the product includes De
-    /// Saxce's term mu |v_t|. DP_K is then multiplied by the derivative of v plus this term, `I + e_n (0, mu v_t / |v_t|)`.
+    /// Saxce's term mu |v_t|. The function then multiplies DP_K by `I + e_n (0, mu v_t / |v_t|)`, the derivative of the velocity with this
+    /// term.
     #[inline(always)]
     pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
         let mu = match *self {
@@ -112,8 +113,8 @@ impl AdmissibleSet {
     }
 }
 
-/// Computes rho DP (I + e_n s'^T) Y of a friction cone into `out`, tile by tile. `out.slip` has the derivative s' of De Saxce's term mu
-/// |v_t|.
+/// Computes rho DP (I + e_n s'^T) Y of a friction cone into `out`, tile by tile. The argument `x` of the projection has the tangential
+/// length `tangent` and is in the region `case`. `out.slip` has the derivative s' of De Saxce's term mu |v_t|.
 ///
 /// The derivative of the projection is `DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T)`, with t = x_t / |x_t| and b = (1, mu t).
 /// In the interior of the cone it is the identity.
@@ -172,7 +173,7 @@ fn put_tile(x: &mut [f64], at: usize, numbers: [f64; TILE]) {
 pub(crate) enum Piece {
     /// Polar cone of a friction cone: the projected impulse is zero, and the contact is open.
     Open,
-    /// Interior of the set of admissible impulses: the row is solved exactly, or the contact sticks.
+    /// Interior of the set of admissible impulses: the row meets its target velocity, or the contact sticks.
     Held,
     /// Outside a friction cone and its polar cone: the impulse is on the cone's surface, and the contact slips.
     Sliding,
@@ -259,7 +260,7 @@ impl ConeRegion {
     }
 
     /// Projection of a point with the normal component `n` and tangential length `tangent`, which is in this region of a friction cone.
-    /// Returns the normal component of the projection, and the factor by which it multiplies the tangential components.
+    /// Returns the normal component of the projection, and the factor of the tangential components: projected divided by original.
     #[inline(always)]
     fn image(self, n: f64, tangent: f64, mu: f64) -> (f64, f64) {
         match self {

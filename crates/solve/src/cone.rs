@@ -50,12 +50,13 @@ pub(crate) fn positive<R: Real>(m: R::Mask, x: R) -> R::Mask {
     m.and(x.gt(R::zero()))
 }
 
-/// Smallest relative mobility of a contact along its normal at which the contact counts as movable in this direction. It is relative to
-/// the sum of the contact's mobilities in all three directions.
+/// Ratio of mobilities below which a contact counts as immovable along its normal. The ratio is the contact's mobility along its normal,
+/// divided by the sum of its mobilities in all three directions.
 ///
-/// The value is the square of a ratio of lever arms of 1e-5, or of a thousand rounding errors if that is larger. A body that rotates about
-/// the shorter lever arm approaches at 1e-5 of its speed, and stopping it takes 1e5 times the force that rotates it. Evidence: a cylinder
-/// that is steered about an axis through its contact passes this pose, where forces were 1e15 N.
+/// The value is the square of a ratio of lever arms of 1e-5, or of a thousand rounding errors if that is larger. At a ratio of lever arms
+/// of 1e-5, a body that rotates moves its contact point 1e5 times faster across the normal than along it. Stopping the point along the
+/// normal takes 1e5 times the force that rotates it. Evidence: a cylinder that is steered about an axis through its contact passes this
+/// pose, where forces were 1e15 N.
 #[inline(always)]
 fn negligible<R: Real>() -> f64 {
     let lever = f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64());

@@ -37,11 +37,12 @@ macro_rules! by_kind {
         $(#[$meta])*
         $vis struct $name<$($generics)*> {
             $($fields)*
-            /// Equalities, limits and dry friction.
+            /// Field for the scalar rows: equalities, limits and dry friction.
             pub scalars: $scalars,
-            /// Contacts with sliding friction, in their frames (n, t1, t2).
+            /// Field for the contacts with sliding friction, whose rows are (n, t1, t2).
             pub contacts: $contacts,
-            /// Contacts with torsional or rolling friction. Their rows are scaled so that all rows have the same friction coefficient.
+            /// Field for the contacts with torsional or rolling friction. The rows of such a contact are scaled so that all have the same
+            /// friction coefficient.
             pub rolling_contacts: $rolling_contacts,
         }
     };

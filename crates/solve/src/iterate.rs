@@ -1,4 +1,4 @@
-//! Iterate of a solve: the impulses, and the scaled velocity change by them.
+//! Iterate of a solve: the impulses, and the scaled velocity change that they cause.
 
 use crate::capacity::Capacity;
 use crate::cone::masked;
@@ -82,8 +82,8 @@ impl<R: Real> Snapshot<R> {
         }
     }
 
-    /// Replaces the impulses of a lane by a weighted mean of them and the saved ones. The scaled velocity change w of `iterate` is not
-    /// updated.
+    /// Replaces the impulses of a lane of `iterate` by a weighted mean of the current and the saved impulses. The scaled velocity change w
+    /// of `iterate` is not updated.
     ///
     /// `weight` returns the weight of the current impulses, from 0 to 1. Its argument is the first coordinate at which the constraint has
     /// an entry.
@@ -218,8 +218,8 @@ impl<R: Real> Iterate<R> {
             set.set_first_impulse(i, lanes, lambda, impulses, &mut self.w));
     }
 
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change w. Returns the previous
-    /// impulse, N s.
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change w. Returns the previous impulse
+    /// as six numbers, N s or N m s; the last three are zeros for a contact with three rows.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]

@@ -1,4 +1,5 @@
-//! Contact and constraint impulses: cones, the problem, the solvers, and the residual that certifies their solution.
+//! Contact and constraint impulses: friction cones, the constraint problem, its solvers, and the residual, which gives the error of a
+//! solution.
 //!
 //! This crate has no bodies, no shapes and no Python. Its input is rows `y_i` in a space whose metric is the identity (`y = D^-1/2 L^-T
 //! J^T` for a mass matrix `M = L^T D L`). The Delassus matrix is then `G = Y^T Y`. The solvers find impulses `lambda` such that
@@ -11,8 +12,9 @@
 //! contacts:      K contains lambda, K* contains u, lambda . u = 0   with u = v + (mu |v_t|, 0, 0)
 //! ```
 //!
-//! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). A sweep is one Gauss-Seidel
-//! iteration over all rows. The Delassus matrix is never formed: a sweep costs time in proportion to the entries of the rows.
+//! K is the friction cone and K* its dual cone. The condition for contacts is the exact Coulomb law with Signorini's condition in De Saxce
+//! and Feng's form (1998). A sweep is one Gauss-Seidel iteration over all rows. The Delassus matrix is never formed: a sweep costs time in
+//! proportion to the entries of the rows.
 //!
 //! No solve changes the [`Problem`]. Each row has a target for the velocity solve and one for the position solve.
 //! A solve reads a [`System`], that of the problem or that of [`PositionRows`].

@@ -44,9 +44,9 @@ use stepper_real::{Mask, Real, Scalar};
 
 /// Smallest limit of Newton steps per pass at which steps of the exact friction law are made, in small islands and in a last pass.
 ///
-/// Half of the problems that need such steps take up to 75 of them, which is within [`EXACT_RATIO`] times this limit. Such steps under a
-/// smaller limit would reduce the residual, but contacts that have not converged move. With five steps per pass, a pinched cube slips
-/// (scene 31 of docs/benchmarks/atlas.md).
+/// Half of the problems that need such steps take up to 75 of them, which is within [`EXACT_RATIO`] times this limit. Under a smaller limit
+/// such steps reduce the residual but do not converge, and contacts that should stick then move. With five steps per pass, a pinched cube
+/// slips (scene 31 of docs/benchmarks/atlas.md).
 pub(crate) const MIN_STEPS_FOR_EXACT: u32 = 13;
 
 /// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
@@ -100,8 +100,8 @@ impl Newton {
     /// with [`Terms::LeastNorm`].
     ///
     /// `residual` has the residual of each lane, m/s, and gets the new one. `step_counts` has numbers of Newton steps, which increase by
-    /// the steps of this call. A residual that increases remains within the tolerance. If many impulses are possible, the solver finds
-    /// those near the start, or those of least norm for [`Terms::LeastNorm`].
+    /// the steps of this call. A residual may increase, but then remains within the tolerance. If many impulses are possible, the solver
+    /// finds those near the start, or those of least norm for [`Terms::LeastNorm`].
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,

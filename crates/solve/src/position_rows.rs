@@ -1,11 +1,11 @@
 //! Rows of the position solve: copies of the rows of a problem with damped targets, so that corrections are moderate.
 //!
-//! Position targets (gaps to close, overlaps to remove) may contradict each other, or only an absurdly large motion may meet them. Examples
-//! are a contact normal that passes a hinge at a distance of a micrometre, and a stretched chain. A compliance R on the diagonal of G makes
-//! the solution that of damped least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986). A row of
-//! mobility G then meets the fraction `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. If targets contradict
-//! each other, the remaining error is least in the mean square. The compliance acts on the difference from the reference impulses, so that
-//! loads that already act cause no error.
+//! Position targets (gaps to close, overlaps to remove) may contradict each other, or may need an extremely large motion. Examples are a
+//! contact normal that passes a hinge at a distance of a micrometre, and a stretched chain. A compliance R on the diagonal of G makes the
+//! solution that of damped least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986). A row of mobility G
+//! then meets the fraction `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. If targets contradict each other,
+//! the remaining error is least in the mean square. The compliance acts on the difference from the reference impulses, so that loads that
+//! already act cause no error.
 //!
 //! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the current motion. The proof is
 //! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, summed over the coordinates d. Then no change of the velocities within
@@ -66,15 +66,15 @@ impl<R: Real> PositionRows<R> {
         *active = active.and_not(lanes);
     }
 
-    /// Offset of the normal row of contact `i` in the position solve, m/s. The index `i` counts the contacts with three rows first, then
-    /// those with six rows (rolling friction).
+    /// Offset of the normal row of contact `i` in the position solve before [`PositionRows::exchange_offsets`], m/s. The index `i` counts
+    /// the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
     pub fn normal_offset(&self, i: usize) -> R {
         at_contact!(i of self.contacts.items.len(), [own: &self] => own.items[i].position_g[0])
     }
 
-    /// Replaces the offset of the normal row of contact `i` in the position solve, m/s, by the result of `offset_of` for it, in the lanes
-    /// `lanes`.
+    /// Replaces the offset of the normal row of contact `i` in the position solve before [`PositionRows::exchange_offsets`], m/s, in the
+    /// lanes `lanes`. The function `offset_of` gets the offset and returns the new one.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
@@ -95,7 +95,7 @@ impl<R: Real> PositionRows<R> {
     ///
     /// The correction of a row is the difference between its position target and its velocity target. Rows without correction remain hard.
     /// The compliance of a scalar row with a correction is the damping ratio times the row's mobility. For a contact the ratio grows with
-    /// the correction, and a minimum mobility (`floors`, 1/kg, one for each constraint) is added to the mobility.
+    /// the correction, and its number in `floors`, 1/kg, is added to the mobility. The list `floors` has one number for each constraint.
     #[inline(always)]
     pub fn damp(
         &mut self,
@@ -136,7 +136,8 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Largest target velocity, without position correction, of rows and contacts that no impulse can move, m/s or rad/s.
+    /// Largest target velocity of rows and contacts that no impulse can move, without the part that corrects a position error, m/s or
+    /// rad/s.
     ///
     /// No impulse can change this part of the residual. The function must be called on the system of a problem, and not on that of its
     /// position rows.

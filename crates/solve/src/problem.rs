@@ -7,8 +7,8 @@ use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Constraint problem of one step, for every lane: one set of constraints per kind (see `by_kind`). Each row has an offset
-    /// for the velocity solve and one for the position solve. A solve does not change the problem.
+    /// Constraint problem of one step, for every lane: one set of constraints for each kind (scalar rows, contacts, contacts with rolling
+    /// friction). Each row has an offset for the velocity solve and one for the position solve. A solve does not change the problem.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
         /// Number of coordinates of the scaled velocity change w, one per degree of freedom. In these coordinates the kinetic energy is
@@ -19,15 +19,14 @@ by_kind! {
         ///
         /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example.
         pub newly_loaded: R::Mask,
-        /// Mobility of a contact along its normal below which the contact is immovable, 1/kg. A contact gets the value of the time at
-        /// which it is appended.
+        /// Mobility of a contact along its normal below which the contact is immovable, 1/kg. A new value applies to the contacts that are
+        /// appended after it.
         pub least_mobility: R,
     } each ConstraintSet[R]
 }
 
 by_kind! {
-    /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve (see
-    /// `by_kind`).
+    /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve.
     ///
     /// The system of a `&Problem` has the offsets of the velocity solve, that of [`PositionRows`](crate::PositionRows) those of the
     /// position solve.
@@ -92,8 +91,8 @@ impl<R: Real> Problem<R> {
 
     /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `columns`, ascending.
     ///
-    /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
-    /// its bias (minus the target velocity).
+    /// The contact exists in the lanes `active`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
+    /// velocity before any impulse, plus its bias (minus the target velocity).
     #[inline(always)]
     pub fn push_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
         self.contacts.push(columns, y, active, mu, g, self.least_mobility);
@@ -102,16 +101,17 @@ impl<R: Real> Problem<R> {
     /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
     /// `columns`, ascending.
     ///
-    /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
-    /// its bias (minus the target velocity). The rows must be scaled so that all of them have the friction coefficient `mu`.
+    /// The contact exists in the lanes `active`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
+    /// velocity before any impulse, plus its bias (minus the target velocity). The rows must be scaled so that all of them have the
+    /// friction coefficient `mu`.
     #[inline(always)]
     pub fn push_rolling_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
         self.rolling_contacts.push(columns, y, active, mu, g, self.least_mobility);
     }
 
-    /// Changes the offsets g of all rows, for velocities and positions, in the lanes `lanes`, after a change of the free velocity.
-    /// `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the
-    /// row's velocity due to this change.
+    /// Changes the offsets of all rows in the lanes `lanes`, after a change of the free velocity. The offsets of the velocity solve and of
+    /// the position solve change. `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change).
+    /// Each offset increases by the row's velocity due to this change.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -121,12 +121,12 @@ impl<R: Real> Problem<R> {
         });
     }
 
-    /// Changes the offsets g of contact `i`, for velocities, in the lanes `lanes`, after a change of the free velocity. `change` is the
-    /// change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity
-    /// due to this change.
+    /// Changes the offsets g of contact `i` in the velocity solve, in the lanes `lanes` after a change of the free velocity. `change` is
+    /// the change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's
+    /// velocity due to this change.
     ///
-    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). The increase is multiplied by
-    /// the first of `weights` for the normal row, by the second for the other rows.
+    /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). The function multiplies the
+    /// increase by `weights`: by the first number for the normal row, by the second for the other rows.
     #[inline(always)]
     pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         at_contact!(i of self.contacts.len(), [set: &mut self] => {

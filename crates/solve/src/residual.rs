@@ -1,4 +1,4 @@
-//! Certificate of a solve: the error of the impulses as a velocity, m/s.
+//! Residual of a solve: the error of the impulses, expressed as a velocity, m/s.
 
 use crate::constraints::constraint_set::number_of;
 use crate::constraints::each_kind;

@@ -82,7 +82,7 @@ pub trait Impulse<R: Real>: Copy + Debug {
     /// Impulse of the normal row, or of the only row.
     fn normal(self) -> R;
 
-    /// Scalar product: the sum over the rows.
+    /// Scalar product of two impulses: the sum of the products over the rows.
     fn dot(self, other: Self) -> R;
 
     /// Numbers of the rows in the lane `lane`.
@@ -193,7 +193,7 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Rows of a constraint of the same kind in half of the lanes.
     type Half: Row<R::Half>;
 
-    /// Number of Jacobian entries for which `capacity` has memory, for `constraints` constraints of this kind.
+    /// Largest number of Jacobian entries of `constraints` constraints of this kind, from the numbers in `capacity`.
     fn num_entries(constraints: usize, capacity: &Capacity) -> usize;
 
     /// Placeholder for a constraint that exists in no lane. All fields are overwritten before use.
@@ -208,7 +208,8 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Lanes in which no impulse can move the constraint, along its normal if it is a contact.
     fn immovable(&self) -> R::Mask;
 
-    /// Offsets of the rows in the velocity solve and in the position solve, m/s or rad/s.
+    /// Offset g of each row in the velocity solve, and stored offset for the position solve, m/s or rad/s. The stored offset of a contact's
+    /// tangential row is the difference between the offsets of both solves.
     fn offsets(&self) -> [Self::Impulse; 2];
 
     /// Exchanges the two offsets of each row: the offset g, with which the row is solved, and the stored offset of the other solve.
@@ -218,10 +219,11 @@ pub trait Row<R: Real>: Copy + Debug {
     /// iterations read. The compliances of contacts are among them if `compliant`.
     fn gather(&self, map: &LaneMap, compliant: bool, out: &mut Self::Half);
 
-    /// Constraint of the lane `lane` for Newton's method.
+    /// Admissible impulses and compliances of the constraint in the lane `lane`, for Newton's method.
     fn lane_constraint(&self, lane: usize) -> LaneConstraint;
 
-    /// Constraint of the lane `lane` as a file stores it, without the data that all kinds have.
+    /// Constraint of the lane `lane` as a file stores it. The caller adds the fields that are the same for all kinds, such as the entries
+    /// and offsets.
     fn save(&self, lane: usize) -> SavedConstraint;
 
     /// Velocity y . w + g of each row at the scaled velocity change `w`, m/s or rad/s. The rows have the entries `y` at the coordinates
@@ -235,7 +237,8 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Compliance that all rows of the constraint have, 1/kg, without the additional compliance of a contact's normal.
     fn uniform_compliance(&self) -> R;
 
-    /// Residual |lambda - P_K(lambda - rho v)| / rho of the natural map, m/s. `has_eliminated` is whether the set has eliminated rows.
+    /// Residual |lambda - P_K(lambda - rho u)| / rho of the natural map, m/s. The velocity u is `v`, for a contact with De Saxce's term mu
+    /// |v_t| in the normal row. `has_eliminated` is whether the set has eliminated rows.
     fn residual(&self, v: Self::Impulse, lambda: Self::Impulse, has_eliminated: bool) -> R;
 
     /// Magnitude of the normal impulse, N s.
@@ -253,17 +256,20 @@ pub trait Row<R: Real>: Copy + Debug {
     fn undamped_offset(&self) -> R;
 
     /// Adds a compliance that damps the position targets of the rows. It acts on the difference from the impulse `lambda`: this impulse
-    /// itself causes no additional velocity. `floor`, 1/kg, is added to the mobility of a contact; scalar rows ignore it.
+    /// itself causes no additional velocity. For a contact, `floor`, 1/kg, is added to the mobility that scales the compliance. Scalar rows
+    /// ignore `floor`.
     fn damp(&mut self, lambda: Self::Impulse, damping: Damping<R>, floor: R);
 
     /// Velocity by which damping prevents the normal row from meeting its target, m/s or rad/s. `change` is the change of the row's
     /// impulse since the reference solution, and zero for an eliminated row.
     fn shortfall(&self, change: R) -> R;
 
-    /// Target of a row that no impulse can move, m/s or rad/s.
+    /// Target velocity that the normal row misses in lanes in which no impulse can move it, m/s or rad/s. The caller ignores the other
+    /// lanes.
     fn immovable_target(&self) -> R;
 
-    /// Target velocity of a row that no impulse can move, without the part that corrects a position error, m/s or rad/s.
+    /// Target velocity that the normal row misses in lanes in which no impulse can move it, without the part that corrects a position
+    /// error, m/s or rad/s. The caller ignores the other lanes.
     fn unmet_velocity(&self) -> R;
 
     /// Impulse of the normal row in a proof of infeasibility, N s or N m s: the change from `before`, the impulse of the reference
@@ -340,13 +346,14 @@ pub struct SavedConstraint {
     pub(crate) y: Vec<f64>,
     /// Offset g of each row in the velocity solve, m/s or rad/s.
     pub(crate) g: Vec<f64>,
-    /// Offset of each row in the position solve, m/s or rad/s.
+    /// Stored offset of each row for the position solve, m/s or rad/s. For a contact's tangential row it is the difference from the offset
+    /// in the velocity solve.
     pub(crate) position_g: Vec<f64>,
     /// Initial impulse of each row, N s or N m s.
     pub(crate) impulse: Vec<f64>,
     /// Least and largest impulse of a scalar row. For a contact, both numbers are its friction coefficient.
     pub(crate) set: [f64; 2],
-    /// Compliance of the normal row of a contact, or of a scalar row, at least 0.
+    /// Compliance of the normal row of a contact, or of a scalar row, 1/kg, at least 0.
     pub(crate) compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
     /// Delassus matrix.
@@ -474,7 +481,7 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         span
     }
 
-    /// Removes the constraint `first` and all constraints after it.
+    /// Removes the constraint with the index `first` and all constraints after it.
     pub fn truncate(&mut self, first: usize) {
         if let Some(row) = self.rows.items.get(first) {
             let Span { first_column, y, .. } = row.span();
@@ -620,9 +627,9 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         sum
     }
 
-    /// Changes the offsets g of all rows, for velocities and positions, in the lanes `lanes`, after a change of the free velocity.
-    /// `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the
-    /// row's velocity due to this change.
+    /// Changes the offsets of all rows in the lanes `lanes`, after a change of the free velocity. The offsets of the velocity solve and of
+    /// the position solve change. `change` is the change of the free velocity, in the scaled coordinates of w (scaled velocity change).
+    /// Each offset increases by the row's velocity due to this change.
     #[inline(always)]
     pub(crate) fn shift(&self, rows: &mut Rows<T>, change: &[R], lanes: R::Mask) {
         for row in &mut rows.items {
@@ -634,8 +641,8 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     /// [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the difference from `impulses`. These impulses therefore
     /// cause no additional velocity.
     ///
-    /// `floors` has a minimum mobility per constraint, 1/kg. The function appends the normal impulse of each constraint to
-    /// `reference_lambda`, and the undamped offset of each normal row to `reference_g`.
+    /// `floors` has a number for each constraint, 1/kg, which is added to the mobility of a contact. The function appends the normal
+    /// impulse of each constraint to `reference_lambda`, and the undamped offset of each normal row to `reference_g`.
     #[inline(always)]
     pub(crate) fn damp(
         &self,
@@ -656,8 +663,8 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         rows.compliant = true;
     }
 
-    /// Larger of `most` and the largest velocity by which damping prevents a normal row from meeting its target, m/s or rad/s. `before` are
-    /// the impulses of the reference solution, at which damping causes no velocity.
+    /// Larger of `most` and the largest velocity by which damping prevents a normal row from meeting its target, m/s or rad/s. `before` has
+    /// the normal impulses of the reference solution, at which damping causes no velocity.
     #[inline(always)]
     pub(crate) fn shortfall(&self, rows: &Rows<T>, impulses: &[T::Impulse], before: &[R], mut most: R) -> R {
         for (k, ((row, now), &before)) in rows.items.iter().zip(impulses).zip(before).enumerate() {

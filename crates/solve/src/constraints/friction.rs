@@ -1,6 +1,6 @@
 //! Contacts with Coulomb friction, of any number of rows: the normal row first, then the tangential ones.
 //!
-//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves a single contact, with its block of the
+//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves one contact, with the contact's block of the
 //! Delassus matrix G.
 
 use std::fmt::Debug;
@@ -14,8 +14,8 @@ use crate::constraints::constraint_set::{
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-/// Solver of the friction problem of a single contact. The impulses of all other constraints stay constant. The admissible impulses are
-/// the circular cone of Coulomb's law.
+/// Solver of one contact with friction, while the impulses of all other constraints stay constant. The admissible impulses are the circular
+/// cone of Coulomb's law.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Solver of the same kind in half of the lanes.
     type Half: LocalSolver<R::Half, N>;
@@ -85,9 +85,9 @@ impl<R: Real> NaturalStep<R> {
 /// Contact with friction in `N` rows: the normal row and the tangential rows. `L` solves the friction problem of the contact alone.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
-    /// Place of the contact's coordinates and Jacobian entries.
+    /// Place of the contact's coordinates and Jacobian entries in the lists of its set.
     span: Span,
-    /// Lanes in which the contact exists.
+    /// Lanes in which the solver reads the contact: it exists there, is movable along its normal, and is not deferred.
     pub active: R::Mask,
     /// Lanes in which no impulse can move the contact along its normal. The contact has no rows in these lanes, and its impulse does not
     /// change.
@@ -146,8 +146,9 @@ pub type FrictionContacts<R, const N: usize, L> = ConstraintSet<R, FrictionConta
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Appends a contact whose rows have the entries `y` at the coordinates `columns`, ascending.
     ///
-    /// `active` are its lanes and `mu` its friction coefficient. `g` has the offset of each row, m/s: its velocity before any impulse, plus
-    /// its bias (minus the target velocity). A contact whose normal mobility is below `least`, 1/kg, is immovable.
+    /// The contact exists in the lanes `active`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
+    /// velocity before any impulse, plus its bias (minus the target velocity). A contact whose normal mobility is below `least`, 1/kg, is
+    /// immovable.
     #[inline(always)]
     pub(crate) fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
         let mut gram = [[R::zero(); N]; N];
@@ -198,7 +199,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Sets the mobility ratio of the last contact of the list: its mobility trace(G_ii) before the elimination of equality rows, divided
-    /// by that after it. The scale of the residual uses the mobility before the elimination.
+    /// by that after it. The step of the residual uses the mobility before the elimination.
     #[inline(always)]
     pub fn set_mobility_ratio(&mut self, ratio: R) {
         if let Some(contact) = self.rows.items.last_mut() {
@@ -317,7 +318,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Changes the offsets g of a contact in the lanes `lanes`, after a change of the free velocity. `change` is the change of the free
     /// velocity, in the scaled coordinates of w (scaled velocity change). Each offset increases by the row's velocity due to this change.
     ///
-    /// That increase is multiplied by the first of `weights` for the normal row, by the second for the other rows.
+    /// The function multiplies the increase by `weights`: by the first number for the normal row, by the second for the other rows.
     #[inline(always)]
     pub(crate) fn shift_contact(&self, contact: &mut FrictionContact<R, N, L>, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         let moved = self.velocity(contact, change);
@@ -602,9 +603,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
 /// Least tangential mobility of a contact whose block of the Delassus matrix has the trace `trace`, 1/kg.
 ///
 /// A direction in which the contact cannot move (in a planar mechanism) has zero mobility. The floor, a fraction of the trace, gives it
-/// zero impulse instead of 0/0. The floor is far below most physical mobilities, and far above the rounding of the entries. It bounds the
-/// step of an iteration and does not change the solution: directions with less mobility than the floor take more sweeps. For a cylinder
-/// that brakes in line with both of its axes, a floor of 2e-11 of the trace gave impulses of 1e8 N s, which were rounding error.
+/// zero impulse instead of 0/0. The floor is far below most physical mobilities, and far above the rounding of the entries. The floor
+/// bounds the change of the impulse in a sweep, and does not change the solution. Directions with less mobility than the floor take more
+/// sweeps. For a cylinder that brakes in line with both of its axes, a floor of 2e-11 of the trace gave impulses of 1e8 N s, which were
+/// rounding error.
 ///
 /// Measured in 32 bits on 64 quadrupeds that step on flat ground: a floor of 1.2e-2 of the trace takes 8.7 sweeps per step. A foot moves a
 /// hundred times more easily across its leg than along it. A floor of 1.2e-4 takes 2.6 sweeps, and 64 bits with 1e-8 take 3.1.
@@ -617,8 +619,8 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
 /// would leave the interval that contains the solution. One to three iterations are usual; bisections from a poor start take more.
 const MAX_NEWTON: usize = 24;
 
-/// Relative accuracy at which the Newton search for a sliding impulse takes its last step. The measure is the distance of the impulse from
-/// the surface of its friction cone, divided by the impulse.
+/// Relative error below which the Newton search for a sliding impulse makes its last step. The error is the distance of the tangential
+/// impulse from the edge of the friction disc, divided by the tangential impulse.
 ///
 /// A Newton step squares this distance. An accuracy of about the square root of the rounding error is therefore enough before the last
 /// step.
@@ -631,8 +633,8 @@ fn near<R: Real>() -> R {
 /// impulse.
 ///
 /// Newton's method solves mu n / |x| = 1 in the lanes `todo`, inside a bracket and from `guess`. Where the bracket has no upper end, it
-/// grows by `widening`. Once the relative error is below [`near`], the method makes one more step and does not test the error again.
-/// `sliding` returns |x|^2, n, and the derivative of mu n / |x| with respect to s, times |x|^3 / mu.
+/// grows by `widening`. Once the relative error is below [`near`], the method makes one more step and does not test the error again. The
+/// function `sliding` of s returns |x|^2, n, and the derivative of mu n / |x| with respect to s, times |x|^3 / mu.
 #[inline(always)]
 pub(super) fn slip_multiplier<R: Real>(mu: R, guess: R, widening: R, mut todo: R::Mask, sliding: impl Fn(R) -> [R; 3]) -> R {
     let near = near::<R>();

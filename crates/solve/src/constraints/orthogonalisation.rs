@@ -19,8 +19,8 @@ use crate::cone::masked;
 use crate::constraints::scalar::{ScalarRow, ScalarRows};
 use stepper_real::{Mask, Real, Scalar, kernel};
 
-/// Ratio of the squared length of a row after projection to that before it, above which the row is independent of the others. For smaller
-/// ratios the sizes of the entries decide.
+/// Ratio of squared lengths above which a row is independent of the others. It is the squared length without the projections on the other
+/// rows, divided by that before cancellation. For smaller ratios the sizes of the entries decide.
 pub fn dependence_threshold<R: Real>() -> f64 {
     let root = <R::Scalar as Scalar>::EPSILON.to_f64().sqrt();
     root * root.sqrt()
@@ -66,14 +66,14 @@ pub struct EntryScales<'a, R> {
 }
 
 impl<R: Real> ScalarRows<R> {
-    /// Makes the Jacobians of the scalar rows with the indices `rows` orthogonal to each other. `right_hand_sides` are further right-hand
-    /// sides of these rows, which are combined in the same way as the target g.
+    /// Makes the Jacobians of the scalar rows with the indices `rows` orthogonal to each other. `right_hand_sides` has `N` further
+    /// right-hand sides of each of these rows, which are combined in the same way as the offset g.
     ///
     /// The rows must be equalities without compliance and bounds, pushed consecutively with the same columns. Afterwards the impulses and
     /// `scales` refer to the combined rows. A row is removed if two conditions hold:
     ///
     /// - It is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2).
-    /// - None of its entries exceeds 1e-6 (f32: 4e-6) of its scale.
+    /// - None of its entries exceeds 1e-6 (f32: 4e-6) of the entry's scale.
     ///
     /// Such a row is rounding error, or so nearly dependent that its impulse would be meaningless. `adjust` may change the right-hand sides
     /// of a finished row before later rows use them.
@@ -131,8 +131,8 @@ impl<R: Real> ScalarRows<R> {
         true
     }
 
-    /// Projects row `k` a second time, in the lanes `lanes`, in which it is short: subtracts its projections on the rows `others`. Returns
-    /// the lanes in which it is independent of these rows.
+    /// Subtracts the projections of row `k` on the rows `others` a second time, in the lanes `lanes`, in which row `k` is short. Returns
+    /// the lanes in which row `k` is independent of the other rows.
     ///
     /// The rounding error of the coefficients is added to the squared scales of the row's entries.
     #[cold]
@@ -183,7 +183,8 @@ impl<R: Real> ScalarRows<R> {
         sum
     }
 
-    /// Subtracts from row `k` its projection on the earlier row `j`, in `lanes` or in all lanes. Returns the coefficient.
+    /// Subtracts from row `k` its projection on the earlier row `j`, in `lanes` or in all lanes. Returns the multiple of row `j` that was
+    /// subtracted.
     #[inline(always)]
     fn remove_projection(&mut self, k: usize, j: usize, lanes: Option<R::Mask>) -> R {
         let n = self.rows.items[k].span.num_columns;

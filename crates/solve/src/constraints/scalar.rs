@@ -15,7 +15,7 @@ use stepper_real::{Mask, Real};
 /// for a friction force f and a time step h).
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
-    /// Place of the row's coordinates and Jacobian entries.
+    /// Place of the row's coordinates and Jacobian entries in the lists of its set.
     pub(super) span: Span,
     /// Lanes in which the row exists.
     pub active: R::Mask,
@@ -97,8 +97,8 @@ pub type ScalarRows<R> = ConstraintSet<R, ScalarRow<R>>;
 impl<R: Real> ScalarRows<R> {
     /// Appends a row with the entries `y` at the coordinates `columns`, ascending.
     ///
-    /// `sign` (1 or -1 per lane) multiplies the row. The row exists in the lanes `active`. `g` is its velocity before any impulse, plus its
-    /// bias (minus the target velocity), m/s or rad/s. `bounds` are the least and the largest impulse.
+    /// `sign` (1 or -1 per lane) multiplies the entries, but not `g`. The row exists in the lanes `active`. `g` is the velocity of the row
+    /// before any impulse, plus its bias (minus the target velocity), m/s or rad/s. `bounds` are the least and the largest impulse.
     #[inline(always)]
     pub fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
         let mut diagonal = R::zero();
@@ -148,8 +148,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the mobility ratio of the last row of the list. It is the row's diagonal entry of the Delassus matrix before elimination of
-    /// equality rows, divided by that after it. The scale of the residual uses the entry before elimination.
+    /// Sets the mobility ratio of the last row of the list. The ratio is the row's diagonal entry of the Delassus matrix before elimination
+    /// of equality rows, divided by that after it. The step of the residual is the inverse of the entry before elimination.
     #[inline(always)]
     pub fn set_mobility_ratio(&mut self, ratio: R) {
         if let Some(row) = self.rows.items.last_mut() {
@@ -160,7 +160,8 @@ impl<R: Real> ScalarRows<R> {
 
     /// Sets the mobility that scales the damping of the last row of the list, 1/kg.
     ///
-    /// The rows of one equality have the same mobility here, so that a nearly immovable row is damped like the other rows.
+    /// The caller gives the rows of one equality the same mobility, so that a nearly immovable row is damped like the other rows. A row
+    /// with a compliance keeps the mobility 0.
     #[inline(always)]
     pub fn set_mobility(&mut self, mobility: R) {
         if let Some(row) = self.rows.items.last_mut() {

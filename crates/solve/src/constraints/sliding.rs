@@ -20,7 +20,8 @@ pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 /// divided by friction impulse. In the principal axes of A the problem is two independent scalar equations coupled by s.
 #[derive(Clone, Copy, Debug)]
 pub struct SlidingSolver<R: Real> {
-    /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb of the contact's block of the Delassus matrix, compliance included, 1/kg.
+    /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb of the contact's block of the Delassus matrix, compliance included, 1/kg. The indices are
+    /// the normal n and the two tangents a and b.
     gram: [R; 6],
     /// Compliance of the contact's normal row alone, 1/kg. The row's diagonal entry of the Delassus matrix includes it, although it is not
     /// a mobility of the bodies.
@@ -136,8 +137,9 @@ impl<R: Real> SlidingContacts<R> {
     /// Lanes in which the last contact of the list is self-locking: no impulse of the friction cone makes it stick with its velocity
     /// offsets g.
     ///
-    /// If fewer than three degrees of freedom move the contact, some impulse changes no velocity. If the cone contains this impulse, the
-    /// impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot produce then have no solution.
+    /// If fewer than three degrees of freedom move the contact, there is an impulse that changes no velocity. If the friction cone contains
+    /// such an impulse, the impulse can grow without bound, and the contact carries any load. Offsets that the joints cannot produce then
+    /// have no solution.
     pub fn is_self_locking(&self) -> R::Mask {
         kernel!(R, || match self.rows.items.last() {
             Some(contact) => contact.active.and(contact.local.is_self_locking(contact.mu, contact.g)),
@@ -259,7 +261,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
 /// that relates the tangential impulse to the tangential velocity.
 struct Sliding<R: Real> {
     /// Tangential impulse in the principal axes of the tangential matrix A, times det(A + s). Its derivative with respect to the multiplier
-    /// s is -p.
+    /// s is -p, where p is the tangential velocity without any tangential impulse.
     x: [R; 2],
     /// Normal impulse of the contact, times the determinant det(A + s) of the tangential matrix A plus the multiplier s.
     n: R,

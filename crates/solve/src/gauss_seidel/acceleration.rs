@@ -37,8 +37,8 @@ pub(super) fn recompute_w<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R
     }
 }
 
-/// Replaces the unknowns (scaled velocity change w and all impulses) after a sweep by those from which the next sweep starts, in the lanes
-/// `running`. Returns the lanes in which they differ.
+/// Extrapolates the unknowns (scaled velocity change w and all impulses) after a sweep to those from which the next sweep starts, in the
+/// lanes `running`. Returns the lanes that were extrapolated.
 ///
 /// In these lanes w and the impulses are summed separately, so that w is no longer the sum over the impulses to the last bit.
 #[inline(always)]

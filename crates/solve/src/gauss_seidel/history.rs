@@ -18,7 +18,8 @@ use stepper_real::{Mask, Real, Scalar};
 /// | 4 | 6.0, 0.8 | 13.2, 4.3 |
 /// | 6 | 6.0, 0.7 | 12.5, 3.5 |
 ///
-/// There is no gain if the history is discarded only when the change by a sweep is four times that by the previous one.
+/// The solver discards the history when the change by a sweep exceeds that by the previous sweep. A limit of four times the previous change
+/// gives no gain.
 pub(super) const MEMORY: usize = 4;
 
 /// History of the sweeps (Gauss-Seidel iterations) of each lane, for Anderson's acceleration. It begins when the lane last started to run.
@@ -32,7 +33,7 @@ pub(crate) struct History<R: Real> {
     pub(super) length: R,
     /// Unknowns (scaled velocity change w and all impulses) after the previous sweep.
     pub(super) image: Vec<R>,
-    /// Lanes in which the previous sweep was made.
+    /// Lanes that took part in the previous sweep.
     pub(super) swept: R::Mask,
     /// Differences between the changes of w (scaled velocity change) by consecutive sweeps, the newest first.
     pub(super) df: [Vec<R>; MEMORY],
@@ -116,8 +117,8 @@ impl<R: Real> History<R> {
         if self.swept.any() { 1 + self.stored[1..].iter().take_while(|stored| stored.any()).count() } else { 0 }
     }
 
-    /// Stores the change f of w (scaled velocity change) by a sweep whose result is `w`. Returns its squared length, and its dot products
-    /// with the last `N` differences of f between sweeps.
+    /// Stores the change f of w (scaled velocity change) by a sweep whose result is `w`. Returns |f|^2, and the dot products of f and of
+    /// its newest difference with the last `N` differences of f between sweeps.
     #[inline(always)]
     pub(super) fn record_change<const N: usize>(&mut self, w: &[R]) -> SweepChange<R> {
         let Self { start, f, df: [newest, older @ ..], .. } = self;

@@ -1,13 +1,13 @@
-//! Augmented Lagrangian of one island. Its minimum over w (scaled velocity change) is one step of the proximal method, and Newton's method
-//! finds it.
+//! Augmented Lagrangian of one island. One step of the proximal method goes to its minimum over w (scaled velocity change), which Newton's
+//! method finds.
 //!
 //! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), `w - sum_i Y_i^T z_i` is the gradient of a convex function that
 //! is once differentiable. Its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. A compliance R of a row gives `c = 1 / (1 + rho R)` and
 //! multiplies rho by the same factor.
 //!
-//! De Saxce's term s_i = mu |v_t| is constant, or evaluated at the current w (an "implicit" step). The implicit equation is that of the
-//! exact friction law. Its matrix is not symmetric and no function is minimised, but close to the solution Newton's method converges at
-//! once.
+//! De Saxce's term s_i = mu |v_t| is constant, or evaluated at the current w (an "implicit" step). The equation of an implicit step is that
+//! of the exact friction law. Its matrix is not symmetric, and no function is minimised. Close to the solution Newton's method still
+//! converges at once.
 
 use crate::admissible_set::Product;
 use crate::newton::dense::Dense;
@@ -188,7 +188,7 @@ impl AugmentedLagrangian {
     }
 
     /// Step length at which the slope along the search direction is at most a hundredth of the initial one, by regula falsi (Illinois). The
-    /// length is 1 if the full step nearly suffices.
+    /// length is 1 if the slope after the full step is at most a tenth of the initial one.
     #[inline(always)]
     fn search_line(&mut self, rows: &Island) -> f64 {
         let start = inner(&self.gradient, &self.direction);
@@ -232,10 +232,11 @@ impl AugmentedLagrangian {
 
 /// Largest number of coordinates of an island whose matrix is factorised with pivoting if the skyline factorisation fails.
 ///
-/// The skyline accepts pivots of either sign. With pivoting instead, 280 problems of robots, grasps and heaps, and 29 of a wall hit by a
-/// ball, take the same number of steps.
+/// The skyline factorisation accepts pivots of either sign, and fails if a pivot is too small. With pivoting in every step instead, 280
+/// problems of robots, grasps and heaps, and 29 of a wall hit by a ball, take the same number of steps.
 const LARGEST_DENSE: usize = 256;
-/// Smallest length of a step with the exact friction law, as a fraction of Newton's step.
+/// Smallest length of a step with the exact friction law, as a fraction of the full Newton step. The search halves the length until the
+/// error decreases.
 const LEAST_LENGTH: f64 = 0.125;
 /// Largest number of points at which Newton's line search evaluates the slope.
 const MOST_POINTS: usize = 30;

@@ -1,5 +1,5 @@
-//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has negative
-//! pivots.
+//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots that
+//! are too small for the skyline factorisation.
 
 use crate::vectors::TILE;
 

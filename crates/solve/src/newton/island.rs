@@ -36,7 +36,8 @@ pub(super) struct Block {
     /// Step of the constraint's natural map for the residual, kg: like `rho`, but without the additional compliance of the first row.
     natural_step: f64,
     /// Factor G / (G + R) for the residual of the constraint's first row, with the diagonal entry G of the Delassus matrix and the
-    /// additional compliance R of a spring. A velocity error of the row alone then remains.
+    /// additional compliance R of a spring. The factor removes the part of the residual that is due to the spring, so that the error of the
+    /// velocity remains.
     rigid_fraction: f64,
 }
 

@@ -13,8 +13,8 @@ use stepper_real::{Real, Scalar};
 /// Rows of one constraint of a lane.
 #[derive(Clone, Debug)]
 pub(super) struct LaneBlock {
-    /// Admissible impulses and compliances. If the additional compliance is not 0, the constraint has an extra coordinate, whose entry is
-    /// the root of this compliance.
+    /// Admissible impulses and compliances. If the normal row has an additional compliance, the constraint has an extra coordinate. The
+    /// normal row's entry there is the square root of this compliance.
     pub(super) constraint: LaneConstraint,
     /// Index of the constraint's kind: 0 for scalar rows, 1 for contacts with three rows, 2 for contacts with six rows.
     pub(super) kind: usize,
@@ -89,7 +89,7 @@ impl Lane {
         &self.columns[block.columns.clone()]
     }
 
-    /// Rows of a constraint that have an effect, as bits: those with a nonzero entry, target or impulse, and always the first row.
+    /// Rows of a constraint that have an effect, as bits: those with a nonzero entry, offset g or impulse, and always the first row.
     pub(super) fn used_rows(&self, block: &LaneBlock) -> u32 {
         let (_, entries) = self.entries(block);
         let dim = block.rows.len();

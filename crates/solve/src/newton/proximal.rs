@@ -22,12 +22,13 @@ use stepper_real::Real;
 /// later kappa of 1e4 or 1e6 takes as many, 1e7 twice as many.
 const KAPPA: [f64; 2] = [1e3, 1e5];
 /// Largest kappa: the ratio of the proximal step length to the step of the natural map, the function that is zero at the solution. The
-/// search reaches it if proximal steps are too short: mass ratios beyond 1e5, nearly dependent rows.
+/// search reaches this value if shorter proximal steps make too little progress: with mass ratios beyond 1e5, or with nearly dependent
+/// rows.
 ///
 /// Newton's matrix is the identity plus kappa times another matrix. At this kappa the identity is still above the rounding error.
 const MOST_KAPPA: f64 = 1e12;
-/// Smallest kappa, for any tolerance. Kappa is the ratio of the proximal step length to the step of the natural map, the function that is
-/// zero at the solution.
+/// Smallest kappa: the ratio of the proximal step length to the step of the natural map, the function that is zero at the solution. The
+/// search ends if Newton's matrix still has no factors when kappa would fall below this value.
 const LEAST_KAPPA: f64 = 1e2;
 
 /// First kappa of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones. Kappa is the ratio of the
@@ -248,8 +249,8 @@ impl ProximalPoint {
         self.best.save(rows, self.residual);
     }
 
-    /// Makes a proximal step with the exact friction law, to an error of at most a tenth of the current residual. Returns its number of
-    /// Newton steps, and whether it changed any impulse.
+    /// Makes a proximal step with the exact friction law. Its error is at most a tenth of the current residual, or of the tolerance if that
+    /// is larger. Returns its number of Newton steps, and whether it changed any impulse.
     ///
     /// Returns `None`, and changes nothing, if Newton's method does not converge. `most_steps` limits the Newton steps of the whole search.
     fn step_exactly<R: Real>(&mut self, rows: &mut Island, search: Search<f64>, most_steps: u32) -> Option<(u32, bool)> {
@@ -293,10 +294,10 @@ impl ProximalPoint {
         off
     }
 
-    /// Solves the convex problem of one proximal step with constant De Saxce's terms mu |v_t| by Newton's method. The solution is inexact
-    /// while these terms have large errors.
+    /// Solves the convex problem of one proximal step with constant De Saxce's terms mu |v_t| by Newton's method. The error of the
+    /// solution, m/s, is at most a hundredth of the current residual and at most 1e-5, or a tenth of the tolerance if that is larger.
     ///
-    /// Returns false if the matrix has no factors, or if numbers have diverged.
+    /// Stops earlier at the largest number of Newton steps. Returns false if the matrix has no factors, or if the error is not finite.
     fn minimise<R: Real>(&mut self, rows: &mut Island, search: Search<f64>) -> bool {
         let enough = 0.1 * search.tolerance.max(0.1 * self.residual.min(1e-3));
         let mut error = self.lagrangian.evaluate(rows, false);

@@ -26,11 +26,12 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 /// pivots.
 const DEPENDENT: f64 = 1e-10;
 
-/// Ratio of the motion by a set of impulses to that by an equally large impulse in a single row, below which the set causes no motion.
+/// Ratio of two motions below which a set of impulses counts as causing no motion. It is the motion by the set, divided by that of an
+/// equally large impulse in one row.
 const NO_MOTION: f64 = 1e-7;
 
-/// Ratio of a row's compliances in two problems below which the row is damped in one of them only. Without damping the compliance is 0;
-/// damping is at least a thousandth of the mobility.
+/// Ratio of the smaller to the larger compliance of a row in two problems, below which the row is damped in only one of the problems.
+/// Without damping the compliance is 0; damping is at least a thousandth of the mobility.
 const SAME_COMPLIANCE: f64 = 0.5;
 
 /// Largest number of rows of one constraint.
@@ -63,8 +64,8 @@ pub struct SwitchDistance {
     pub lane: usize,
     /// Next mode change of the constraint, which a continued change of the problem would cause.
     pub switch: Switch,
-    /// Distance to the mode change as a multiple of the change of the problem. It is at most 1 if the mode has changed, and infinite if the
-    /// change leads away from it.
+    /// Distance to the mode change as a multiple of the change of the problem. It is at most 1 if the mode has changed. Constraints that
+    /// the change moves away from a mode change are not reported.
     pub distance: f64,
 }
 
@@ -103,9 +104,11 @@ struct LaneResponse {
     active: Vec<usize>,
     /// Derivative of the active rows' impulses with respect to their velocities, kg: row by row, each padded to a multiple of four.
     matrix: Vec<f64>,
-    /// Sets of impulses of the active rows that change no velocity, one set after the other. The rows do not determine such impulses.
+    /// Sets of impulses that change no velocity, one set after the other, with a number for each active row. The equations do not determine
+    /// such impulses.
     undetermined: Vec<f64>,
-    /// Index of the first row of each stored constraint in the current problem; `None` if the current problem does not have the constraint.
+    /// For each stored constraint, index of its first row in the current problem; `None` if the current problem does not have the
+    /// constraint.
     found: Vec<Option<usize>>,
     /// Changes of the velocities of the active rows, m/s.
     change: Vec<f64>,
@@ -125,7 +128,7 @@ struct Block {
     kind: usize,
     /// Index of the constraint among the constraints of its kind.
     source: usize,
-    /// Number that identifies the constraint in other problems.
+    /// Number that identifies the constraint, the same in similar problems.
     name: u64,
     /// Index of the constraint's first row in the lists of the lane.
     first: usize,
@@ -196,8 +199,8 @@ impl<R: Real> Response<R> {
     /// The rows do not determine the motion if, for example, contacts share loads while they slip about a point. `name` returns a number
     /// that identifies a constraint in other problems. The arguments of `name` are the kind, the index and the lane.
     ///
-    /// For a position solve, `before` is the response of the velocity solve, at whose impulses damping causes no velocity. Loads that the
-    /// velocity solve leaves undetermined must cause no motion in the position solve either.
+    /// For a position solve, `before` is the response of the velocity solve, at whose impulses damping causes no velocity. The function
+    /// also leaves out lanes in which loads that the velocity solve does not determine cause motion in the position solve.
     pub fn settle<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -231,10 +234,10 @@ impl<R: Real> Response<R> {
     /// Replaces the impulses in the lanes `lanes` (bits) by a first-order solution. The problem must be close to that of the last
     /// [`Response::settle`].
     ///
-    /// Returns the lanes (bits) in which a constraint that pushed in the stored problem does not exist in this one. `name` returns the
-    /// number that identifies a constraint in both problems. The arguments of `name` are the kind, the index and the lane. For a position
-    /// solve, `before` is the response of the velocity solve, for which the caller called this function first. The rows that were damped
-    /// in the stored problem are damped here.
+    /// Returns the lanes (bits) in which a constraint that pushed in the stored problem does not exist in this one. If the number of
+    /// eliminated rows differs, these are all lanes. `name` returns the number that identifies a constraint in both problems. The arguments
+    /// of `name` are the kind, the index and the lane. For a position solve, `before` is the response of the velocity solve, for which the
+    /// caller called this function first. The function damps the rows that were damped in the stored problem, and no others.
     pub fn respond<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -636,8 +639,9 @@ impl Linear {
         n
     }
 
-    /// Computes the derivative of the impulses by back substitution, into `out`. The first `rank` of the `n` triangular equations are
-    /// solved for the first unknowns; the other unknowns are 0. Rows of the matrices are `stride` numbers apart.
+    /// Computes the derivative of the impulses by back substitution, into `out`. It solves the first `rank` of the `n` triangular equations
+    /// for the first `rank` unknowns in the order of elimination. The other unknowns are 0. Rows of the matrices are `stride` numbers
+    /// apart.
     ///
     /// If rows depend on each other while none of them slips, all solutions cause the same motion.
     fn substitute(&self, n: usize, stride: usize, rank: usize, out: &mut Vec<f64>) {

@@ -13,7 +13,7 @@ type Tile = [f64; TILE];
 /// Matrix in skyline storage, replaced by its factors.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Skyline {
-    /// First column of each tile of rows, a multiple of four.
+    /// First column at which each tile of four rows has entries, a multiple of four.
     first: Vec<usize>,
     /// Index in `lower` and `upper` at which each tile of rows begins.
     start: Vec<usize>,

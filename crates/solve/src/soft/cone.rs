@@ -86,7 +86,8 @@ impl Cone {
         force
     }
 
-    /// For each friction row of a pyramid, sum of the forces of its two edges at the relative acceleration `u`, N.
+    /// For each friction row of a pyramid, sum of the forces of the row's two edges at the relative acceleration `u`, N. The first number
+    /// is 0.
     #[inline(always)]
     pub(super) fn edges<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
         let mut sum = [R::zero(); N];

@@ -27,8 +27,8 @@ pub(super) struct Hessian<R: Real> {
     /// Columns left of the diagonal that are in the pattern of each row, as ascending ranges. Rows of a tree have few ranges, and loops
     /// over a range need no index for each entry.
     runs: Vec<Vec<Range<usize>>>,
-    /// Whether the columns of each row are those of the previous row, and the index of the previous row. The joints of a body or of a limb
-    /// have such rows.
+    /// For each row, whether its columns left of the diagonal are those of the previous row plus the index of the previous row. The joints
+    /// of a body or of a limb have such rows.
     follows: Vec<bool>,
     /// Number of multiplications of a factorisation with the current pattern and of a solution with the factors, together.
     pub(super) work: usize,
@@ -36,7 +36,8 @@ pub(super) struct Hessian<R: Real> {
     ordered: Vec<R>,
 }
 
-/// Largest number of matrix rows that are eliminated together. Entries of the rows above are then read and written once for all of them.
+/// Largest number of matrix rows that are eliminated together. The entries of the remaining rows are then read and written once for all
+/// eliminated rows.
 const BLOCK: usize = 3;
 
 impl<R: Real> Hessian<R> {
@@ -98,7 +99,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Computes the Hessian at the relative accelerations `argument` of all rows.
+    /// Computes the Hessian M + J^T D J at the relative accelerations `argument` of all rows.
     #[inline(always)]
     pub(super) fn assemble(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
         self.copy_metric(metric);
@@ -219,8 +220,8 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Eliminates `W` rows of the matrix, from row `first` on. The columns of each must be those of the previous row, and the index of the
-    /// previous row.
+    /// Eliminates `W` rows of the matrix, from row `first` on. The columns of each row after the first must be those of the previous row
+    /// plus the index of the previous row.
     ///
     /// Subtractions start with the last row, so that the bits are those of an elimination row by row.
     #[inline(always)]

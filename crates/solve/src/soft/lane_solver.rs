@@ -1,4 +1,4 @@
-//! Solver of soft problems that solves single lanes one after the other, in plain numbers.
+//! Solver of soft problems that solves one lane after the other, in scalar numbers.
 //!
 //! The problem of all lanes has every row that exists in any lane, and its Hessian has the entries of all of them. In heaps, different
 //! bodies touch in every environment, and all lanes together have many times the rows of one lane. Solving each lane alone is then faster.
@@ -12,23 +12,24 @@ use crate::soft::cone::Cone;
 use crate::soft::newton::{Effort, SoftOutcome, SoftSolver};
 use crate::soft::problem::{Metric, SoftProblem};
 
-/// Number of multiplications for one lane that take the time of one multiplication with a whole register. It exceeds 1, because the
-/// compiler vectorises over the entries of a row.
+/// Number of scalar multiplications, for one lane, that take the time of one multiplication of SIMD registers. The number exceeds 1,
+/// because the compiler vectorises the loop over the entries of a row.
 const SPEED: f64 = 1.6;
 
 /// Number of bytes of a SIMD register.
 const REGISTER: usize = 64;
 
-/// Number of contacts below which solving single lanes one after the other is not considered, because its overhead exceeds its gain.
+/// Number of contacts in all lanes together below which all lanes are solved together: solving each lane separately would cost more than it
+/// saves.
 const FEWEST: usize = 8;
 
-/// Number of problems after which the solver estimates the work again, to choose between solving single lanes and solving all lanes
+/// Number of problems after which the solver estimates the work again, to choose between solving each lane separately and solving all lanes
 /// together.
 const PERIOD: u32 = 32;
-/// Largest number of lanes whose work is estimated, to choose between solving single lanes and solving all lanes together.
+/// Largest number of lanes whose work is estimated, to choose between solving each lane separately and solving all lanes together.
 const SAMPLES: usize = 4;
 
-/// Solver of soft problems that solves single lanes one after the other.
+/// Solver of soft problems that solves one lane after the other.
 #[derive(Clone, Debug)]
 pub struct LaneSolver<R: Real> {
     /// Solver of the soft problem of one lane.
@@ -37,7 +38,7 @@ pub struct LaneSolver<R: Real> {
     problem: SoftProblem<R::Single>,
     /// Indices of the lane's scalar rows, contacts and rolling contacts in the problem of all lanes.
     places: [Vec<u32>; 3],
-    /// Entries of the lane's mass matrix, row by row.
+    /// Entries of the lower triangle of the lane's mass matrix, row by row.
     metric: Vec<R::Single>,
     /// Start of each row of the lane's mass matrix in `metric`.
     starts: Vec<usize>,
@@ -47,9 +48,9 @@ pub struct LaneSolver<R: Real> {
     acceleration: Vec<R::Single>,
     /// Buffer for a vector in all lanes.
     buffer: RefCell<Vec<R>>,
-    /// Whether solving single lanes is faster, according to the last estimate.
+    /// Whether solving each lane separately is faster than solving all together, according to the last estimate.
     is_faster: bool,
-    /// Number of problems for which the last estimate remains valid.
+    /// Number of further problems for which the last estimate is used.
     valid_for: u32,
 }
 
@@ -58,7 +59,7 @@ struct LaneMetric<'a, R: Real, M> {
     /// Mass matrix of all lanes.
     all: &'a M,
     lane: usize,
-    /// Entries of the lane's mass matrix, row by row.
+    /// Entries of the lower triangle of the lane's mass matrix, row by row.
     entries: &'a [R::Single],
     /// Start of each row of the mass matrix in `entries`.
     starts: &'a [usize],
@@ -106,8 +107,8 @@ impl<R: Real> LaneSolver<R> {
 
     /// Whether solving the lanes `lanes` one after the other is faster than solving all at once by the solver `together`.
     ///
-    /// Problems of consecutive steps are similar, and both methods give the same bits. The work is therefore estimated for some of the
-    /// problems only.
+    /// The function estimates the work for one of [`PERIOD`] problems, because problems of consecutive steps are similar. Both methods give
+    /// the same bits.
     pub fn is_faster(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, together: &mut SoftSolver<R>, lanes: R::Mask) -> bool {
         if problem.contacts.items.len() + problem.rolling_contacts.items.len() < FEWEST {
             return false;

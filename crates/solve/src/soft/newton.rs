@@ -52,14 +52,14 @@ pub struct SoftSolver<R: Real> {
     forces: Vec<R>,
     /// Noslip solver, which recomputes friction forces without regularisation, if there is one.
     noslip: Option<Box<NoSlip<R>>>,
-    /// Whether the current forces are those of the noslip solver.
+    /// Whether the current forces are those of the noslip solver, and not those of the regularised problem.
     forces_without_slip: bool,
 }
 
 /// Largest number of evaluations of the slope in a line search. Newton's method on a convex piecewise quadratic takes two to four.
 const LINE_SEARCH_STEPS: u32 = 16;
 
-/// Ratio of the slope along the search direction to the initial slope at which a line search ends.
+/// Ratio of the slope along the search direction to the initial slope, below which a line search ends.
 const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 
 /// Number of multiplications for a contact in a Newton step of the soft problem, in addition to those of the factorisation.
@@ -228,8 +228,8 @@ impl<R: Real> SoftSolver<R> {
         kernel!(R, || self.hessian.factor());
     }
 
-    /// Approximates the solution of a problem that is similar to that of the last [`SoftSolver::settle`]. `a` must be the stored
-    /// acceleration, and becomes the new one. `free` is the new acceleration without constraints.
+    /// Approximates the solution of a problem that is similar to that of the last [`SoftSolver::settle`]. `a` must be the acceleration of
+    /// that call, and becomes the approximate solution. `free` is the new acceleration without constraints.
     ///
     /// The function makes two Newton steps with the stored Hessian. The first step gives the change by the implicit function theorem. The
     /// second adds the effect of the cones' curvature between the two problems.
@@ -257,7 +257,7 @@ impl<R: Real> SoftSolver<R> {
         self.hessian.work + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
     }
 
-    /// Buffers of the generalized forces and of the rows' relative accelerations, set to zero, for the solution of another solver.
+    /// Generalized forces and relative accelerations of the rows, both set to zero, into which another solver writes its solution.
     pub(super) fn reset_results(&mut self, problem: &SoftProblem<R>) -> (&mut [R], &mut Argument<R>) {
         self.forces_without_slip = false;
         self.forces.fill(R::zero());

@@ -3,8 +3,8 @@
 //!
 //! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b with A = J M^-1 J^T. The unknowns are the forces of dry friction and of
 //! the friction rows of contacts. All other forces remain those of the soft problem's solution. The tangential forces of an elliptic
-//! contact are limited to the ellipse of its normal force. Opposite edges of a pyramid keep the sum of their forces. A is never formed: a
-//! sweep updates the acceleration, from the stored response of the acceleration to a unit force in each row.
+//! contact are limited to the ellipse of its normal force. The sum of the forces of two opposite edges of a pyramid remains constant. A is
+//! never formed: a sweep updates the acceleration, from the stored response of the acceleration to a unit force in each row.
 //!
 //! Rows that share no kinematic tree, directly or through other rows, are in separate islands. An island stops when a sweep improves its
 //! objective by less than the tolerance. The other islands continue.
@@ -54,7 +54,8 @@ pub struct ContactVisit<M> {
 
 /// Normal force below which a contact has no friction forces, N.
 const LEAST_FORCE: f64 = 1e-15;
-/// Smallest diagonal entry of A = J M^-1 J^T for dry friction and for a tangential row of a contact, 1/kg.
+/// Smallest diagonal entry of A = J M^-1 J^T, 1/kg: for dry friction, and for a tangential row of a contact. Smaller entries are replaced
+/// by it.
 const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
 /// Largest number of Newton steps for the multiplier of an elliptic contact.
 const MULTIPLIER_STEPS: u32 = 20;
@@ -64,10 +65,11 @@ const MULTIPLIER_TOLERANCE: f64 = 1e-10;
 /// Increase of the noslip objective, J, above which the update of a contact's friction is reverted. The rounding error of the objective is
 /// added to this threshold.
 const LEAST_RISE: f64 = 1e-10;
-/// Change of the objective that counts as rounding, in units of the last place.
+/// Relative size of rounding errors, in units of the last place. A change of the objective or a pivot below it counts as rounding error.
 const ROUNDING: f64 = 16.0;
 
-/// Forces of all rows of one type, and the response of the acceleration to a unit force in each friction row.
+/// Forces of all items of one type (scalar rows, or contacts with `N` rows), and the response of the acceleration to a unit force in each
+/// friction row.
 #[derive(Clone, Debug)]
 pub(super) struct Friction<R: Real, const N: usize> {
     /// Forces of each item (a scalar row or a contact), N or N m.
@@ -112,7 +114,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
     /// Appends the responses of the acceleration to unit forces in the rows `rows` of a scalar row or contact. Its Jacobian has the entries
     /// `jacobian` at the coordinates `columns`.
     ///
-    /// `trees` is the kinematic tree of each degree of freedom, `work` a buffer. `least` is the smallest diagonal entry of J M^-1 J^T.
+    /// `respond` replaces a generalized force by the acceleration that it causes. `trees` is the kinematic tree of each degree of freedom,
+    /// `work` a buffer. Smaller diagonal entries of J M^-1 J^T are replaced by `least`.
     #[inline(always)]
     fn push_responses(
         &mut self,
@@ -173,13 +176,15 @@ pub(super) struct NoSlip<R: Real> {
     trees: Vec<u32>,
     /// Number of kinematic trees.
     count: usize,
-    /// Island (set of coupled trees) of each kinematic tree in each lane, as the smallest tree of the island.
+    /// Parent of each kinematic tree in each lane, in a union-find forest. The trees of an island (set of coupled trees) have the same
+    /// root: the tree of the island with the smallest number.
     parents: Vec<u32>,
     /// Improvement of the objective of each island (set of coupled trees) by the current sweep, J.
     improvement: Vec<R>,
     /// Lanes in which each island (set of coupled trees) continues to sweep, as bits.
     running: Vec<u32>,
-    /// Sum of the mass matrix's diagonal over each kinematic tree, then over each island.
+    /// Two lists of sums of the mass matrix's diagonal: over each kinematic tree, and over each island, at the index of the island's
+    /// smallest tree.
     inertia: [Vec<R>; 2],
     /// Island of each scalar row, contact with three rows and contact with six rows, in each lane. The lanes of one row or contact are
     /// consecutive.
@@ -364,8 +369,8 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Adds `by`, J, to the improvement of the objective of an island: the one that contains the scalar row or contact with the index
-    /// `item` in each lane.
+    /// Adds `by`, J, to the improvement of the objective of an island. In each lane it is the island that contains the scalar row or
+    /// contact with the index `item`.
     #[inline(always)]
     fn add_improvement(&mut self, item: usize, by: R) {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
@@ -379,7 +384,7 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Lanes in which an island continues to sweep: the one that contains the scalar row or contact with the index `item` in each lane.
+    /// Lanes in which the island of the scalar row or contact with the index `item` continues to sweep.
     #[inline(always)]
     fn running_lanes(&self, item: usize) -> R::Mask {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
@@ -465,7 +470,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
-    /// Updates the force of row `k` of item `i`, which `bounds` limit, and the acceleration `a`. Returns the increase of the objective, J.
+    /// Updates the force of row `k` of item `i` (a scalar row or a contact) within the bounds `least` and `most`, and the acceleration `a`.
+    /// Returns the increase of the objective, J.
     #[inline(always)]
     fn visit_row(
         &mut self,
@@ -573,7 +579,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
 /// friction.
 ///
 /// Newton's method searches the multiplier l, starting from 0. The equation `|(A + l)^-1 b|^2 = r^2` is convex in l, so that l increases to
-/// the solution. A result outside the ball is scaled to the sphere. If A is singular (see [`is_regular`]) the result is 0, as in MuJoCo.
+/// the solution. A result outside the ball is scaled to its surface. If A is singular (see [`is_regular`]) the result is 0, as in MuJoCo.
 #[inline(always)]
 fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, rolls: R::Mask) -> [R; N] {
     let regular = is_regular(matrix, rolls);
@@ -613,8 +619,8 @@ fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r
     x
 }
 
-/// Lanes in which the matrix can be inverted: its determinant is at least [`LEAST_DETERMINANT`]. In the lanes `rolls`, the smallest pivot
-/// of its factors is compared instead of the determinant: those in which the contact has rolling friction.
+/// Lanes in which the matrix can be inverted: its determinant is at least [`LEAST_DETERMINANT`]. In the lanes `rolls`, in which the contact
+/// has rolling friction, the smallest pivot of the factors must be at least this number instead. No pivot may be rounding error.
 #[inline(always)]
 fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], rolls: R::Mask) -> R::Mask {
     let factors = factor(matrix, R::zero());
@@ -677,8 +683,8 @@ fn substitute<R: Real, const N: usize>(factors: &[[R; N]; N], b: &[R; N]) -> [R;
     x
 }
 
-/// Sum of R f^2 over the rows of a contact, where f are the forces and R the regularisation of each row. For a pyramid it is over its
-/// edges, and `edges` has the sums of opposite edges.
+/// Sum of R f^2 over the rows of an elliptic contact, or over the edges of a pyramid. Here f is the force of a row or edge, and R its
+/// regularisation. `edges` has the sum of the forces of opposite edges, for each friction row of a pyramid.
 #[inline(always)]
 fn regularisation<R: Real, const N: usize>(cone: Cone, contact: &SoftContact<R, N>, force: &[R; N], edges: &[R; N]) -> R {
     let mut energy = R::zero();
@@ -721,8 +727,8 @@ fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
 /// Placeholder for the tree of a row or contact in a lane that does not have it.
 const NO_TREE: u32 = u32::MAX;
 
-/// Merges the kinematic trees that a scalar row or contact couples in each lane into one island. Appends the number of one of these trees
-/// to `islands` for each lane.
+/// Merges the kinematic trees that a scalar row or contact couples into one island, in each lane. For each lane, appends the number of one
+/// of these trees to `islands`, or [`NO_TREE`] if the lane does not have the row or contact.
 ///
 /// `is_there` returns whether the row or contact has a given entry in a given lane.
 fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, columns: &[u32], is_there: impl Fn(usize, usize) -> bool) {

@@ -85,7 +85,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         self.items.push(SoftContact::new(start..self.columns.len(), reference, weight, scale));
     }
 
-    /// Appends the contacts of lane `lane` of another list, and their indices there to `places`.
+    /// Appends the contacts of `from` that exist in the lane `lane`. Appends their indices in `from` to `places`.
     pub(super) fn gather<L: Real<Single = R>>(&mut self, from: &SoftContacts<L, N>, lane: usize, places: &mut Vec<u32>) {
         for (i, contact) in from.items.iter().enumerate() {
             let weight = contact.weight.map(|weight| weight.single_lane(lane));
@@ -108,7 +108,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         (&self.columns[contact.entries.clone()], &self.jacobian[contact.entries.clone()])
     }
 
-    /// Lanes in which any contact has an entry at one of the coordinates.
+    /// Lanes in which any contact has a nonzero entry at one of the coordinates.
     #[inline(always)]
     fn touches(&self, coordinates: &Range<u32>) -> R::Mask {
         let mut touched = R::Mask::splat(false);
@@ -122,8 +122,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         touched
     }
 
-    /// Multiplies the Jacobian J of all contacts by the vector `x`, and writes J x to `out`. If `relative`, the reference accelerations are
-    /// subtracted.
+    /// Multiplies the Jacobian J of all contacts by the vector `x`, and writes J x to `out`. If `relative`, it writes J x minus the
+    /// reference accelerations.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[R], relative: bool, out: &mut Vec<[R; N]>) {
         out.clear();
@@ -158,8 +158,8 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// Sum of `slope` and the derivatives of all contacts' convex functions along `du`, after a step of length `step`. At the relative
-    /// acceleration u this derivative is -f(u + step du) . du, where f is the force.
+    /// Sum of `slope` and the derivatives of all contacts' convex functions along `du`, after a step of length `step` from the relative
+    /// accelerations `u`. The derivative of one contact is -f(u + step du) . du, where f is the force.
     #[inline(always)]
     pub(super) fn add_slopes(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut slope: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
@@ -172,7 +172,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     }
 
     /// Sum of `sum` and the second derivatives of all contacts' convex functions along `du`, after a step of length `step` from the
-    /// relative acceleration u.
+    /// relative accelerations `u`.
     #[inline(always)]
     pub(super) fn add_curvatures(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut sum: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
@@ -270,7 +270,7 @@ impl<R: Real> SoftProblem<R> {
         self.entries(&self.rows[i])
     }
 
-    /// Lanes in which any row or contact has an entry at one of the coordinates.
+    /// Lanes in which any row or contact has a nonzero entry at one of the coordinates.
     pub fn touches(&self, coordinates: Range<u32>) -> R::Mask {
         kernel!(R, || {
             let mut touched = R::Mask::splat(false);
@@ -286,8 +286,8 @@ impl<R: Real> SoftProblem<R> {
         })
     }
 
-    /// Multiplies the Jacobian J of the scalar rows by the vector `x`, and writes J x to `out`. If `relative`, the reference accelerations
-    /// are subtracted.
+    /// Multiplies the Jacobian J of the scalar rows by the vector `x`, and writes J x to `out`. If `relative`, it writes J x minus the
+    /// reference accelerations.
     #[inline(always)]
     pub(super) fn multiply_rows(&self, x: &[R], relative: bool, out: &mut Vec<R>) {
         out.clear();

@@ -30,8 +30,8 @@ impl Case {
     }
 }
 
-/// Random problems whose coordinates have scales from 10^-`decades` to 10^`decades`. The strategy `odd` draws some of the Jacobian entries
-/// and velocities.
+/// Random problems whose coordinates have scales from 10^-`decades` to 10^`decades`. The strategy `odd` draws about one in ten of the
+/// Jacobian entries and velocities.
 fn case(decades: f64, odd: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
     let entry = prop_oneof![2 => Just(0.0), 12 => -1.0..1.0, 1 => odd.clone()];
     let speed = prop_oneof![8 => -2.0..2.0, 1 => odd];
@@ -58,7 +58,7 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     (problem, iterate)
 }
 
-/// Fails if the work exceeds the limit `steps`.
+/// Fails if Newton's method made more steps or rounds than the limit `steps` allows.
 fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
     prop_assert!(work.steps <= steps * work.islands, "{work:?}");
     prop_assert!(work.rounds <= steps * work.islands, "{work:?}");

@@ -13,8 +13,8 @@ pub(crate) fn cases(usual: u32) -> Config {
     Config { max_global_rejects: u32::MAX, ..Config::with_cases(asked.unwrap_or(usual)) }
 }
 
-/// Counter of the random cases for which a property holds, most often that the problem is solved. The rest of the test examines these cases
-/// only.
+/// Counter of all random cases, and of those for which a property holds. The property is usually that the solver solves the problem, and
+/// the test examines only such cases further.
 #[derive(Debug, Default)]
 pub(crate) struct Share {
     held: Cell<u32>,
@@ -29,8 +29,8 @@ impl Share {
         holds
     }
 
-    /// Fails if the property held for less than the fraction `share` of the cases, by more than five standard deviations. Chance causes a
-    /// failure in one test in three million. `what` names the property in the output.
+    /// Fails if the number of cases with the property is below the fraction `share` of all cases by more than five standard deviations.
+    /// Chance causes a failure in one test in three million. `what` names the property in the output.
     pub(crate) fn at_least(&self, share: f64, what: &str) {
         let (held, drawn) = (f64::from(self.held.get()), f64::from(self.drawn.get()));
         println!("{what}: {:.5} of {drawn}", held / drawn);

@@ -28,7 +28,7 @@ fn case() -> impl Strategy<Value = Case> {
     (prop::collection::vec(sliding, 1..4), rolling, 0.0..1.0).prop_map(|(sliding, rolling, mu)| Case { sliding, rolling, mu })
 }
 
-/// Problem of a case, with the compliances of the contacts, or with an additional coordinate for each spring instead.
+/// Problem of a case. If `springs_as_coordinates`, each contact has an additional coordinate for its spring, instead of a compliance.
 fn build<R: Real>(case: &Case, springs_as_coordinates: bool) -> (Problem<R>, Iterate<R>) {
     let contacts = case.sliding.len();
     let mut capacity = Capacity::of_coordinates(N + contacts + 1);

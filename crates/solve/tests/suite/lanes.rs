@@ -10,8 +10,8 @@ use stepper_solve::gauss_seidel::{self, SweepSettings};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Iterate, Problem, Settings};
 
-/// Lane type of two registers with one lane each. One register uses the code for scalars, which is compiled anyway. The tests of the core
-/// crate compare the lanes of every CPU level.
+/// Lane type of two registers with one lane each. Half of it is a scalar, so that lane compaction needs no further lane type. The tests of
+/// the core crate compare the lanes of every CPU level.
 type Lanes = Two<f64>;
 
 const N: usize = 9;
@@ -79,7 +79,7 @@ fn bits<R: Real<Scalar = f64>>(more: &[R], iterate: &Iterate<R>) -> Vec<Vec<u64>
     (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
 }
 
-/// Bits of each lane after a solve, by sweeps alone or by a few sweeps and Newton's method.
+/// Bits of each lane after a solve. If `sweeps_alone`, the solve makes sweeps only; otherwise it makes a few sweeps and then Newton steps.
 fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64, sweeps_alone: bool) -> Vec<Vec<u64>> {
     let (problem, mut iterate) = build::<R>(problems);
     let (tolerance, all) = (R::of(tolerance), R::Mask::splat(true));

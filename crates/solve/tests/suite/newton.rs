@@ -138,8 +138,8 @@ proptest! {
     }
 }
 
-/// Random problems with mass ratios up to 1e4, friction up to 1.5 and redundant rows may have no solution. The residual then shows that,
-/// and is no larger than at the start.
+/// Random problems with mass ratios up to 1e4, friction up to 1.5 and redundant rows may have no solution. The residual of such a problem
+/// remains large, but is no larger than at the start.
 #[test]
 fn what_is_returned_is_what_the_residual_says() {
     let solved = Share::default();
@@ -237,7 +237,7 @@ fn shared_loads_depend_on_neither_start_nor_order() {
     solved.at_least(0.9999, "solved");
 }
 
-/// Two equal contacts share the impulse of a single one evenly, and cause the same motion.
+/// If every contact of a problem is added twice, the two copies get equal impulses.
 #[test]
 fn redundant_contacts_share() {
     let solved = Share::default();
@@ -304,12 +304,12 @@ fn nearly_all_random_problems_are_solved() {
     }
 }
 
-/// Largest fraction of the problems that may remain unsolved, for friction coefficients up to 0.3 and up to 1.5. The output of the test has
-/// the measured shares.
+/// Largest fraction of the problems that may remain unsolved, for friction coefficients up to 0.3 and up to 1.5. The test prints the
+/// measured fractions.
 const MOST_LEFT: [f64; 2] = [0.01, 0.05];
 
-/// Problem with a coupling of normal and tangent; above 1/mu pressing makes the contact slide, and sliding makes it press (Painleve 1895).
-/// `slip` is the slip velocity without impulses, m/s.
+/// Problem with one contact, whose normal and tangential rows are coupled by the number `coupling`. Above 1/mu, pressing makes the contact
+/// slide, and sliding makes it press (Painleve 1895). `slip` is the slip velocity without impulses, m/s.
 fn painleve(coupling: f64, slip: f64) -> Case {
     let y = vec![[1.0, coupling, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 1.0]];
     Case { n: 3, limits: vec![], contacts: vec![Contact { y, mu: 1.2, g: [-0.1, slip, 0.0] }] }

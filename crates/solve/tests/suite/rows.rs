@@ -21,7 +21,7 @@ fn equalities() -> impl Strategy<Value = (usize, Vec<Vec<f64>>, Vec<f64>)> {
     })
 }
 
-/// Whether each of the rows remains after the rows have been made orthogonal, when coordinate i has a mass of `10^decades[i]`.
+/// For each row, whether it remains after all rows have been made orthogonal. Coordinate i has a mass of `10^decades[i]`.
 fn independent<R: Real>(jacobian: &[Vec<f64>], decades: &[f64]) -> Vec<bool> {
     let (rows, n) = (jacobian.len(), jacobian[0].len());
     let mut problem = Problem::<R>::with_capacity(n, rows, 0);

@@ -41,10 +41,10 @@ def remove_elements(tree: ElementTree.Element, is_unwanted: Callable[[ElementTre
 
 
 def cache_model(read: Callable[P, Model]) -> Callable[P, Model]:
-    """Decorator for a function that loads a model: results are cached by the arguments, together with the model's source file.
+    """Decorator that caches the results of a function that loads a model, by the function's arguments.
 
-    Renderers need the source, and `stepper.load` remembers it only for the most recently loaded models. A call of the decorated function
-    makes the source known again.
+    It also stores the source of each model (path or MJCF text), which renderers need. `stepper.load` remembers the sources of the most
+    recently loaded models only. Each call of the decorated function adds the source of its result to them again.
     """
 
     def first(*args: P.args, **kwargs: P.kwargs) -> tuple[Model, Origin | None]:

@@ -105,7 +105,7 @@ class Batch:
         return self._now
 
     def clear_last_step(self) -> None:
-        """Replaces the view `now` of all environments by a view with zero actions and velocities, as it is before the first step."""
+        """Replaces the view `now` of all environments by one in which actions and `velocity` are zero, as before the first step."""
         self._now = self._moment(np.zeros((self.num_envs, self._actions)))
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)

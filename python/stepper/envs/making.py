@@ -23,16 +23,16 @@ VECTOR_SETTINGS = ("num_envs", "autoreset_mode", "threads", "episode_statistics"
 
 
 def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vector: bool) -> Task:
-    """Task from the argument `task` of an environment: a task, or a class or name from which the arguments make one.
+    """Task from the arguments of an environment. If `task` is a class or a name, the function calls the class with `arguments`.
 
     Args:
         task: Task, class of tasks, or name in `stepper.envs.TASKS`.
-        arguments: Arguments of the task.
+        arguments: Arguments of the task's constructor; must be empty if `task` is a task.
         vector: Whether the task is for a vector environment; it selects the arguments that error messages list.
 
     Raises:
-        TypeError: `task` has another type, or an argument is unknown to the task.
-        ValueError: The name is unknown.
+        TypeError: `task` has another type, its constructor does not have one of the arguments, or arguments are given with a task.
+        ValueError: The name is unknown, or the value of a number or bool is a text.
     """
     if isinstance(task, Task):
         if not vector and (of_vectors := [name for name in arguments if name in VECTOR_SETTINGS]):

@@ -11,7 +11,7 @@ from stepper.envs.task import Array, Moment, Observation, Terms
 
 @cache_per_model
 def _tendon_matrices(model: Model) -> tuple[Array, Array]:
-    """Matrices from qpos to lengths of tendons, (nq, ntendon), and from qvel to their velocities, (nv, ntendon)."""
+    """Matrices L (nq, ntendon) and V (nv, ntendon): qpos @ L are the lengths of the fixed tendons, qvel @ V their velocities."""
     names = model.tendon_names
     lengths, rates = np.zeros((model.nq, len(names))), np.zeros((model.nv, len(names)))
     for k in range(len(names)):
@@ -23,9 +23,9 @@ def _tendon_matrices(model: Model) -> tuple[Array, Array]:
 
 
 def tendons(now: Moment) -> Terms:
-    """Lengths (m or rad) and velocities (m/s or rad/s) of the fixed tendons, (num_envs, ntendon) each.
+    """Returns the lengths and velocities of the fixed tendons, (num_envs, ntendon) each.
 
-    Their names are "tendon_length" and "tendon_velocity".
+    The names in the result are "tendon_length" (m or rad) and "tendon_velocity" (m/s or rad/s).
     """
     lengths, rates = _tendon_matrices(now.sim.model)
     return {"tendon_length": now.qpos @ lengths, "tendon_velocity": now.qvel @ rates}

@@ -47,7 +47,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
     Raises:
         ValueError: A setting is out of its range, or the task or render mode is unknown.
-        TypeError: Arguments that the task does not have.
+        TypeError: The task does not have one of the `arguments`.
     """
 
     metadata = {"render_modes": [*RENDER_MODES]}  # noqa: RUF012
@@ -124,7 +124,10 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return self._batch.observation()[0], _info_of_one(self._batch.info())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Advances the environment by one action, (nu,), in the units of the task.
+        """Advances the environment by one action.
+
+        Args:
+            action: Action, (nu,), in the units of the task. A task with `action_bounds` may have another number than nu.
 
         Returns:
             Observation (n,), reward, terminated, truncated, and the info dict.
@@ -143,11 +146,14 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _info_of_one(batch.info() | terms)
 
     def get_state(self) -> EnvState:
-        """Returns the state of the environment, for `set_state`. After `set_state`, later steps give the same results bit for bit.
+        """Returns the state of the environment, for `set_state`.
 
-        The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces and mocap poses. It also contains the
-        episode: the task's episode_state, random number generators of initial states and sensors, return and length. It does not contain
-        the counters of wrappers, such as `TimeLimit` of `gymnasium.make`, or the random number generator of `action_space`.
+        Steps after `set_state` give the same results as steps after `get_state`, bit for bit.
+
+        The state contains the stepper's state, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
+        also contains the episode: the task's episode_state, random number generators of initial states and sensors, return and length. It
+        does not contain the counters of wrappers, such as `TimeLimit` of `gymnasium.make`, or the random number generator of
+        `action_space`.
 
         Raises:
             ResetNeeded: `reset` was not called yet.
@@ -165,7 +171,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
         Args:
             qpos: Positions (nq,), m and rad; None keeps them. Or an `EnvState` of `get_state`.
-            qvel: Velocities (nv,), m/s and rad/s; None keeps them. Leave it out with a state.
+            qvel: Velocities (nv,), m/s and rad/s; None keeps them. Must be None if `qpos` is an `EnvState`.
 
         Returns:
             The observation, (n,), in the units of the task.

@@ -50,8 +50,8 @@ class Moment:
             `action_bounds`.
         default_qpos: The model's reference configuration, (nq,), m and rad.
         episode_state: Arrays (num_envs, ...) by name with data of the episodes that the stepper does not store; see `Task.episode_state`.
-        velocity: Rate of change of `Task.position` over the last step, per s. It is zero in environments that were just reset, and None
-            for tasks without a position.
+        velocity: Mean rate of change of `Task.position` over the last action, in the unit of the position per s. It is zero in
+            environments that were just reset, and None for tasks without a position.
     """
 
     def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, default_qpos: Array, *, episode_state: Terms, streams: Streams):
@@ -114,7 +114,7 @@ class Moment:
         self.__dict__[name] = self._kept[name] = value
 
     def end_step(self) -> None:
-        """Stores the positions and velocities at the end of the step, with which `reread` detects states that were changed afterwards."""
+        """Stores qpos and qvel at the end of the step if `keep` has fixed values. `reread` compares them with the later state."""
         if self._kept:
             self._end = self.qpos, self.qvel
 
@@ -136,8 +136,8 @@ class Moment:
         This view expires: quantities that it has not read yet raise RuntimeError.
 
         Args:
-            changed: Environments that were reset or set, (num_envs,) bool. Their action and velocity become zero. In the others, values of
-                `keep` remain unless their state has changed.
+            changed: Environments that were reset or set, (num_envs,) bool. Their action and velocity become zero. In the other
+                environments, values that `keep` has fixed remain, unless qpos or qvel differs from that at the end of the step.
         """
         made = self._same_step(with_zero_rows(self.action, changed))
         made.velocity = None if self.velocity is None else with_zero_rows(self.velocity, changed)
@@ -205,8 +205,8 @@ class Observation:
         func: Function of a `Moment` that computes the quantity, (num_envs, ...), in place of a quantity of `Stepper`.
         columns: Columns of the flattened quantity (num_envs, n) that are observed; None selects all columns.
         clip: Lower and upper bound of the observed values; None means no bound.
-        noise: Half width of uniform noise, which is added before `clip`. Its random numbers are those of `Moment.rng`.
-        unit: Unit of a row with `func`, for tables of observations; empty for numbers without a unit.
+        noise: Half width of the uniform noise that is added before `clip`, in the unit of the quantity. `Moment.rng` draws the noise.
+        unit: Unit of the values of `func`, for documentation; empty for numbers without a unit, and for quantities of `Stepper`.
     """
 
     name: str
@@ -323,9 +323,10 @@ class Task(ABC):
         """
 
     def place(self, reset: Reset) -> None:
-        """Sets initial states. Override it if they depend on `episode_state` or the simulation, for example on the level of a terrain.
+        """Sets the initial states in `reset.qpos` and `reset.qvel`. The default calls `sample_state`.
 
-        The default calls `sample_state`. An override may call it too, and then move the sampled states.
+        Override this method if initial states depend on `episode_state` or the simulation, for example on the level of a terrain. An
+        override can first call `super().place(reset)`, and then move the sampled states.
         """
         call_hook(self, "sample_state", reset.qpos, reset.qvel, reset.rng)
 
@@ -349,10 +350,10 @@ class Task(ABC):
         """
 
     def on_end(self, now: Moment, envs: Array) -> None:  # noqa: B027
-        """Hook that is called before environments start their next episode, also if `reset` ends the last one early.
+        """Hook that is called before environments start their next episode, even if `reset` ends the current episode early.
 
-        The hook is not called for episodes without a step. A curriculum measures the progress of the episode here, and changes the level of
-        the environment in `now.episode_state`, under a name in `carried`.
+        The hook is not called for episodes without an action. A curriculum measures the progress of the episode here, and changes the level
+        of the environment in `now.episode_state`, under a name in `carried`.
 
         Args:
             now: View of the batch at the end of these episodes.
@@ -423,7 +424,7 @@ def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]
 
 
 def within(value: Array, bounds: tuple[float, float]) -> Array:
-    """Whether numbers, (...), lie strictly between two bounds."""
+    """Whether each number of an array lies strictly between two bounds: a bool array of the same shape."""
     low, high = bounds
     inside: Array = (low < value) & (value < high)
     return inside

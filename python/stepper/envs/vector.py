@@ -36,7 +36,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: Gymnasium's `AutoresetMode` or its name: when an environment starts its next episode.
 
             * "NEXT_STEP": at the next call of `step`, which ignores the action.
-            * "SAME_STEP": within the step that ends the episode; "final_obs" and "final_info" of the infos have its last observation.
+            * "SAME_STEP": within the step that ends the episode. The infos then have the last observation of the episode as "final_obs",
+              and its last info as "final_info".
             * "DISABLED": only at `reset(options={"reset_mask": mask})`.
         contact: Contact law: "mujoco", with the integrator of the model's file, or "hard"; None selects `task.contact`.
         options: Options of the step, which replace `contact`.
@@ -165,7 +166,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             TypeError: A reset_mask is not an array of bool, or indices are not integers.
             ValueError: A wrong shape, a duplicate index, an unknown option, or a wrong number of seeds.
             IndexError: An index is out of range.
-            ResetNeeded: Some environments are selected before the first reset of all.
+            ResetNeeded: Only some environments are selected, and there was no reset of all environments before.
         """
         observations, mask = self._batch.observation_array(out), self._begins(options, envs)
         if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
@@ -190,7 +191,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """Advances every environment by one action.
 
         Args:
-            actions: Actions, (num_envs, nu), in the units of the task.
+            actions: Actions, (num_envs, nu), in the units of the task. A task with `action_bounds` may have another number than nu.
             out: Array for the observations, (num_envs, n) of their type; None allocates a new one.
 
         Returns:
@@ -234,8 +235,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return batch.observation(observations), reward, terminated, truncated, infos
 
     def get_state(self) -> EnvState:
-        """Returns the state of all environments, for `set_state`. After `set_state`, later steps give the same results bit for bit.
+        """Returns the state of all environments, for `set_state`.
 
+        Steps after `set_state` give the same results as steps after `get_state`, bit for bit.
         The state contains the stepper's state, parameters of `Stepper.randomize`, applied forces, mocap poses and active equalities. It
         also contains the episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths,
         and flags of ended episodes. It does not contain the counters of wrappers or the random number generator of `action_space`.
@@ -268,7 +270,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             ValueError: A shape is wrong, a number is not finite, or `qvel` is given with an `EnvState`. Or the `EnvState` comes from
                 another task, other arguments of the task or other options of the step. Nothing is changed.
             TypeError, IndexError: An index is not an integer, or out of range.
-            ResetNeeded: An `EnvState` is restored in some environments before the first `reset` of all.
+            ResetNeeded: An `EnvState` is restored in only some environments, and there was no `reset` of all environments before.
         """
         mask = _mask_of(envs, self.num_envs)
         if not isinstance(qpos, EnvState):

@@ -16,10 +16,10 @@ from stepper.shared.streams import Rng
 class Ant(MujocoTask):
     """Task: run in x without falling. The arguments are those of Gymnasium's environment.
 
-    Rewards and observations differ slightly from Gymnasium's. They use the torso's position after the step. Gymnasium uses its position
-    in the last stage of MuJoCo's Runge-Kutta step, which differs by O(h^3) for the time step h. The same holds for the point about which
-    the observed contact torques act. The initial quaternion is normalised after noise is added; Gymnasium's first observation has the
-    quaternion before normalisation.
+    Rewards and observations differ slightly from Gymnasium's. They use the torso's position after the step. Gymnasium uses the torso's
+    position in the last stage of MuJoCo's Runge-Kutta step, which differs by O(h^3) for the time step h. The same holds for the point
+    about which the observed contact torques act. The initial quaternion is normalised after noise is added; Gymnasium's first observation
+    has the quaternion before normalisation.
     """
 
     camera: ClassVar[Camera] = {"distance": 4.0}
@@ -39,7 +39,10 @@ class Ant(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x and y, velocities, and clipped contact torques and forces on the bodies: (105,)."""
+        """Observation, (105,) by default: positions without x and y, velocities, clipped contact torques and forces on the bodies.
+
+        The arguments of the task can add x and y, and leave out the contact torques and forces.
+        """
         rows = (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
@@ -56,14 +59,14 @@ class Ant(MujocoTask):
         return xy
 
     def healthy(self, now: Moment) -> Array:
-        """Whether the torso's height is within its range, (num_envs,)."""
+        """Whether the torso's height is within `healthy_z_range`, (num_envs,) bool."""
         low, high = self.healthy_z_range
         z = now.qpos[:, 2]
         healthy: Array = (low <= z) & (z <= high)
         return healthy
 
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each environment is unhealthy, (num_envs,); never with `terminate_when_unhealthy=False`."""
+        """Whether each environment is unhealthy, (num_envs,) bool. None (no episode ends) with `terminate_when_unhealthy=False`."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:

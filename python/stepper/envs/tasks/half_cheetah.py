@@ -23,7 +23,7 @@ class HalfCheetah(MujocoTask):
     exclude_current_positions_from_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x, and velocities: (17,)."""
+        """Observation, (17,) by default: positions and velocities. The position x is left out by default."""
         return (
             Observation("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),

@@ -28,7 +28,7 @@ class Hopper(MujocoTask):
     exclude_current_positions_from_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x, and velocities clipped to 10 m/s and rad/s: (11,)."""
+        """Observation, (11,) by default: positions, and velocities clipped to 10 m/s and rad/s. The position x is left out by default."""
         return (
             Observation("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel", clip=(-10.0, 10.0)),
@@ -40,14 +40,18 @@ class Hopper(MujocoTask):
         return x
 
     def healthy(self, now: Moment) -> Array:
-        """Whether height, angle, and all other positions and velocities are within their ranges, (num_envs,)."""
+        """Whether the robot is healthy, (num_envs,) bool.
+
+        The height must be in `healthy_z_range`, and the torso's angle in `healthy_angle_range`. The torso's angle, all joint angles and all
+        velocities must be in `healthy_state_range`.
+        """
         upright = within(now.qpos[:, 1], self.healthy_z_range) & within(now.qpos[:, 2], self.healthy_angle_range)
         moderate = all_within(now.qpos[:, 2:], self.healthy_state_range) & all_within(now.qvel, self.healthy_state_range)
         healthy: Array = upright & moderate
         return healthy
 
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each environment is unhealthy, (num_envs,); never with `terminate_when_unhealthy=False`."""
+        """Whether each environment is unhealthy, (num_envs,) bool. None (no episode ends) with `terminate_when_unhealthy=False`."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:

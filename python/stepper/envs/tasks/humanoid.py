@@ -16,9 +16,9 @@ from stepper.shared.streams import Rng
 class Humanoid(MujocoTask):
     """Task: walk in x without falling. The arguments are those of Gymnasium's environment.
 
-    Centres of mass, inertias and velocities of bodies belong to the state after the step. MuJoCo computes them in the last stage of a
-    Runge-Kutta step, where they differ by O(h^3) for the time step h. The initial quaternion is normalised after noise is added;
-    Gymnasium's first observation has the quaternion before normalisation.
+    Observations and rewards use centres of mass, inertias and velocities of bodies in the state after the step. Gymnasium uses those in
+    the last stage of MuJoCo's Runge-Kutta step, which differ by O(h^3) for the time step h. The initial quaternion is normalised after
+    noise is added; Gymnasium's first observation has the quaternion before normalisation.
     """
 
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 4.0, "lookat": (0.0, 0.0, 2.0), "elevation": -20.0}
@@ -40,7 +40,10 @@ class Humanoid(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x and y, velocities, and the rows of `BODY_TABLES` that the task's arguments include: (348,)."""
+        """Observation, (348,) by default: positions, velocities, and those rows of `BODY_TABLES` that the task's arguments include.
+
+        The positions x and y are left out by default.
+        """
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
@@ -53,11 +56,11 @@ class Humanoid(MujocoTask):
         return xy
 
     def healthy(self, now: Moment) -> Array:
-        """Whether the torso's height is within its range, (num_envs,)."""
+        """Whether the torso's height is within `healthy_z_range`, (num_envs,) bool."""
         return within(now.qpos[:, 2], self.healthy_z_range)
 
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each environment is unhealthy, (num_envs,); never with `terminate_when_unhealthy=False`."""
+        """Whether each environment is unhealthy, (num_envs,) bool. None (no episode ends) with `terminate_when_unhealthy=False`."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:

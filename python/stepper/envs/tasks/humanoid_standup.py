@@ -16,7 +16,8 @@ from stepper.shared.streams import Rng
 class HumanoidStandup(MujocoTask):
     """Task: stand up. The arguments are those of Gymnasium's environment. An episode never terminates.
 
-    Quantities of bodies in the observation belong to the state after the step, and quaternions are normalised, as in `Humanoid`.
+    Observations and rewards use quantities of bodies in the state after the step, and the initial quaternion is normalised after noise is
+    added. Both differ from Gymnasium's environment, as in `Humanoid`.
     """
 
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 4.0, "lookat": (0.0, 0.0, 0.8925), "elevation": -20.0}
@@ -35,7 +36,10 @@ class HumanoidStandup(MujocoTask):
     include_cfrc_ext_in_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x and y, velocities, and the rows of `BODY_TABLES` that the task's arguments include: (348,)."""
+        """Observation, (348,) by default: positions, velocities, and those rows of `BODY_TABLES` that the task's arguments include.
+
+        The positions x and y are left out by default.
+        """
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),

@@ -11,15 +11,16 @@ from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Te
 from stepper.shared.streams import Rng
 
 WITHIN = (-10.0, 10.0)
-"""Bounds to which velocities and the constraint force are clipped in the observation."""
+"""Bounds to which the observation clips velocities (m/s, rad/s) and the constraint force (N)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class InvertedDoublePendulum(MujocoTask):
     """Task: keep the tip of the second pole above 1 m. The arguments are those of Gymnasium's environment.
 
-    The position of the tip belongs to the state after the step. MuJoCo computes it in the last stage of a Runge-Kutta step, where it
-    differs by O(h^3) for the time step h. With contact="hard" the margin of the cart's limit narrows the cart's range by 0.01 m.
+    The reward uses the position of the tip in the state after the step. Gymnasium uses the position in the last stage of MuJoCo's
+    Runge-Kutta step, which differs by O(h^3) for the time step h. With contact="hard", the margin of the cart's joint limits narrows the
+    cart's range by 0.01 m at each end.
     """
 
     camera: ClassVar[Camera] = {"distance": 4.1225, "lookat": (0.0, 0.0, 0.1225)}

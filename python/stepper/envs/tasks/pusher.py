@@ -58,7 +58,10 @@ class Pusher(MujocoTask):
         return distance + control + near, {"reward_dist": distance, "reward_ctrl": control, "reward_near": near}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: the cylinder at random in a rectangle of 0.3 m by 0.4 m, away from the goal; the arm with random velocities."""
+        """Initial states: the reference pose with the cylinder at a random place, and random velocities of the arm.
+
+        The place is uniformly distributed in a rectangle of 0.3 m by 0.4 m, more than 0.17 m (`NEAREST`) from the goal.
+        """
         again = np.ones(len(qpos), dtype=bool)
         while again.any():
             some = rng.of(again)

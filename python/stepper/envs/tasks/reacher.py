@@ -14,8 +14,8 @@ from stepper.shared.streams import Rng
 class Reacher(MujocoTask):
     """Task: bring the fingertip to the target. The arguments are those of Gymnasium's environment. An episode never terminates.
 
-    The position of the fingertip belongs to the state after the step. MuJoCo computes it in the last stage of a Runge-Kutta step, where
-    it differs by O(h^3) for the time step h.
+    Observations and rewards use the position of the fingertip in the state after the step. Gymnasium uses the position in the last stage
+    of MuJoCo's Runge-Kutta step, which differs by O(h^3) for the time step h.
     """
 
     xml_file: str = "reacher.xml"
@@ -40,7 +40,10 @@ class Reacher(MujocoTask):
         return distance + control, {"reward_dist": distance, "reward_ctrl": control}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
-        """Initial states: the arm with uniform noise; the target at rest, uniformly distributed within 0.2 m of the origin."""
+        """Initial states: the arm in the reference pose with uniform noise on angles and velocities, the target at rest at a random place.
+
+        The place is uniformly distributed in the disc of radius 0.2 m about the origin.
+        """
         qpos += rng.uniform(-0.1, 0.1, qpos.shape[1])
         radius, angle = 0.2 * np.sqrt(rng.uniform(0.0, 1.0, 1)[:, 0]), rng.uniform(-np.pi, np.pi, 1)[:, 0]
         qpos[:, -2:] = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)

@@ -22,7 +22,7 @@ class Swimmer(MujocoTask):
     exclude_current_positions_from_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x and y, and velocities: (8,)."""
+        """Observation, (8,) by default: positions and velocities. The positions x and y are left out by default."""
         return (
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),

@@ -27,7 +27,7 @@ class Walker2d(MujocoTask):
     exclude_current_positions_from_observation: bool = True
 
     def observations(self) -> tuple[Observation, ...]:
-        """Positions without x, and velocities clipped to 10 m/s and rad/s: (17,)."""
+        """Observation, (17,) by default: positions, and velocities clipped to 10 m/s and rad/s. The position x is left out by default."""
         return (
             Observation("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel", clip=(-10.0, 10.0)),
@@ -39,12 +39,12 @@ class Walker2d(MujocoTask):
         return x
 
     def healthy(self, now: Moment) -> Array:
-        """Whether height and angle are within their ranges, (num_envs,)."""
+        """Whether the height is within `healthy_z_range` and the angle within `healthy_angle_range`, (num_envs,) bool."""
         healthy: Array = within(now.qpos[:, 1], self.healthy_z_range) & within(now.qpos[:, 2], self.healthy_angle_range)
         return healthy
 
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each environment is unhealthy, (num_envs,); never with `terminate_when_unhealthy=False`."""
+        """Whether each environment is unhealthy, (num_envs,) bool. None (no episode ends) with `terminate_when_unhealthy=False`."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:

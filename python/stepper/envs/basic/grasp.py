@@ -90,7 +90,7 @@ class Grasp(Task):
         qpos[:, 1:3] -= rng.uniform(0.0, 0.005, 2)
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
-        """Draws the friction and the mass of the box, if they are given as ranges."""
+        """Draws the friction coefficient of all geoms and the mass of the box, each only if the two bounds of its range differ."""
         model, fields = sim.model, {}
         if self.friction[0] != self.friction[1]:
             rows = np.tile(model.geom_friction, (len(mask), 1, 1))

@@ -31,7 +31,7 @@ def in_base(now: Moment, vectors: Array) -> Array:
 
 @per_moment
 def linear_velocity(now: Moment) -> Array:
-    """Linear velocity of the robot's base, in its frame, (num_envs, 3), m/s."""
+    """Linear velocity of the robot's base, in the frame of the base, (num_envs, 3), m/s."""
     return in_base(now, now.qvel[:, :3])
 
 

@@ -18,7 +18,7 @@ from stepper.envs.terrain import Terrain
 
 _FILE = "asset_zoo/robots/unitree_g1/xmls/g1.xml"
 _HEIGHT = 0.77
-"""Initial height of the pelvis, m. It is 0.01 m more than in the stance, so that feet do not penetrate the ground with noisy angles."""
+"""Initial height of the pelvis, m. It is 0.01 m more than mjlab's, so that feet do not penetrate the ground with noisy angles."""
 _STANCE = {
     "hip_pitch": -0.312, "knee": 0.669, "ankle_pitch": -0.363, "elbow": 0.6, "shoulder_pitch": 0.2,
     "left_shoulder_roll": 0.2, "right_shoulder_roll": -0.2,
@@ -33,8 +33,8 @@ class _Motor:
     Attributes:
         rotors: Inertias of the rotor, the first gear stage and the second gear stage, each about its axis, kg m^2.
         gears: Ratios of the two stages.
-        torque: Largest torque, N m.
-        count: Number of motors that drive the joint together.
+        torque: Largest torque at the joint, N m, of all its motors together.
+        count: Number of such motors that drive the joint together.
     """
 
     rotors: tuple[float, float, float]
@@ -149,7 +149,8 @@ def _rough_scene(terrain: Terrain) -> Model:
 def _model_on(ground: Ground, reach: float) -> Model:
     """Model of the robot G1 with servos, on a ground.
 
-    `reach` is the largest distance of a set point from the stance, as a fraction of the deflection at which the torque is largest.
+    `reach` is the largest distance of a servo's set point from the joint angle of the stance. Its unit is the position error (set point
+    minus joint angle) at which the torque is largest.
     """
     visuals = Visuals({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
     return scene(_FILE, "G1", _HEIGHT, reach=reach, ground=ground, geom=_geom, servo=_servo, visuals=visuals)

@@ -63,7 +63,7 @@ class Go1Velocity(VelocityTask):
         return super().episode_state(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
 
     def terms(self, now: Moment) -> Terms:
-        """Terms of `VelocityTask`, and the term "stride" while the command is to move."""
+        """Terms of `VelocityTask`, and the term "stride", which is 0 while the command is to stand."""
         return super().terms(now) | {"stride": now.episode_state["stride"] * (square_sum(command(now)) > _STANDING_COMMAND**2)}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
@@ -73,7 +73,7 @@ class Go1Velocity(VelocityTask):
         episode_state["stride"][mask] = 0.0
 
     def advance(self, now: Moment) -> None:
-        """Steps the simulation by one action, and detects landings of feet. During the latency the previous action still acts."""
+        """Steps the simulation by one action as in `VelocityTask`, detects landings of feet, and computes the reward term "stride"."""
         super().advance(now)
         air, feet = now.episode_state["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
         stands = feet[..., 2] - self.ground(feet[..., :2]) < _FOOT + _CLEARANCE
@@ -152,7 +152,8 @@ def _model_on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: 
         ground: Ground of the scene.
         geom: Function from the name of a geom of the robot to its MJCF attributes.
         height: Initial height of the trunk, m.
-        reach: Largest distance of a servo's set point from the stance, as a fraction of the deflection at which the torque is largest.
+        reach: Largest distance of a servo's set point from the joint angle of the stance, as a fraction of the position error (set point
+            minus joint angle) at which the torque is largest.
     """
     squares = {"type": "2d", "builtin": "checker", "width": "64", "height": "64", "rgb1": ".30 .35 .40", "rgb2": ".36 .41 .46"}
     texture = Element("texture", {"name": "squares", **squares})

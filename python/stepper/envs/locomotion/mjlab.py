@@ -100,7 +100,8 @@ def scene(
         file: File of the robot in mjlab's package.
         robot: Name of the robot in error messages.
         height: Initial height of the base, m.
-        reach: Largest distance of a servo's set point from the stance, as a fraction of the deflection at which the torque is largest.
+        reach: Largest distance of a servo's set point from the joint angle of the stance, as a fraction of the position error (set point
+            minus joint angle) at which the torque is largest.
         ground: Ground of the scene.
         geom: Function from the name of a geom of the robot to its MJCF attributes.
         servo: Function from the name of a joint to its servo.
@@ -141,7 +142,8 @@ def _strip(tree: Element, geom: Callable[[str], Mapping[str, str]]) -> None:
 def _add_servos(tree: Element, servo: Callable[[str], Servo], height: float, reach: float) -> None:
     """Adds position actuators with mjlab's gains to a robot's MJCF tree, and a keyframe "stance" with the base at `height`, m.
 
-    `reach` is the largest distance of a set point from the stance, as a fraction of the deflection at which the torque is largest.
+    `reach` is the largest distance of a servo's set point from the joint angle of the stance. Its unit is the position error (set point
+    minus joint angle) at which the torque is largest.
     """
     actuators, keyframes, angles = Element("actuator"), Element("keyframe"), []
     tree.extend([actuators, keyframes])

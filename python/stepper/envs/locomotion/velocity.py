@@ -44,10 +44,10 @@ class VelocityTask(Task):
     servos. It also draws a latency of the actions, three sudden pushes, and two commands. One command in ten is to stand still.
 
     Attributes:
-        frame_skip: Steps per action.
-        max_command: Largest commands, m/s and rad/s.
-        max_latency: Largest latency of the actions, in steps: at most frame_skip.
-        max_push: Largest change of the base's velocity in x and y by a push, m/s.
+        frame_skip: Time steps per action.
+        max_command: Largest magnitudes of the commanded velocities along x and y (m/s) and about z (rad/s).
+        max_latency: Largest latency of the actions, in time steps: at most frame_skip.
+        max_push: Largest change of the base's velocity by a push, along x and along y, m/s.
         episode_steps: Actions per episode, over which commands and pushes are spread.
         friction: Lowest and highest friction coefficient of the feet, which are the geoms with "foot" in their names.
         mass_scale: Lowest and highest factor of the mass of the base.
@@ -63,8 +63,8 @@ class VelocityTask(Task):
 
     Raises:
         TypeError: The class does not define `lowest`, or weights is no mapping.
-        ValueError: A latency or roughness is out of its range, a weight belongs to no term or is not finite, or the model
-            lacks a part named above.
+        ValueError: A latency, roughness, noise or sight is out of its range, a weight belongs to no term or is not finite, or a class
+            without `MOTORS` gets motors=True. Environments of the task also raise it if the model lacks a part named above.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -77,7 +77,7 @@ class VelocityTask(Task):
         "torque": 1e-5,
         "change": 0.02,
     }
-    """Weights of the terms of the reward."""
+    """Weights of the terms of the reward (see the method `terms`), by name."""
     ERRORS: ClassVar[Mapping[str, float]] = {
         "linear_velocity": 0.5,
         "angular_velocity": 0.2,
@@ -153,7 +153,7 @@ class VelocityTask(Task):
         return ActuatorModel(drives)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Commands and pushes of the episodes, and the last two actions."""
+        """Arrays of the episodes: number of actions, commands, pushes, latency, last action and the action before it."""
         model = self.model()
         self._check(model)
         start = stance(model)
@@ -177,9 +177,10 @@ class VelocityTask(Task):
             raise ValueError(f'roughness is {self.roughness}, and the model has no geom "terrain": add `terrain.elements` to it')
 
     def observations(self) -> tuple[Observation, ...]:
-        """Velocities and vertical of the base in its frame, command, joint angles and last action relative to the stance, joint velocities.
+        """Observation, (12 + 3 nu,): velocities, vertical direction, command, joint angles, joint velocities, last action.
 
-        The size is (12 + 3 nu,). With `sight`, 25 heights of the ground follow.
+        Velocities (linear and angular) and the vertical direction are those of the base, in its frame. Joint angles and last action are
+        relative to the stance. With `sight`, 25 heights of the ground follow.
         """
         ground = (Observation("ground", func=_ground_around, unit="m"),) if self.sight else ()
         read = _readings
@@ -229,7 +230,7 @@ class VelocityTask(Task):
         return heights
 
     def info(self, now: Moment) -> Terms:
-        """Info: the command."""
+        """Info: current velocity command."""
         return {"command": command(now)}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
@@ -274,7 +275,10 @@ class VelocityTask(Task):
         sim.randomize(mask, **fields)
 
     def advance(self, now: Moment) -> None:
-        """Steps the simulation by one action. During the latency the previous action still acts."""
+        """Pushes the base in environments whose push is due, and steps the simulation by one action.
+
+        During the latency the previous action still acts.
+        """
         episode_state, sim = now.episode_state, now.sim
         episode_state["step"] += 1
         pushed = episode_state["push_steps"] == episode_state["step"][:, None]
@@ -360,7 +364,7 @@ def vertical(now: Moment) -> Array:
 
 @per_moment
 def command(now: Moment) -> Array:
-    """Current velocity command along x and y (m/s) and about z (rad/s), (num_envs, 3)."""
+    """Current velocity command along x and y (m/s) and about z (rad/s), in the frame of the base, (num_envs, 3)."""
     episode_state = now.episode_state
     length = -(-now.task.episode_steps // _COMMANDS)
     which = np.minimum(episode_state["step"] // length, _COMMANDS - 1)

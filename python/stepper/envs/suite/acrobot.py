@@ -27,7 +27,7 @@ class Acrobot(SuiteTask):
     sparse: bool = False
 
     def observations(self) -> tuple[Observation, ...]:
-        """Sines and cosines of both links, and velocities: (6,)."""
+        """Sines and cosines of the angles of both links from the vertical, and joint velocities: (6,)."""
         return (
             Observation("horizontal", func=lambda now: rotations(now)[:, 1:, 0, 2]),
             Observation("vertical", func=lambda now: rotations(now)[:, 1:, 2, 2]),
@@ -35,7 +35,7 @@ class Acrobot(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: 1 with the tip in the target, decreasing with the distance from it (0 outside with `sparse`)."""
+        """Score: 1 with the tip in the target. Outside, the score decreases with the distance; with `sparse` it is 0."""
         target, tip = (now.site_xpos[:, now.sim.model.site(name).id] for name in ("target", "tip"))
         return tolerance(norm(target - tip), 0.0, _TARGET, margin=0.0 if self.sparse else 1.0)
 

@@ -205,7 +205,10 @@ def lift_until_free(model: Model, qpos: Array, height: int) -> None:
 
 
 def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap_quat: Array | None = None) -> Array:
-    """Whether geoms overlap at positions qpos (n, nq), m and rad: (n,) bool. Mocap bodies have the given poses or those of the file."""
+    """Whether any geoms of a model overlap in configurations qpos (n, nq), m and rad: (n,) bool.
+
+    `mocap_pos` (n, nmocap, 3), m, and `mocap_quat` (n, nmocap, 4) are poses of the mocap bodies; None means those of the model.
+    """
     probe = Stepper(model, len(qpos), options=Options(contact="mujoco", integrator="euler"))
     probe.reset(qpos=qpos)
     if mocap_pos is not None:
@@ -220,7 +223,13 @@ def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap
 
 
 def settle(sim: Stepper, mask: Array, steps: int) -> None:
-    """Simulates some steps from the current positions, at rest and without controls, in the environments of a mask (num_envs,)."""
+    """Simulates environments without controls, starting from their current positions with zero velocity, and stores the final state.
+
+    Args:
+        sim: The stepper.
+        mask: Environments that are simulated, (num_envs,) bool. The others do not change.
+        steps: Number of time steps.
+    """
     probe = Stepper(sim.model, int(mask.sum()), options=sim.options, precision=sim.precision)
     probe.reset(qpos=sim.qpos[mask])
     probe.step(nstep=steps)
@@ -241,8 +250,8 @@ def move_geom(sim: Stepper, mask: Array, geom: str, pos: Array, columns: Any = s
         sim: The stepper.
         mask: The environments, (num_envs,) bool.
         geom: Name of the geom.
-        pos: Coordinates, (n, k) m.
-        columns: The k coordinates that are set; others stay.
+        pos: Coordinates of the geom, (n, k), m.
+        columns: Indices of the k coordinates that are set (0, 1, 2 for x, y, z). The other coordinates do not change.
     """
     places = np.array(sim.randomized.get("geom_pos", np.tile(sim.model.geom_pos, (sim.num_envs or 1, 1, 1))))
     chosen = places[mask]

@@ -35,7 +35,7 @@ class Cartpole(SuiteTask):
         return _scene(self.poles)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Position of the cart, cosines and sines of the poles, and velocities: (1 + 3 poles + 1,)."""
+        """Position of the cart, cosines and sines of the poles' angles, and velocities: (2 + 3 poles,)."""
         return (
             Observation("cart", func=lambda now: now.qpos[:, :1], unit="m"),
             Observation("poles", func=lambda now: rotations(now)[:, 2:, [2, 0], 2]),
@@ -43,7 +43,10 @@ class Cartpole(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: product of terms for upright and slow poles, a centred cart and small controls."""
+        """Score: product of terms for upright and slow poles, a centred cart and small controls.
+
+        With `sparse` it is 1 if the cart is near the centre and all poles are nearly upright, else 0.
+        """
         cart, upright = now.qpos[:, 0], rotations(now)[:, 2:, 2, 2]
         if self.sparse:
             inside: Array = tolerance(cart, -0.25, 0.25) * tolerance(upright, 0.995, 1.0).prod(axis=1)

@@ -181,7 +181,10 @@ def _geom_position(now: Moment, geom: str) -> Array:
 
 
 def _fetching(now: Moment) -> Array:
-    """Score of fetching, (num_envs,): product of terms for the ball in the mouth (1 near the target) and for the ball at the target."""
+    """Score of fetching, (num_envs,): product of a term for the ball in the mouth and a term for the ball at the target.
+
+    The first term is 1 if the ball is within two target radii of the target.
+    """
     model = now.sim.model
     ball, radius = _geom_position(now, "ball"), float(model.geom("target").size[0])
     upper, lower = (norm(ball - now.site_xpos[:, model.site(site).id]) for site in ("upper_bite", "lower_bite"))

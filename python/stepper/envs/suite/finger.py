@@ -42,7 +42,7 @@ class Finger(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: 1 if the body spins at `_SPEED` or faster in the right direction, else 0."""
+        """Score: 1 if the body spins at 15 rad/s or faster in the negative direction of the hinge, else 0."""
         spins: Array = (reading(now, "hinge_velocity")[:, 0] <= -_SPEED).astype(np.float64)
         return spins
 

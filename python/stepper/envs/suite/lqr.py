@@ -17,7 +17,7 @@ _STIFFNESS = (15.0, 25.0)
 _CONTROL_COST = 0.1
 """Weight of the squared controls in the cost."""
 _AT_REST = 1e-6
-"""Norm of positions and velocities below which an episode terminates."""
+"""Norm of the vector of all positions (m) and velocities (m/s) below which an episode terminates."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,12 @@ class LQR(SuiteTask):
 
 @cache_model
 def _scene(bodies: int, driven: int, seed: int) -> Model:
-    """dm_control's model without the tendons, which only draw the springs.
+    """Model of masses in a row. dm_control's tendons, which only draw the springs, are left out.
+
+    Args:
+        bodies: Number of masses.
+        driven: Number of masses with an actuator: the first ones in the row.
+        seed: Seed of the random stiffnesses.
 
     Raises:
         ValueError: `driven` is not from 1 to `bodies`, or the seed is out of range.

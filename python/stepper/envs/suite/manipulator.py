@@ -19,7 +19,7 @@ _PROPS = {"ball", "target_ball", "cup", "peg", "target_peg", "slot"}
 _CLOSE = 0.01
 """Distance within which two sites count as being at the same place, m."""
 _IN_HAND, _IN_TARGET = 0.1, 0.1
-"""Probabilities that an episode starts with the object in the hand, and at the target."""
+"""Probability that an episode starts with the object in the hand, and probability that it starts with the object at the target."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class Manipulator(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: 1 with the object at the target. For a peg, up to 1/3 for the hand in its grasp pose."""
+        """Score: 1 with the object at the target. With a peg, a hand in the grasp pose at the peg earns up to 1/3."""
         if not self.peg:
             return _closeness(now, "ball", "target_ball")
         grasping = (_closeness(now, "peg_grasp", "grasp") + _closeness(now, "peg_pinch", "pinch")) / 2.0
@@ -105,7 +105,7 @@ def _closeness(now: Moment, one: str, other: str) -> Array:
 
 
 def _grasp(model: Model, qpos: Array) -> Array:
-    """Grasp pose of the hand in configurations qpos (n, nq): x, z (m) and angle (rad), (n, 3)."""
+    """Poses of an object in the grasp of the hand, for configurations qpos (n, nq): x, z (m) and angle (rad), (n, 3)."""
     probe, site = Stepper(model, len(qpos)), model.site("grasp").id
     probe.reset(qpos=qpos)
     across = matrices(np.asarray(probe.site_xquat)[:, site])[:, :, 0]

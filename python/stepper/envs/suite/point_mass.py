@@ -13,7 +13,7 @@ from stepper.envs.task import Array, Moment, Observation, Terms
 from stepper.shared.streams import Rng
 
 _PARALLEL = 0.9
-"""Cosine of the angle between the two control directions above which they count as nearly parallel and are drawn again."""
+"""Absolute cosine of the angle between the two control directions above which the second direction is drawn again."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from stepper.envs.task import Array, Moment, Observation, Terms
 from stepper.shared.streams import Rng
 
 _CLOSE = 0.01
-"""Width of the range of distances below 0.1 m in which the score for a hand away from the target falls from 1 to 0.1, m."""
+"""Margin of the score for a hand away from the target, m. The score is 1 from 0.1 m on, and 0.1 at this margin below 0.1 m."""
 _MOST_BOXES = 4
 """Number of boxes in the file."""
 

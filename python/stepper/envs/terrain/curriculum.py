@@ -1,4 +1,4 @@
-"""Curricula: harder terrain for environments that make progress, and values, such as ranges of commands, by number of actions."""
+"""Curricula: harder terrain for environments that make progress, and values, such as command ranges, that depend on the actions so far."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from stepper.shared.arguments import check_number, check_whole
 class TerrainCurriculum:
     """Curriculum over a terrain. Each environment has a tile: its row is the level (0 is the easiest), its column the kind of terrain.
 
-    The column is drawn once. After an episode the environment can move to a harder or easier row. A task uses the curriculum like this:
+    The first reset after a seed draws the column. After an episode the environment can move to a harder or easier row. A task uses the
+    curriculum like this:
 
         class Walk(Task):
             carried = TerrainCurriculum.carried

@@ -58,14 +58,14 @@ class SubTerrain(ABC):
         """Returns the heights at points of a tile.
 
         Args:
-            x: x coordinates relative to the middle of the tile, (n,) m, ascending.
-            y: y coordinates relative to the middle of the tile, (m,) m, ascending.
+            x: x coordinates relative to the middle of the tile, (nx,), m, ascending.
+            y: y coordinates relative to the middle of the tile, (ny,), m, ascending.
             size: Side of the tile, m.
             difficulty: From 0, easiest, to 1, hardest.
             rng: Random number generator of this tile.
 
         Returns:
-            Heights, (m, n) m. `Terrain` sets those on the border to 0.
+            Heights, (ny, nx), m. `Terrain` sets those on the border to 0.
         """
 
 
@@ -74,10 +74,16 @@ class BoxTerrain(SubTerrain):
 
     @abstractmethod
     def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Returns boxes of a tile, (n, 2, 3) m: lowest and highest corner of each, relative to the middle. They cover the tile."""
+        """Returns boxes that cover a tile, (n, 2, 3), m: lowest and highest corner of each, relative to the middle of the tile.
+
+        Args:
+            size: Side of the tile, m.
+            difficulty: From 0, easiest, to 1, hardest.
+            rng: Random number generator of this tile.
+        """
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Returns the heights of the tops of the highest boxes at points of a tile, (m, n) m; see `SubTerrain.heights`."""
+        """Returns the heights of the tops of the highest boxes at points of a tile, (ny, nx), m; see `SubTerrain.heights`."""
         heights = np.full((len(y), len(x)), -np.inf)
         for (x_low, y_low, _), (x_high, y_high, top) in self.boxes(size, difficulty, rng):
             columns = slice(np.searchsorted(x, x_low - _EDGE_MARGIN), np.searchsorted(x, x_high + _EDGE_MARGIN))
@@ -100,7 +106,7 @@ class RandomRough(SubTerrain):
     """Rough ground: random heights at the points of a coarse grid, with bilinear interpolation.
 
     Attributes:
-        height_range: Largest random height, m; the smallest is 0.
+        height_range: Largest random height at difficulty 0 and at difficulty 1, m. The smallest height is 0.
         spacing: Distance between points of the coarse grid, m.
     """
 
@@ -111,7 +117,7 @@ class RandomRough(SubTerrain):
     spacing: float = 0.2
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Returns the heights, (m, n) m: uniformly distributed from 0 to the largest at the points of the coarse grid."""
+        """Returns the heights, (ny, nx), m: uniformly distributed from 0 to the largest height at the points of the coarse grid."""
         points = np.linspace(-size / 2, size / 2, max(2, round(size / self.spacing) + 1))
         drawn = rng.uniform(0.0, _at(self.height_range, difficulty), (len(points), len(points)))
         along = np.stack([np.interp(x, points, row) for row in drawn])
@@ -123,7 +129,7 @@ class PyramidSlope(SubTerrain):
     """Slopes to a platform in the middle.
 
     Attributes:
-        slope_range: Slope, rise over run.
+        slope_range: Slope (rise over run) at difficulty 0 and at difficulty 1.
         platform_width: Side of the platform, m.
         inverted: Whether slopes go down to the middle.
     """
@@ -135,7 +141,7 @@ class PyramidSlope(SubTerrain):
     inverted: bool = False
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Returns the heights, (m, n) m, which rise (or fall) with the distance from the border up to the platform."""
+        """Returns the heights, (ny, nx), m, which rise from the border to the platform, or fall if `inverted`."""
         distance = size / 2 - self.border_width - _from_middle(x, y)
         rise = np.clip(distance, 0.0, max(0.0, (size - self.platform_width) / 2 - self.border_width))
         return (-1.0 if self.inverted else 1.0) * _at(self.slope_range, difficulty) * rise
@@ -146,7 +152,7 @@ class Wave(SubTerrain):
     """Hills and hollows in a regular pattern.
 
     Attributes:
-        amplitude_range: Height of the hills and depth of the hollows, m.
+        amplitude_range: Height of the hills, equal to the depth of the hollows, at difficulty 0 and at difficulty 1, m.
         num_waves: Number of waves along each side.
     """
 
@@ -154,7 +160,7 @@ class Wave(SubTerrain):
     num_waves: int = 4
 
     def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
-        """Returns the heights, (m, n) m: a product of sines along x and y, which is zero on the edge of the tile."""
+        """Returns the heights, (ny, nx), m: a product of sines along x and y, which is zero on the edge of the tile."""
         along, across = (np.sin(2.0 * np.pi * self.num_waves * (places / size + 0.5)) for places in (x, y))
         return _at(self.amplitude_range, difficulty) * across[:, None] * along
 
@@ -202,7 +208,7 @@ class Gap(BoxTerrain):
     """Gap around a platform in the middle.
 
     Attributes:
-        gap_width_range: Width of the gap, m, along x and y.
+        gap_width_range: Width of the gap at difficulty 0 and at difficulty 1, m, along x and y.
         platform_width: Side of the platform, m.
         depth: Depth of the gap, m.
     """
@@ -226,8 +232,8 @@ class SteppingStones(BoxTerrain):
     """Stones over a pit, around a platform in the middle.
 
     Attributes:
-        stone_size_range: Side of a stone, m.
-        stone_distance_range: Smallest gap between stones, m.
+        stone_size_range: Side of a stone at difficulty 0 and at difficulty 1, m.
+        stone_distance_range: Smallest gap between stones at difficulty 0 and at difficulty 1, m.
         height_variation: Largest height of a stone's top above or below 0, m.
         platform_width: Side of the platform, m.
         depth: Depth of the pit, m.
@@ -260,7 +266,8 @@ class DiscreteObstacles(BoxTerrain):
     """Boxes on flat ground, around a free square in the middle.
 
     Attributes:
-        height_range: Largest height of a box, m. Heights are uniformly distributed between half the largest height and the largest.
+        height_range: Largest height of a box at difficulty 0 and at difficulty 1, m. Heights are uniformly distributed from half the
+            largest height to the largest height.
         width_range: Smallest and largest side of a box, m, for any difficulty.
         num_obstacles: Number of boxes; those that would reach into the free square are left out.
         platform_width: Side of the free square, m.
@@ -296,7 +303,7 @@ def _at(values: Range, difficulty: float) -> float:
 
 
 def _from_middle(x: Array, y: Array) -> Array:
-    """Chebyshev distance max(|x|, |y|) of grid points from the middle of a tile, (m, n) m, for x (n,) and y (m,)."""
+    """Chebyshev distance max(|x|, |y|) of grid points from the middle of a tile, (ny, nx), m, for x (nx,) and y (ny,)."""
     distance: Array = np.maximum(np.abs(x), np.abs(y)[:, None])
     return distance
 

@@ -21,13 +21,13 @@ STAGES: Stages = ((0, (-1.0, 1.0, 1.0, 0.5)), (120_000, (-1.5, 2.0, 1.0, 0.7)), 
 The bounds are the lowest and highest velocity along x, the highest along y (m/s), and the highest about z (rad/s).
 """
 _TIMES = (3.0, 8.0)
-"""Least and longest time of a command, s."""
+"""Shortest and longest duration of a command, s."""
 _STANDING, _HEADING, _FORWARD = 0.1, 0.3, 0.2
 """Probabilities that a command is to stand, to turn to a heading, and to go straight ahead."""
 _SLOWEST = 0.3
 """Least velocity of a command to go straight ahead, m/s."""
 _STIFFNESS = 0.5
-"""Commanded rate of turn, relative to the angle between the commanded and the current heading, 1/s."""
+"""Commanded rate of turn divided by the angle from the current to the commanded heading, 1/s."""
 _PUSH_TIMES = (1.0, 3.0)
 """Least and longest time between two pushes, s."""
 _PUSHES = np.array([0.5, 0.5, 0.4, 0.52, 0.52, 0.78])
@@ -126,10 +126,10 @@ def command(now: Moment) -> Array:
 
 
 def _actions(drawn: Array, times: tuple[float, float], dt: float) -> Array:
-    """Random durations, (...) int, each a number of actions of at least 1.
+    """Converts random numbers to random durations, each in actions and at least 1: int, in the shape of `drawn`.
 
     Args:
-        drawn: Uniform random numbers from 0 (shortest duration) to 1 (longest duration), (...).
+        drawn: Uniform random numbers from 0 (shortest duration) to 1 (longest duration).
         times: Shortest and longest duration, s.
         dt: Duration of one action, s.
     """

@@ -38,14 +38,14 @@ def _speed(now: Moment) -> Array:
 
 
 def _linear(now: Moment) -> Array:
-    """Reward term: agreement of the base's linear velocity with the command, from 0 to 1, (num_envs,)."""
+    """Reward term: agreement of the base's linear velocity with the command, from 0 to 1, (num_envs,). The z velocity should be 0."""
     velocity = linear_velocity(now)
     error = square_sum(command(now)[:, :2] - velocity[:, :2]) + np.square(velocity[:, 2])
     return np.exp(-error / 0.25)
 
 
 def _angular(now: Moment) -> Array:
-    """Reward term: agreement of the base's angular velocity with the command, from 0 to 1, (num_envs,)."""
+    """Reward term: agreement of the base's angular velocity with the command, from 0 to 1, (num_envs,). About x and y it should be 0."""
     rates = now.qvel[:, 3:6]
     error = np.square(command(now)[:, 2] - rates[:, 2]) + square_sum(rates[:, :2])
     reward: Array = np.exp(-error / 0.5)
@@ -53,7 +53,7 @@ def _angular(now: Moment) -> Array:
 
 
 def _upright(now: Moment) -> Array:
-    """Reward term: agreement of the base's vertical axis with the normal of the ground, from 0 to 1, (num_envs,)."""
+    """Reward term: agreement of the base's z axis with the normal of the scanned ground, from 0 to 1, (num_envs,)."""
     return np.exp(-square_sum(ground_normal(now)[:, :2]) / 0.2)
 
 

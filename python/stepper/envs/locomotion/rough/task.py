@@ -42,16 +42,16 @@ ROUGH = Terrain(
 )
 """Terrain of mjlab's rough velocity tasks, as a height field, with steps of up to 0.2 m instead of 0.1 m.
 
-Each step of the stairs is a ramp of 0.1 m and a tread of 0.2 m.
+Each step of the stairs is a ramp 0.1 m long and a tread 0.2 m deep.
 """
 _MAX_ACTION = 4.0
 """Largest action. In the stance, it gives the largest torque of its servo."""
 _INITIAL_LIFT = (0.01, 0.05)
-"""Lowest and highest initial height of the base above the stance, m."""
+"""Smallest and largest initial height of the base above its height in the keyframe "stance", m."""
 _MAX_ENCODER_BIAS = 0.015
 """Largest error of an encoder, rad."""
 _MAX_COM_SHIFT = np.array([0.025, 0.025, 0.03])
-"""Largest shift of the base's centre of mass, m."""
+"""Largest shifts of the base's centre of mass in x, y and z, m."""
 _SCAN_UNIT = 5.0
 """Height difference of the scan that is observed as 1, m."""
 _LEAST_PROGRESS = 0.5
@@ -111,7 +111,10 @@ class RoughTask(Task):
     TRUNK: ClassVar[tuple[str, ...]] = ()
     """Names of the geoms of the reward term "trunk_collision"."""
     STANDING: ClassVar[Mapping[str, float]]
-    """Tolerances of joint angles for commands to stand, rad, by regular expression for the joint's name."""
+    """Tolerances of joint angles in the reward term "pose" for commands to stand, rad, by regular expression for the joint's name.
+
+    The term is exp(-mean(e^2)), where e is the difference of a joint angle from the stance divided by its tolerance.
+    """
     WALKING: ClassVar[Mapping[str, float]]
     """Tolerances of joint angles for commands to walk, in the format of `STANDING`."""
     RUNNING: ClassVar[Mapping[str, float]]
@@ -147,7 +150,11 @@ class RoughTask(Task):
         return np.full(model.nu, -_MAX_ACTION), np.full(model.nu, _MAX_ACTION)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Velocities and gravity in the frame of the base, joint angles minus the stance, last action, command, height scan."""
+        """Observation: velocities of the base, gravity, joint angles, joint velocities, last action, command, height scan.
+
+        Velocities of the base (linear and angular) and the direction of gravity are in the frame of the base. Joint angles are encoder
+        readings minus the stance.
+        """
         k = self.noise
         return (
             Observation("base_lin_vel", func=linear_velocity, noise=0.5 * k, unit="m/s"),
@@ -178,7 +185,7 @@ class RoughTask(Task):
         return safe
 
     def truncated(self, now: Moment) -> Array:
-        """Whether the base is outside the terrain or too close to its edge, (num_envs,)."""
+        """Whether the base is outside the terrain or within 0.3 m of the terrain's edge, (num_envs,) bool."""
         return self.terrain.leaves(now.qpos[:, :2])
 
     def info(self, now: Moment) -> Terms:

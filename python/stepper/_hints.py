@@ -241,11 +241,11 @@ class Hinting(type):
 
 
 def present_keyword(call: str, name: str) -> str:
-    """Current name of a keyword argument that has another name in an earlier version or another library; "" if none is known.
+    """Current name of a keyword argument, from its name in an earlier version or another library; "" if `name` is no such name.
 
     Args:
         call: Name of the call, such as "Stepper.reset".
-        name: The other name.
+        name: Name in an earlier version or another library.
     """
     return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 

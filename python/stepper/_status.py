@@ -31,9 +31,9 @@ class Status(IntFlag):
     In both cases the step limits joint velocities to one radian per step. The kinetic energy then increases by no more than the work done.
     integrator="euler" has no such check and continues until NON_FINITE.
 
-    Second, the error of integrator="midpoint" adds too much energy: a tenth of the kinetic energy in the step, or as much per second as
-    doubles the kinetic energy within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The flag does not
-    change the motion. Whipping chains have such steps.
+    Second, the error of integrator="midpoint" adds too much energy. There are two bounds: a tenth of the kinetic energy per step, and a
+    rate that doubles the kinetic energy within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The
+    flag does not change the motion. Whipping chains have such steps.
 
     Third, elastic impacts became inelastic, because Newton's law of impact has no plausible solution, as in a corner with much friction.
 

@@ -1,4 +1,4 @@
-"""Adapters of `stepper.envs` to other libraries: one module per library, imported by name.
+"""Adapters of `stepper.envs` and `stepper.Stepper` to other libraries: one module per library, imported by name.
 
     from stepper.adapters.sb3 import StepperVecEnv  # or stepper.adapters.sb3.StepperVecEnv
 

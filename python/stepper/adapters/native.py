@@ -1,4 +1,4 @@
-"""Construction of the `StepperVectorEnv` that every adapter wraps."""
+"""Construction of the `StepperVectorEnv` that adapters of environments wrap."""
 
 from __future__ import annotations
 

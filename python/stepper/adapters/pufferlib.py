@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 
 
 class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
-    """`PufferEnv` whose agents are environments of one task. The autoreset is that of PufferLib: SAME_STEP in Gymnasium.
+    """`PufferEnv` whose agents are environments of one task. PufferLib's autoreset is the mode that Gymnasium calls SAME_STEP.
 
     After a step in which episodes ended, the info has the means of their return and length, "episode_return" and "episode_length".
 
@@ -37,7 +37,7 @@ class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
         super().__init__(buf)
 
     def reset(self, seed: int | None = None) -> tuple[Array, list[dict[str, Any]]]:
-        """Begins new episodes with a seed.
+        """Begins new episodes. Environment i has the seed `seed * num_agents + i`.
 
         With None, the first reset uses the seed of the constructor, and later resets continue the random numbers.
 

@@ -20,7 +20,7 @@ import torch  # noqa: E402
 
 
 class States(NamedTuple):
-    """States of a rollout after the steps of each control.
+    """States of a rollout: one for each of the T controls, after the steps with this control.
 
     Attributes:
         qpos: Positions, (T, num_envs, nq), m and rad.

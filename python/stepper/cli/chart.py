@@ -28,7 +28,7 @@ def chart(
     ray: bool,
     values: Sequence[str] = (),
 ) -> None:
-    """Draws charts of simulation error against computing time: time steps, integrators, solvers, precisions, contact laws, MuJoCo, rapier.
+    """Draws charts of simulation error against computing time, to compare time steps, integrators, solvers, contact laws and engines.
 
     The scene is your model or study, or a built-in scene with a known solution. For a model or study, the command computes a converged
     reference and its uncertainty. It attributes errors to the solver, the time step and the contact law. It also lists invariants and

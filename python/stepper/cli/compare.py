@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 
 def compare(model: str, out: Path, *, seconds: float, num_envs: int, seed: int) -> None:
-    """Compares hard contact, MuJoCo's contact law in stepper, and MuJoCo, on a model with random controls: a table and a picture.
+    """Compares hard contact, MuJoCo's contact law in stepper, and MuJoCo, on a model with random controls.
+
+    The command prints a table and draws a picture.
 
     Example: stepper compare humanoid.xml --seconds 3
     """

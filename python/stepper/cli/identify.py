@@ -40,7 +40,7 @@ def identify(
 ) -> None:
     """Identifies parameters of a model from measurements: masses, friction, damping and more, each with a 95 % interval.
 
-    It also lists the parameters that the data do not determine.
+    The command also lists the parameters that the data do not determine.
 
     Example: stepper identify robot.xml push.csv -p 'body_mass[box]' -p 'geom_friction[floor,box][0]=0.05..2'
     """

@@ -343,7 +343,7 @@ def _in_sequence(
 
 
 def _info(info: Mapping[str, Any], name: str) -> Array:
-    """Value of the key `name` in an info dict, (num_envs,) or a number; a ValueError if the key is absent."""
+    """Value of the key `name` in an info dict, (num_envs,) or a number; a ValueError if the key is absent or has another shape."""
     if name not in info or np.ndim(info[name]) > 1:
         numbers = sorted(key for key, value in info.items() if not key.startswith("_") and np.ndim(value) < 2)
         raise ValueError(f"there is no info {name!r} with one number per environment; such infos are: {', '.join(numbers) or 'none'}")

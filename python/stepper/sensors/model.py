@@ -75,9 +75,9 @@ class SensorModel:
         return out | ({"default": plain(self.default)} if self.default else {})
 
     def transfers(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """Returns the error models of all sensors of a model, as dictionaries for the Rust library; None for ideal sensors.
+        """Returns the transfer functions of all sensors of a model, as dictionaries for the Rust library; None for ideal sensors.
 
-        Arrays in an error model have one number for each of `num_envs` environments.
+        Arrays in a transfer function have one number for each of `num_envs` environments.
 
         Raises:
             ValueError: A name or pattern matches no sensor, or an array has a wrong shape.

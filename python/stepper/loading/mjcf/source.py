@@ -166,7 +166,7 @@ class Source:
         return found
 
     def gear(self, actuator: int) -> float:
-        """Gear of an actuator with one output, `actuator_gear[0]`."""
+        """First entry of the gear (`actuator_gear`) of an actuator with one output."""
         return float(self.m.actuator_gear[self.m.actuator_outadr[actuator], 0])
 
     @cached_property

@@ -21,7 +21,7 @@ _RESULT = "each step computes it from the state, which sim.set_state(...) sets"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
 """Advice for error messages about assignments to attributes of a model, by attribute.
 
-Other read-only attributes follow from the model's file, which the message then recommends to change."""
+For other read-only attributes, the message recommends to change the model's file."""
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
@@ -112,7 +112,7 @@ for _name in _WRITING:
 
 
 def kind(field: str, remedy: str = "") -> type[ReadOnly]:
-    """Subclass of the read-only array type `ReadOnly` for one attribute. The error message for attempts to write names the attribute.
+    """Subclass of the read-only array type `ReadOnly` for one attribute. Attempts to write raise an error that names the attribute.
 
     Args:
         field: Name of the attribute, such as "qpos".

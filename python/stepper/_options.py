@@ -110,7 +110,7 @@ class Options(metaclass=Hinting):
 
 
 def precision_of(value: Any) -> Precision:
-    """Precision "f64" or "f32" from its name, or from the name or type of such numbers in NumPy: "float32", `np.float32`, `np.dtype("f4")`.
+    """Precision from "f64" or "f32", or from a floating-point type of NumPy or its name: `np.float32`, `np.dtype("f4")`, "float32".
 
     Raises:
         ValueError: The value is neither precision.

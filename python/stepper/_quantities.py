@@ -152,7 +152,7 @@ def _rotated(quat: Array, vectors: Array) -> Array:
 
 
 def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
-    """Indices of elements along the axis of a quantity. If `of` is one body, site or geom, an int, which removes the axis."""
+    """Indices of elements along the axis of a quantity. For one body, site or geom the result is an int, which removes the axis."""
     several = not isinstance(of, str | int | np.integer)
     keys: Sequence[Any] = of if several else [of]  # type: ignore[assignment]
     if kind in ("body", "site", "geom"):
@@ -173,7 +173,7 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
 
 
 def output_array(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
-    """Array in which the caller stores a result, (...) in any unit: `out` if it is given, otherwise a new array without set values.
+    """Array in which the caller stores a result, (...) in any unit: `out` if it is given, otherwise a new uninitialised array.
 
     Raises:
         ValueError: `out` has another shape than `shape`, or another scalar type than `dtype`.

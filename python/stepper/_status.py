@@ -9,13 +9,14 @@ class Status(IntFlag):
     """Flags of `Stepper.status`: one integer per environment, with the flags of all steps in the last call of `step`."""
 
     OK = 0
-    """No flag is set: every step was solved to the tolerance, and no violation was found."""
+    """No flag is set: every step was solved to the tolerance, and no condition of another flag occurred."""
     NOT_CONVERGED = 1
-    """The solver's residual was above the tolerance. `Stepper.residual` is the residual, `Stepper.worst_row` the constraint, and
-    `Stepper.save_problem` writes the problem to a file. If the residual is above 0.01 m/s (and above ten times the tolerance), the step
-    does not let impulses increase the kinetic energy, and limits joint velocities to one radian per step. A step in which large impulses
-    that cancel each other jam a body has the same two limits and this flag. In such a jam, even a small residual can mean a large error
-    of the energy."""
+    """The solver's residual was above the tolerance. `Stepper.residual` is the residual, and `Stepper.worst_row` the constraint with the
+    largest one. `Stepper.save_problem` writes the constraint problem to a file.
+
+    If the residual is above 0.01 m/s (and above ten times the tolerance), the step does not let impulses increase the kinetic energy, and
+    limits joint velocities to one radian per step. A step in which large impulses that cancel each other jam a body has the same two
+    limits and this flag. In such a jam, even a small residual can mean a large error of the energy."""
     NON_FINITE = 2
     """A step gave a state that is not finite. The environment keeps its last finite state, and its time does not advance."""
     CONTACTS_FULL = 4
@@ -28,8 +29,8 @@ class Status(IntFlag):
     * by half a radian while inertial forces accelerate it further; the step then leaves out centrifugal and gyroscopic forces
     * by half a revolution from constraint impulses, as in a jammed lever
 
-    In both cases the step limits joint velocities to one radian per step. The kinetic energy then increases by no more than the work done.
-    integrator="euler" has no such check and continues until NON_FINITE.
+    For either reason, the step limits joint velocities to one radian per step. The kinetic energy then increases by no more than the work
+    done. integrator="euler" has no such check and continues until NON_FINITE.
 
     Second, the error of integrator="midpoint" adds too much energy. There are two bounds: a tenth of the kinetic energy per step, and a
     rate that doubles the kinetic energy within 0.1 s. Both bounds are twice as high where constraints change the velocity much. The

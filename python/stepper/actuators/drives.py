@@ -70,8 +70,8 @@ class DCMotor:
         gear: Gear ratio: shaft speed over actuator speed (rad per unit of actuator length).
         efficiency: Fraction of the power that the gear transmits in either direction. The torque at the joint is multiplied by it if the
             motor drives the joint, and divided by it if the joint drives the motor.
-        control: Kind of input of the motor. With "torque", it is a torque, N m, limited by the torque-speed curve for voltages of both
-            signs. With "voltage", it is a fraction of the nominal voltage, from -1 to 1.
+        control: Kind of input of the motor. With "torque", the input is a torque, N m, limited to those that voltages up to the nominal
+            one, of either sign, produce at the current speed. With "voltage", it is a fraction of the nominal voltage, from -1 to 1.
     """
 
     stall_torque: Number | None = None

@@ -20,7 +20,7 @@ from stepper.envs.vector import StepperVectorEnv
 from stepper.shared.machine import allowed_cores
 
 Result: TypeAlias = tuple[Array, Array, Array, Array, dict[str, Any]]
-"""Result of `send` and `recv`: observations (n, k), rewards, terminations and truncations (n,), infos."""
+"""Result of `recv` and `step`: observations (n, k), rewards, terminations and truncations (n,), infos."""
 
 
 class StepperPool:

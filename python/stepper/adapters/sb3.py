@@ -137,7 +137,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         return [result] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
-        """Whether the environments replace a wrapper: True for the class `Monitor` if `episode_statistics` is set, otherwise False.
+        """Whether the environments do the work of a wrapper: True for the class `Monitor` if `episode_statistics` is set, otherwise False.
 
         Returns:
             The same value for each selected environment.

@@ -14,10 +14,11 @@ import torch  # noqa: E402
 
 
 class TorchVectorEnv:
-    """Vector environment whose observations, rewards and actions are PyTorch tensors. On the CPU they share memory with NumPy arrays.
+    """Vector environment whose observations, rewards and actions are PyTorch tensors.
 
-    Rewards are copies in float32. Observations alternate between two buffers, so that an observation stays valid until the call after the
-    next one. Clone it to keep it longer, or pass the destination: `envs.step(action, out=storage[t + 1])`.
+    On the CPU, observations and actions share memory with NumPy arrays. Rewards are copies in float32. Observations alternate between two
+    buffers, so that an observation stays valid until the call after the next one. Clone it to keep it longer, or pass the destination:
+    `envs.step(action, out=storage[t + 1])`.
 
     Args:
         env: Id of a registered Gymnasium environment, such as "stepper/Hopper-v5", whose episode limit applies; or a `Task` or its class.

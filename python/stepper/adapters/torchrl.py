@@ -22,7 +22,7 @@ from torchrl.envs import EnvBase  # noqa: E402
 class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
     """TorchRL environment with the batch size (num_envs,) and the entries "observation", "action" and "reward".
 
-    Partial resets and partial steps by TorchRL's masks "_reset" and "_step" are supported. On the CPU, tensors share memory with NumPy
+    Partial resets and partial steps by TorchRL's masks "_reset" and "_step" are supported. On the CPU, observations share memory with NumPy
     arrays. Later steps do not overwrite returned tensors.
 
     Args:

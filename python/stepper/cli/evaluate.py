@@ -37,7 +37,7 @@ def evaluate(
     The command first lists the differences between this environment and the environment in which the policy was trained. With --against,
     the policy also runs in a second environment from the same initial states. The command then tests whether the mean returns are
     equivalent. The option --values sets arguments of both environments. With --info, the command also prints the mean of an entry of the
-    info dict. With --film, it also films an episode.
+    info dict. With --film, the command also films an episode.
 
     Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --film half_cheetah.mp4
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
     """Lists the parts of a model that are simulated, those that are left out, and effects that rigid bodies cannot model.
 
-    With --run, it also lists the parts that a run used and the time that they took.
+    With --run, the command also lists the parts that a run used and the time that they took.
 
     Example: stepper explain robot.xml --run
     """

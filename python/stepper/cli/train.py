@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def train(words: list[str]) -> None:
-    """Trains a policy by proximal policy optimisation (PPO) in PyTorch, evaluates it, and films it.
+    """Trains a policy by proximal policy optimisation (PPO) in PyTorch, evaluates it, and films it with --film.
 
     Every setting of the learner is an option; --help lists them. --values NAME=VALUE sets an argument of the environment, such as a field
     of its task. Files are written to a folder of out/train in the working folder, or to --out. The same command continues a stopped run.

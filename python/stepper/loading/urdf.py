@@ -18,7 +18,7 @@ _FILE = ("file://", "file:")
 VARIABLES = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share", "GAZEBO_MODEL_PATH": "", "GZ_SIM_RESOURCE_PATH": ""}
 """Environment variables with lists of folders in which packages are searched.
 
-The value is the subfolder of each listed folder that contains the packages, or "" if the listed folder itself contains them.
+The value is the name of the subfolder with the packages in each listed folder, or "" if the listed folder itself contains them.
 """
 
 

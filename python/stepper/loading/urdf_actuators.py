@@ -21,7 +21,7 @@ this frequency: 0.03 rad for 0.5 m."""
 
 VELOCITY_FREQUENCY = 50.0
 """Bandwidth of a velocity servo, Hz: ten times that of the position servo, as usual for the inner loop of a cascade. With control 0,
-gravity turns a rod of length l at a speed of at most 1.5 g / (l w): 0.09 rad/s for 0.5 m."""
+gravity turns a rod of length l at a speed of at most 1.5 g / (l w), w = 2 pi times this frequency: 0.09 rad/s for 0.5 m."""
 
 
 def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[str, Any]) -> None:

@@ -106,8 +106,8 @@ class Failures:
 
         Keys are "cause", "what" (the kind), "meaning", "count" and "first". The count is over all calls of `step` and all environments.
         The first failures are pairs: index of the call among all recorded events, and index of the environment. Failures of sensing also
-        have "readings", the number of failed readings of each sensor. Saturation has "steps", the number of saturated steps of each
-        actuator.
+        have "readings", the number of failed readings of each sensor. The failure "saturated" of actuators has "steps", the number of
+        saturated steps of each actuator.
         """
         found = [
             {"cause": cause, "what": what, "meaning": CAUSES[cause, what], "count": count, "first": self._first[cause, what]}

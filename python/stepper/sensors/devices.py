@@ -27,7 +27,7 @@ def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:
 
     Args:
         bits: Number of bits per turn.
-        turn: Range of the encoder, rad, or m of travel.
+        turn: Range of the encoder that has 2^bits steps, rad; for a linear encoder, the travel in m.
     """
     check_whole("bits", bits, least=1, most=40)
     check_number("turn", turn, above=0.0)
@@ -40,7 +40,7 @@ def encoder_velocity(bits: int, period: float, *, turn: float = 2 * math.pi) -> 
     Args:
         bits: Number of bits per turn.
         period: Sampling period, s.
-        turn: Range of the encoder, rad, or m of travel.
+        turn: Range of the encoder that has 2^bits steps, rad; for a linear encoder, the travel in m.
     """
     check_number("period", period, above=0.0)
     return Transfer(quantum=encoder(bits, turn=turn).quantum / period, period=period)  # type: ignore[operator]

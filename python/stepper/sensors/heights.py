@@ -118,7 +118,7 @@ class HeightField:
                 the position in the model.
             places: World x and y of the points, m: (num_envs, n, 2), or (n, 2) for all environments; without a stepper (..., 2).
             beyond: Value returned for points beyond the border of the field, m.
-            out: Array to which the heights are written, float64, m, with the shape of the result, (..., n). None creates a new array.
+            out: Array to which the heights are written, float64, m, with the shape of the result, (...). None creates a new array.
 
         Returns:
             Heights, float64, m: (num_envs, n); without a stepper (...), the shape of `places` without its last axis.
@@ -165,7 +165,7 @@ class HeightField:
     def around(
         self, places: ArrayLike, angles: ArrayLike, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None
     ) -> Array:
-        """Returns heights of the ground around given points, without a simulation. The height field has the pose of the model.
+        """Returns heights of the ground around given points, without a simulation. The height field has its pose in the model.
 
         Args:
             places: World x and y of the centres, (n, 2), m.

@@ -156,7 +156,7 @@ def recorded_scene(run: RecordedRun, source: Any = None) -> Scene:
 
 
 def _clock_of(run: RecordedRun) -> Any:
-    """Playing times of the frames, s: (frames,). They increase also at a reset, where the simulated time goes back."""
+    """Playing times of the frames, s: (frames,). They also increase at a reset, where the simulated time goes back."""
     steps = np.diff(run.time)
     usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else float(run.sim.timestep)
     return np.concatenate([[0.0], np.cumsum(np.where(steps > 0, steps, usual))])

@@ -74,11 +74,12 @@ class Scene:
     Attributes:
         parts: Instances of meshes.
         planes: Indices of the planes that are drawn as floors, because they are infinite or larger than `extent`.
-        sizes: Sizes of the geoms, (ngeom, 3), m; for planes that are drawn as tiles, the size in the source.
+        sizes: Sizes of the geoms, (ngeom, 3), m; for planes that are drawn as finite rectangles, the size in the source.
         rgba: Colours of all geoms, (ngeom, 4).
         shown: Groups of geoms that are visible initially.
-        center: Middle of all geoms of bodies other than the world, at the reference pose, (3,), m; of all geoms if there are no such geoms.
-        extent: Diagonal of the bounding box of these geoms, m, which sets the scale of arrows and distances.
+        center: Middle of the bounding box at the reference pose, (3,), m. The box contains the geoms of all bodies other than the world, or
+            all geoms if no other body has geoms.
+        extent: Diagonal of this bounding box, m. Lengths of arrows and distances of environments are proportional to it.
         missing: Indices of the geoms that are not drawn because their meshes or height fields are unknown.
     """
 
@@ -110,7 +111,7 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
         if rgba[g, 3] < UNSEEN:
             continue
         if kind == "plane":
-            # For contacts every plane is infinite. A plane with a size is drawn as a tile, unless it is as large as a floor.
+            # For contacts every plane is infinite. A plane with a size is drawn as a finite rectangle, unless it is as large as a floor.
             if looks is None or not np.all(looks.geom_size[g, :2] > 0) or np.all(looks.geom_size[g, :2] > extent):
                 planes.append(g)
                 continue

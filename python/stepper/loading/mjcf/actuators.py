@@ -105,7 +105,7 @@ def delay(source: Source, a: int) -> tuple[float, int]:
 def delay_in_buffer(delay: float, samples: int, interval: float, step: float) -> float:
     """Delay of a value that is read from a buffer of MuJoCo, s.
 
-    The buffer has the values of earlier steps only, so that a delay is at least one step. It is at most the age of the oldest value.
+    The buffer has the values of earlier steps only. A delay is therefore at least one step, and at most the age of the oldest value.
 
     Args:
         delay: Nominal delay, s; 0 if the value is not delayed.

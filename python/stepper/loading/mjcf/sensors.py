@@ -220,7 +220,7 @@ def _object(source: Source, kind: int, index: int) -> Description:
 
 
 def _geoms_of(source: Source, kind: int, index: int) -> list[int]:
-    """Indices of the geoms that a distance sensor measures: a single geom, or all geoms of a body.
+    """Indices of the geoms at one end of a distance sensor: a single geom, or all geoms of a body.
 
     Args:
         source: The compiled model.

@@ -32,7 +32,7 @@ impl AdmissibleSet {
         }
     }
 
-    /// Projects the impulse `x` on the set, and writes the result to `z`, N s.
+    /// Projects the impulse `x` on the set, and writes the projection to `z`, N s or N m s.
     #[inline(always)]
     pub(crate) fn project(&self, x: &[f64], z: &mut [f64]) {
         match *self {
@@ -225,7 +225,7 @@ impl AdmissibleSet {
     }
 }
 
-/// Product rho DP Y of one constraint, and its workspace: step rho times the derivative DP of its projection times a matrix Y.
+/// Product rho DP Y of one constraint, with a workspace: step rho times the derivative DP of the constraint's projection times a matrix Y.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Product {
     /// Entries of the product, row by row.

@@ -22,7 +22,7 @@ impl Capacity {
         Self { dimension, ..Self::default() }
     }
 
-    /// Number of constraints of all kinds.
+    /// Total number of constraints of all kinds.
     pub(crate) fn constraints(&self) -> usize {
         let mut sum = 0;
         each_kind!([count: &self] => sum += count);

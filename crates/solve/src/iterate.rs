@@ -91,11 +91,11 @@ impl<R: Real> Snapshot<R> {
         each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, weight));
     }
 
-    /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity
-    /// change w.
+    /// Sets the impulse of contact `i` of `problem` to `lambda` in the lanes `lanes`, where it must be zero before, and updates the scaled
+    /// velocity change w.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). A contact with three rows
-    /// reads the first three numbers.
+    /// reads the first three numbers. Does nothing if the snapshot has no impulse of this contact.
     #[inline(always)]
     pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
         if i < self.contacts.len() + self.rolling_contacts.len() && self.contacts.len() == problem.contacts.len() {
@@ -207,8 +207,8 @@ impl<R: Real> Iterate<R> {
         });
     }
 
-    /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates the scaled velocity
-    /// change w.
+    /// Sets the impulse of contact `i` of `problem` to `lambda` in the lanes `lanes`, where it must be zero before, and updates the scaled
+    /// velocity change w.
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction). A contact with three rows
     /// reads the first three numbers.

@@ -1,4 +1,4 @@
-//! Map between the lanes of a group and registers of half the width, into which some of the lanes are gathered.
+//! Map between the lanes of a group and the lanes of registers of half the width, into which some lanes of the group are gathered.
 
 use stepper_real::{Mask, Real};
 

@@ -2,7 +2,8 @@
 //!
 //! First Newton's method finds a least-norm solution in newly loaded lanes: those in which redundant supports take up load for the first
 //! time. Then some sweeps improve all lanes that are not solved. Then Newton's method and sweeps alternate in each unsolved lane. In newly
-//! loaded lanes this alternation ends after Newton's first turn, because more sweeps would undo the even distribution of the load.
+//! loaded lanes the alternation ends after its first run of Newton's method, because more sweeps would undo the even distribution of the
+//! load.
 
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
@@ -39,8 +40,8 @@ pub struct Outcome<R: Real> {
 }
 
 impl<R: Real> Outcome<R> {
-    /// Replaces the residual by that of a second solve, `again`, in the lanes `lanes`. Adds the numbers of sweeps and Newton steps of that
-    /// solve.
+    /// Replaces the residual by that of a second solve, `again`, in the lanes `lanes`. In all lanes, adds the numbers of sweeps and Newton
+    /// steps of the second solve.
     #[inline(always)]
     pub fn replace(&mut self, again: &Self, lanes: R::Mask) {
         self.residual = R::select(lanes, again.residual, self.residual);

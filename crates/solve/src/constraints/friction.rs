@@ -29,7 +29,7 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// is 0 for a contact that sticks or opens.
     ///
     /// `v` is the contact's velocity under the impulse `lambda`, including the velocity due to its compliance. `mu` is the friction
-    /// coefficient. The search for s starts at `guess`, in the lanes `lanes`.
+    /// coefficient. The search for s starts at `guess`. Outside the lanes `lanes`, the impulse and s are 0.
     fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
 
     /// Impulse by the weaker update, in the lanes `active` in which the contact exists. The weaker update changes the impulse less than
@@ -290,8 +290,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         before
     }
 
-    /// Sets the impulse of contact `i`, which must be zero, to the first numbers of `lambda` in the lanes `lanes`, and updates the scaled
-    /// velocity change `w`.
+    /// Sets the impulse of contact `i` to the first numbers of `lambda` in the lanes `lanes`, where it must be zero before, and updates the
+    /// scaled velocity change `w`.
     #[inline(always)]
     pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; 6], impulses: &mut [[R; N]], w: &mut [R]) {
         let mut d = [R::zero(); N];
@@ -340,7 +340,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Makes one Gauss-Seidel iteration over the contacts: each in turn gets the impulse that solves it at constant other impulses.
+    /// Makes one Gauss-Seidel iteration over the contacts: each in turn gets the impulse that solves this contact at constant other
+    /// impulses. Lanes outside `lanes.exact` get the weaker update of [`LocalSolver::relax`].
     ///
     /// Returns the larger of `change` and the largest change of a velocity, m/s.
     #[inline(always)]
@@ -386,7 +387,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         change
     }
 
-    /// Largest tangential speed of a contact with a positive normal impulse, m/s.
+    /// Largest tangential speed of all contacts with a positive normal impulse, m/s.
     #[inline(always)]
     pub(crate) fn fastest_slip(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R]) -> R {
         let mut most = R::zero();

@@ -44,8 +44,8 @@ pub fn velocity_rounding<R: Real>() -> f64 {
     32.0 * <R::Scalar as Scalar>::EPSILON.to_f64()
 }
 
-/// Scales of equality rows, with which linearly dependent rows are found. A scale is the size of the terms that are summed in a number, and
-/// determines its rounding error.
+/// Scales of equality rows, with which linearly dependent rows are found. The scale of a number is the size of the terms whose sum it is,
+/// and determines the number's rounding error.
 #[derive(Debug)]
 pub struct RowScales<'a, R> {
     /// Squared length of each row before cancellation: the row's entries are differences of numbers of this size.
@@ -72,7 +72,7 @@ impl<R: Real> ScalarRows<R> {
     /// The rows must be equalities without compliance and bounds, pushed consecutively with the same columns. Afterwards the impulses and
     /// `scales` refer to the combined rows. A row is removed if two conditions hold:
     ///
-    /// - It is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2).
+    /// - The row is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2).
     /// - None of its entries exceeds 1e-6 (f32: 4e-6) of the entry's scale.
     ///
     /// Such a row is rounding error, or so nearly dependent that its impulse would be meaningless. `adjust` may change the right-hand sides

@@ -50,8 +50,8 @@ pub struct RollingSolver<R: Real> {
 impl<R: Real> RollingSolver<R> {
     /// Impulse of the six rows of a contact: normal, two sliding, torsional and two rolling rows.
     ///
-    /// `n` is the normal impulse. `x` has the other five impulses in the principal axes of the matrix that couples their rows; they are set
-    /// to zero outside `lanes`.
+    /// `n` is the normal impulse. `x` has the other five impulses in the principal axes of the matrix A. Outside `lanes`, the function
+    /// replaces these five by zero.
     #[inline(always)]
     fn impulse(&self, n: R, x: [R; T], lanes: R::Mask) -> [R; 6] {
         let mut out = [n, R::zero(), R::zero(), R::zero(), R::zero(), R::zero()];
@@ -266,7 +266,8 @@ fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
 
 /// Principal axes of a symmetric matrix, which is diagonalised by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5).
 ///
-/// A pair of axes is not rotated if the square of the cosine between them is below epsilon^(3/2), because the rotation would be rounding.
+/// A pair of axes is not rotated if the square of the cosine between them, in the metric of the matrix, is below epsilon^(3/2). Such a
+/// rotation would be rounding error. `m` becomes diagonal.
 #[inline(always)]
 fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     let mut axes = [[R::zero(); T]; T];
@@ -285,8 +286,8 @@ fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     axes
 }
 
-/// Rotates the axes p and q so that `m[p][q]` becomes zero. If the square of the cosine between them is at most `aligned`, they are not
-/// rotated.
+/// Rotates the axes p and q so that `m[p][q]` becomes zero. Lanes in which the square of the cosine between the axes, in the metric `m`, is
+/// at most `aligned` do not rotate.
 #[inline(always)]
 fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize, aligned: R) {
     let off = m[p][q];

@@ -58,7 +58,7 @@ impl<R: Real> ScalarRow<R> {
         self.immovable
     }
 
-    /// Coefficient c for which c times the entries y of this row is the projection of another row onto y. `along` is the dot product of the
+    /// Coefficient c for which c y is the projection of another row onto the entries y of this row. `along` is the dot product of the
     /// entries of both rows.
     #[inline(always)]
     pub fn projection(&self, along: R) -> R {
@@ -211,8 +211,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Makes one Gauss-Seidel iteration over the rows that are not eliminated: each in turn gets the impulse that solves it at constant
-    /// other impulses.
+    /// Makes one Gauss-Seidel iteration over the rows that are not eliminated: each in turn gets the impulse that solves this row at
+    /// constant other impulses.
     ///
     /// Returns the larger of `change` and the largest change of a velocity, m/s.
     #[inline(always)]

@@ -9,8 +9,8 @@ use crate::lane_map::LaneMap;
 use crate::problem::System;
 use stepper_real::{Mask, Real, kernel};
 
-/// Gathers the running lanes into registers of half the width, if they fit there, and makes sweeps (Gauss-Seidel iterations) until all have
-/// paused. Returns whether they fit.
+/// Gathers the running lanes into registers of half the width, if they fit there, and makes sweeps (Gauss-Seidel iterations) until all
+/// running lanes have paused. Returns false, and does nothing, if the lanes do not fit.
 #[inline(always)]
 pub(super) fn sweep_compacted<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) -> bool {
     if R::LANES == R::Half::LANES {

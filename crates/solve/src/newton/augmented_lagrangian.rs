@@ -178,8 +178,8 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes rho DP Y of one constraint into `product`: derivative of its projection, times its scaled Jacobian. Returns false if it is
-    /// zero. If `implicit`, it includes the derivative of De Saxce's term mu |v_t|.
+    /// Computes rho DP Y of one constraint into `product`: step times the derivative of the constraint's projection times its scaled
+    /// Jacobian. If `implicit`, the product includes the derivative of De Saxce's term mu |v_t|. Returns false if the product is zero.
     #[inline(always)]
     fn compute_curvature(&mut self, rows: &Island, block: &Block, implicit: bool) -> bool {
         let (_, rho) = stiffness(block, self.kappa);
@@ -213,7 +213,7 @@ impl AugmentedLagrangian {
         if low > 0.0 { low } else { length }
     }
 
-    /// Derivative of the augmented Lagrangian along the search direction, after a step of the length `length`.
+    /// Derivative of the augmented Lagrangian along the search direction, after a step of the length `length`, a multiple of the direction.
     #[inline(always)]
     fn slope(&mut self, rows: &Island, length: f64) -> f64 {
         let mut slope = rows.w.iter().zip(&self.direction).fold(0.0, |sum, (w, d)| sum + (w + length * d) * d);

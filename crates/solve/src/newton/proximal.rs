@@ -297,7 +297,8 @@ impl ProximalPoint {
     /// Solves the convex problem of one proximal step with constant De Saxce's terms mu |v_t| by Newton's method. The error of the
     /// solution, m/s, is at most a hundredth of the current residual and at most 1e-5, or a tenth of the tolerance if that is larger.
     ///
-    /// Stops earlier at the largest number of Newton steps. Returns false if the matrix has no factors, or if the error is not finite.
+    /// The search ends earlier at the largest number of Newton steps. Returns false if the matrix has no factors, or if the error is not
+    /// finite.
     fn minimise<R: Real>(&mut self, rows: &mut Island, search: Search<f64>) -> bool {
         let enough = 0.1 * search.tolerance.max(0.1 * self.residual.min(1e-3));
         let mut error = self.lagrangian.evaluate(rows, false);

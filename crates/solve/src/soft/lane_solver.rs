@@ -19,8 +19,7 @@ const SPEED: f64 = 1.6;
 /// Number of bytes of a SIMD register.
 const REGISTER: usize = 64;
 
-/// Number of contacts in all lanes together below which all lanes are solved together: solving each lane separately would cost more than it
-/// saves.
+/// Number of contacts of a problem below which all lanes are solved together: solving each lane separately would cost more than it saves.
 const FEWEST: usize = 8;
 
 /// Number of problems after which the solver estimates the work again, to choose between solving each lane separately and solving all lanes
@@ -107,7 +106,7 @@ impl<R: Real> LaneSolver<R> {
 
     /// Whether solving the lanes `lanes` one after the other is faster than solving all at once by the solver `together`.
     ///
-    /// The function estimates the work for one of [`PERIOD`] problems, because problems of consecutive steps are similar. Both methods give
+    /// The function estimates the work only once in `PERIOD` problems, because problems of consecutive steps are similar. Both methods give
     /// the same bits.
     pub fn is_faster(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, together: &mut SoftSolver<R>, lanes: R::Mask) -> bool {
         if problem.contacts.items.len() + problem.rolling_contacts.items.len() < FEWEST {

@@ -55,7 +55,7 @@ pub struct ContactVisit<M> {
 /// Normal force below which a contact has no friction forces, N.
 const LEAST_FORCE: f64 = 1e-15;
 /// Smallest diagonal entry of A = J M^-1 J^T, 1/kg: for dry friction, and for a tangential row of a contact. Smaller entries are replaced
-/// by it.
+/// by this value.
 const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
 /// Largest number of Newton steps for the multiplier of an elliptic contact.
 const MULTIPLIER_STEPS: u32 = 20;

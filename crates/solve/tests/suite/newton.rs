@@ -308,8 +308,8 @@ fn nearly_all_random_problems_are_solved() {
 /// measured fractions.
 const MOST_LEFT: [f64; 2] = [0.01, 0.05];
 
-/// Problem with one contact, whose normal and tangential rows are coupled by the number `coupling`. Above 1/mu, pressing makes the contact
-/// slide, and sliding makes it press (Painleve 1895). `slip` is the slip velocity without impulses, m/s.
+/// Problem with one contact, whose normal and tangential rows are coupled by the number `coupling`. If the size of the coupling exceeds
+/// 1/mu, pressing makes the contact slide, and sliding makes it press (Painleve 1895). `slip` is the slip velocity without impulses, m/s.
 fn painleve(coupling: f64, slip: f64) -> Case {
     let y = vec![[1.0, coupling, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 1.0]];
     Case { n: 3, limits: vec![], contacts: vec![Contact { y, mu: 1.2, g: [-0.1, slip, 0.0] }] }

@@ -21,7 +21,8 @@ by_kind! {
         pub(crate) multipliers: Multipliers<R>,
         /// History of Anderson's acceleration.
         pub(crate) history: History<R>,
-        /// Workspace with half of the lanes, in half of the registers. `None` if all lanes are in one register.
+        /// Workspace of lane compaction: problem and iterate with half as many lanes, in half of the registers. `None` if the lanes cannot
+        /// be halved.
         pub(crate) compacted: Option<Box<Compacted<R::Half>>>,
         /// Copy of the impulses, which is restored if a further pass (sweeps and Newton steps) makes the residual larger.
         pub(crate) snapshot: Snapshot<R>,

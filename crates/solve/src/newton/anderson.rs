@@ -14,7 +14,7 @@ const MEMORY: usize = 3;
 pub(super) struct Anderson {
     /// Number of De Saxce's terms (mu |v_t|, one per constraint), the entries of s.
     n: usize,
-    /// Number of fixed-point steps since the start.
+    /// Number of fixed-point steps since the last restart.
     steps: usize,
     /// De Saxce's terms s (mu |v_t| of each contact) before the last step, m/s.
     last_s: Vec<f64>,

@@ -138,8 +138,8 @@ proptest! {
     }
 }
 
-/// Random problems with mass ratios up to 1e4, friction up to 1.5 and redundant rows may have no solution. The residual of such a problem
-/// remains large, but is no larger than at the start.
+/// Random problems with mass ratios up to 1e4, friction up to 1.5 and redundant rows may have no solution. The residual of an unsolved
+/// problem remains above the tolerance, but is no larger than at the start.
 #[test]
 fn what_is_returned_is_what_the_residual_says() {
     let solved = Share::default();

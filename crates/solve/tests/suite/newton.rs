@@ -138,8 +138,8 @@ proptest! {
     }
 }
 
-/// Random problems with mass ratios up to 1e4, friction up to 1.5 and redundant rows may have no solution. The residual of an unsolved
-/// problem remains above the tolerance, but is no larger than at the start.
+/// Random problems with mass ratios up to 1e4, friction up to 1.5 and redundant rows may have no solution. Even then, Newton's method
+/// returns the residual of the final impulses, which is no larger than that of the initial ones.
 #[test]
 fn what_is_returned_is_what_the_residual_says() {
     let solved = Share::default();

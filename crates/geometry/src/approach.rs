@@ -1,4 +1,5 @@
-//! Bound on the relative motion of two bodies within a step. It excludes contacts that cannot push.
+//! Bound on the relative motion of two bodies within a step. With this bound, detection leaves out contacts that cannot push: contacts
+//! that carry no force within the step.
 //!
 //! A contact joins a point x of the first body and a point y of the second with y - x = d n'. Here d is the distance, and n' the unit
 //! vector between the nearest points of both. Let a plane with the unit normal n separate the bodies by g > 0. Then d cos(a) >= g, where a
@@ -13,8 +14,9 @@
 //!
 //! for all u = v + w x r that a contact may have. All vectors r are in a ball, because contacts are halfway between the bodies.
 //!
-//! The contact normal may be the normal of a face whose separation is smaller by up to e (`prefer_face` in `separation.rs`). Such a normal
-//! differs from n' by at most (2 e / g)^(1/2), so that 2 c h grows by at most 2 h |u| times this. Once n' is known, no contact is added if
+//! The contact normal may be the normal of a face whose separation is smaller by up to e (`prefer_face` in `separation.rs`). The angle
+//! between such a normal and n' is at most (2 e / g)^(1/2). It increases 2 c h by at most 2 h |u| times this angle. Once n' is known, no
+//! contact is added if
 //!
 //! ```text
 //! g >= 2 h (-n' . u) + slack

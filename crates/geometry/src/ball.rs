@@ -25,7 +25,7 @@ pub(super) struct Ball<'a> {
 
 /// Result of the test of a ball against one triangle of a surface.
 pub(super) enum TriangleTest {
-    /// The test of ball and triangle is complete, with or without a contact.
+    /// The contact of the triangle was added, or the triangle has none. No further test is necessary.
     Complete,
     /// No contact, because the closest point of the triangle belongs to a neighbour. The value is the separation of triangle and ball.
     LeftToNeighbour(Facing),

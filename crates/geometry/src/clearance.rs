@@ -11,7 +11,8 @@ use crate::workspace::Workspace;
 
 impl Narrow {
     /// Distance of a convex shape from the triangles of a surface, m; negative if the shape overlaps a triangle. A shape behind the
-    /// surface has a positive distance, too. If the distance exceeds `most`, m, the result is `most`.
+    /// surface has a positive distance, too. If the distance exceeds `most`, m, the result is `most`. `ground` is the pose of the
+    /// surface, `body` the pose of the shape.
     pub fn clearance(&mut self, surface: &Surface, shape: &ConvexShape, [ground, body]: [Pose; 2], most: f64) -> f64 {
         let Workspace { triangles, polytope, .. } = &mut self.workspace;
         let nothing = ConvexShape::Sphere { radius: 0.0 };

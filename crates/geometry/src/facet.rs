@@ -27,7 +27,7 @@ pub(super) struct Facet {
 
 /// Part of a triangle: the inside, an edge or a corner.
 pub(super) enum Outline {
-    /// The inside of the triangle, with all edges and corners.
+    /// The whole triangle: its inside, edges and corners.
     Inside,
     /// Edge of the triangle, by the index of the corner at which it starts.
     Edge(usize),
@@ -36,7 +36,8 @@ pub(super) enum Outline {
 }
 
 impl Facet {
-    /// Triangle with its unit normal and the third corners of its neighbours, in m.
+    /// Triangle with the given corners, m, and unit normal. `across[k]` is the third corner of the neighbour across edge k, m; `None`
+    /// without a neighbour.
     pub(super) fn new(corners: [V; 3], normal: V, across: [Option<V>; 3]) -> Self {
         let falls = |d: V| {
             let fall = -dot(normal, d);

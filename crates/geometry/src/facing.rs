@@ -3,8 +3,8 @@
 use crate::pair::Pair;
 use crate::vectors::V;
 
-/// Gap to which overlapping cores (shapes without their rounding radius) are moved apart before a search for their closest points. It is
-/// relative to their smallest extent.
+/// Gap to which overlapping cores (shapes without their rounding radius) are moved apart before a search for their closest points. The
+/// gap is relative to the smaller scale of the two shapes, see `Pair::least`.
 pub(super) const GAP: f64 = 1e-3;
 /// Difference below which the separations of two shapes along two directions count as equal, relative to the size of the pair.
 pub(super) const EQUAL_SEPARATION: f64 = 1e-9;
@@ -25,7 +25,7 @@ pub(super) struct Separation {
 /// rounding radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facing {
-    /// Distance, normal and closest points of the two shapes.
+    /// Separation, normal and closest points of the two cores.
     pub(super) found: Separation,
     /// Vertex of the first shape that is farthest along the normal, and vertex of the second shape that is farthest in the opposite
     /// direction.

@@ -114,8 +114,8 @@ impl Nearest {
 
     /// Distance of the point of A - B nearest to the origin from the outline of the triangle that contains it, m.
     ///
-    /// The result is 0 if the simplex is not a triangle, or if an edge has a component of more than `flat`, m, along the unit vector
-    /// `normal`.
+    /// The result is 0 if the simplex is not a triangle, or if an edge of the triangle has a component of more than `flat`, m, along the
+    /// unit vector `normal`.
     pub(super) fn distance_from_outline(&self, normal: V, flat: f64) -> f64 {
         let [a, b, c] = [0, 1, 2].map(|k| self.simplex.vertex[k].w);
         let edges = [sub(c, b), sub(a, c), sub(b, a)];

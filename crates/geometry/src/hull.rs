@@ -9,7 +9,7 @@ use crate::surface_check::SurfaceCheck;
 use crate::vectors::{V, along_axis, furthest, unit_or};
 
 /// Largest distance of a face's vertices from the face's plane, relative to the size of the hull. Vertices of mesh files have single
-/// precision. [`COPLANAR_THICKNESS`] is a second bound.
+/// precision. [`COPLANAR_THICKNESS`] is a second bound; the smaller distance holds.
 const COPLANAR: f64 = 1e-6;
 /// Largest distance of a face's vertices from the face's plane, relative to the thickness of the hull. This bound limits how much the faces
 /// of a thin hull are bent.
@@ -272,7 +272,8 @@ impl Hull {
         best.1
     }
 
-    /// Neighbour of `vertex` across the edge that is closest to perpendicular to `d`. Of several equal edges the first one counts.
+    /// Vertex at the other end of that edge of `vertex` that is closest to perpendicular to `d`. Of several equal edges the first one
+    /// counts.
     pub(super) fn level(&self, vertex: usize, d: V) -> usize {
         let mut best = (f64::INFINITY, vertex);
         for ring in self.rings(vertex) {
@@ -312,7 +313,8 @@ impl Hull {
         least
     }
 
-    /// Calls `visit` with normals of faces that may separate the hull from a shape at the point `towards`.
+    /// Calls `visit` with normals of faces that may separate the hull from another shape. `towards` is the vector from the centre of the
+    /// hull to the centre of that shape, m.
     ///
     /// For a hull of few faces these are the normals of all faces. For a larger hull they are the normals of the faces that meet at the
     /// vertex farthest along `towards`, and at the vertices farthest along the axes.

@@ -1,7 +1,7 @@
 //! Contact points of two shapes along a given normal.
 //!
-//! The features that face each other are projected along the normal. Contacts are at the corners of their intersection. At most a few of
-//! them are kept, which span nearly the same area and include the deepest one.
+//! The features that face each other are projected along the normal. Contacts are at the corners of their intersection. At most
+//! [`MAX_POINTS`] of the contacts are kept. They span nearly the same area and include the deepest contact.
 
 use crate::clip::{Shared, Work, behind, edges_of_triangle, overlay};
 use crate::facing::Facing;
@@ -29,8 +29,8 @@ pub struct Point {
     pub distance: f64,
     /// Identifier of the vertices, edges or faces that touch. It is the same from step to step.
     pub feature: u32,
-    /// Whether the second shape is a ball that meets only one plane of a surface of triangles within the step. The centre of the ball then
-    /// stays above one triangle, or above adjacent triangles that are not bent downwards from it.
+    /// Whether the second shape is a ball that meets only one plane of a surface of triangles within the step. The centre of the ball
+    /// then stays above one triangle, or above this triangle and neighbours that do not fall away from its plane.
     pub stays_over_face: bool,
 }
 

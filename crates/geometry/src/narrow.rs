@@ -42,8 +42,8 @@ impl Narrow {
         narrow
     }
 
-    /// Finds the contact points of two solids whose distance is at most `limits.prediction`. Also returns the separating plane if both
-    /// solids are hulls, see [`Manifold::separating_plane`].
+    /// Finds the contact points of two solids. Points at a distance of more than `limits.prediction` are left out. If both solids are
+    /// hulls, the second value is their separating plane, see [`Manifold::separating_plane`].
     ///
     /// A half space must be the first solid. If one solid is a surface, `limits.approach` is the motion of the convex shape in the frame of
     /// the surface.

@@ -275,8 +275,8 @@ fn is_pushed_back(
     deepest.is_some_and(|p| dot(p.normal, displacement) < 0.0)
 }
 
-/// Points deep inside a shape, in its frame, m, and their number. They are along the axis of a long shape, and halfway to the corners of a
-/// box.
+/// Points deep inside a shape, in its frame, m, and the number n of points. The first n entries of the array are used. The points are
+/// along the axis of a long shape, and halfway to the corners of a box.
 fn inner_points(shape: &ConvexShape) -> ([V; 9], usize) {
     let mut points = [[0.0; 3]; 9];
     let along = |points: &mut [V; 9], half: f64| {

@@ -16,10 +16,11 @@
 //! Repetition climbs to a local maximum of s. On smooth surfaces, each step reduces the error by the factor (depth + gap) / (radius of
 //! curvature + gap). There is always a result, because the climb starts from the best of the face normals and axes of both shapes.
 //!
-//! The overlap may be shallower in another direction. Each of three conditions proves that it is not. First, a closest point is as deep
-//! below the other shape's surface. Second, the ball around the origin with the depth as radius is inside a ball that can roll within the
-//! difference. Third, this ball is inside the part of the difference that is described in `warm_start.rs`. Without such a proof, a search
-//! of the difference (`expand.rs`) finds a shallower direction, or shows that there is none.
+//! The overlap may be shallower in another direction. Each of three conditions proves that it is not. First, a closest point of one shape
+//! is as deep below the other shape's surface as the shapes overlap. Second, the ball around the origin with the depth as radius is
+//! inside a ball that can roll within the difference. Third, this ball is inside the part of the difference that is described in
+//! `warm_start.rs`. Without such a proof, a search of the difference (`expand.rs`) finds a shallower direction, or shows that there is
+//! none.
 
 use crate::expand::Polytope;
 use crate::facing::{EQUAL_SEPARATION, Facing, GAP, Separation};
@@ -39,7 +40,7 @@ const CLIMBS: usize = 12;
 /// Smallest reduction of the penetration depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
 /// Distance from the outline of a facet of the Minkowski difference to the facet's point that is nearest to the origin, relative to the
-/// size of the pair. If the distance is larger, the search for a shallower direction starts with the facet's vertices.
+/// size of the pair. Above this distance, the search for a shallower direction starts with the facet's vertices.
 const WIDE: f64 = 0.01;
 /// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace the contact normal.
 pub(super) const NEAR_FACE: f64 = 0.05;

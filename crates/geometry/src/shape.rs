@@ -225,7 +225,7 @@ impl ConvexShape {
     /// Calls `visit` with candidates for the direction of the largest separation from an overlapping shape. The line between the centres is
     /// not among them.
     ///
-    /// `towards` is the centre of the other shape, m.
+    /// `towards` is the vector from the centre of this shape to the centre of the other, m, in the frame of this shape.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
         match self {
             Self::Sphere { .. } => {}

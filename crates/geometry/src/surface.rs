@@ -100,7 +100,7 @@ pub struct Grid {
     pub half: [f64; 2],
     /// Heights of the grid points, m, row by row with x fastest.
     pub elevation: Vec<f64>,
-    /// Depth of the solid ground below z = 0, m. Shapes below it are not pushed up.
+    /// Depth of the base of the solid ground below z = 0, m. Shapes below the base are not pushed up.
     pub base: f64,
     /// Largest height of the grid points, m.
     highest: f64,
@@ -114,6 +114,7 @@ pub struct DiscHeights {
     /// Largest height of the grid cells that a horizontal disc may overlap, m; minus infinity outside the surface.
     pub highest: f64,
     /// Whether the grid cells below a horizontal disc and their neighbours have the same height. Every contact normal is then vertical.
+    /// True for a disc outside a height field, and always false for a mesh.
     pub level: bool,
 }
 
@@ -168,7 +169,7 @@ impl MeshSurface {
 
 /// Angle by which a neighbouring triangle rises above the plane of a triangle, rad; negative if it falls.
 ///
-/// They share the edge that starts at the first of the `corners`. `p` is the neighbour's third corner, m.
+/// The two triangles share the edge from the first to the second of the `corners`, m. `p` is the neighbour's third corner, m.
 fn rise(corners: &[V; 3], p: V) -> f64 {
     let [a, b, _] = *corners;
     let n = triangle_normal(corners);
@@ -461,8 +462,8 @@ impl Surface {
 
 /// Finds the contact points of a surface and a convex shape and writes them to `out`. There are at most [`MAX_SURFACE_POINTS`].
 ///
-/// Their distance is at most `limits.prediction`, m. Normals point from the surface to the shape. Points and normals are in the world
-/// frame.
+/// The distance of each point is at most `limits.prediction`, m. Normals point from the surface to the shape. Points and normals are in
+/// the world frame.
 ///
 /// If `limits.approach` is given, points that cannot push within the step may be absent. The normal of a contact at an edge or corner is a
 /// positive combination of the normals of the triangles there. The contact's closing speed is therefore at most the same combination of the

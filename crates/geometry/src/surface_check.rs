@@ -5,8 +5,8 @@
 //! 1999). No edge is bent inwards, every triangle faces away from one inner point, and a ray from that point meets the surface once. Each
 //! condition is the exact sign of a few volumes per triangle.
 //!
-//! The check then tests that every given point is inside. It walks from triangle to triangle to the one that the ray from the inner point
-//! to the given point crosses.
+//! The check then tests that every given point is inside. For each, it walks along the surface to the triangle that the ray from the
+//! inner point to the given point crosses. The point must not be on the outer side of this triangle.
 
 use crate::linear_algebra::*;
 use crate::quickhull::volume_over;
@@ -21,7 +21,7 @@ pub(super) struct SurfaceCheck<'a> {
     pub(super) points: &'a [V],
     /// Triangles of the surface as vertex indices, counter-clockwise seen from outside.
     pub(super) triangles: &'a [[u32; 3]],
-    /// Neighbouring triangle across the edge that starts at each corner of each triangle.
+    /// For each triangle, indices of the neighbouring triangles across the edges that start at its three corners.
     pub(super) neighbours: &'a [[u32; 3]],
     /// Point inside the surface, m.
     pub(super) centre: V,

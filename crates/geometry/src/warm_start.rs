@@ -83,7 +83,8 @@ pub(super) fn facet(pair: &Pair<'_>, normal: V, limits: &SearchLimits) -> Option
 ///
 /// `cached` is the normal of the previous step. `corners` are the corner of the first hull that is farthest along it, and that of the
 /// second hull in the opposite direction. If the hulls overlap, they are first moved apart along `cached` to a small gap. The search starts
-/// from the triangle `start`, whose vertices are pairs of corners. It stops early if `limits` exclude a contact.
+/// from the triangle `start`, whose vertices are pairs of corners. It stops early if `limits` exclude a contact. `None` if the search
+/// finds no distance between the hulls.
 fn normal_from_gjk(pair: &Pair<'_>, cached: V, corners: [u32; 2], start: [[u32; 2]; 3], limits: &SearchLimits) -> Option<V> {
     let pushed = (GAP * pair.least() - pair.apart_at(cached, corners)).max(0.0);
     let shift = scale(cached, pushed);

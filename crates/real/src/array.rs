@@ -1,6 +1,6 @@
 //! Portable lanes: arrays and element-wise loops, which the compiler vectorises with the instructions of the baseline level (SSE2, NEON).
 //!
-//! They are the only level of all architectures except x86-64, and the reference for the other lane types.
+//! On all architectures except x86-64, they are the lanes of the only level.
 
 use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, inline_functions, lane_access, operators, vectorize};

@@ -5,8 +5,8 @@ use crate::scalar::Scalar;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A real number per environment. The type determines the number of environments: `f64` or `F64x1` for one, `F64x8` for eight, `F64x16` and
-/// `F32x16` for sixteen, `F32x32` for thirty-two. Each environment has one lane.
+/// A real number per environment. The type determines the number of environments: `f64` or `F64x1` for one, `F64x4` for four, `F64x8` and
+/// `F32x8` for eight, `F64x16` and `F32x16` for sixteen, `F32x32` for thirty-two. Each environment has one lane.
 ///
 /// On every backend, each lane gets the bits of an operation on a single scalar: IEEE 754 arithmetic rounded to nearest, without fused
 /// multiply-add and approximate reciprocals. Only the sign and payload of a NaN that an operation returns may differ between CPUs. Never
@@ -35,7 +35,7 @@ pub trait Real:
     type Scalar: Scalar;
     /// Type of a mask: one truth value per lane.
     type Mask: Mask;
-    /// Type with half of the lanes, in half of the registers; `Self` if there is one register.
+    /// Type with half of the lanes, for the types of [`Two`](crate::Two) registers. For all other types it is `Self`.
     type Half: Real<Scalar = Self::Scalar, Half = Self::Half>;
     /// Type with a single lane.
     type Single: Real<Scalar = Self::Scalar, Single = Self::Single>;
@@ -101,7 +101,7 @@ pub trait Real:
     /// # Panics
     /// If there is no lane `i`.
     fn set_lane(&mut self, i: usize, x: Self::Scalar);
-    /// Value in half of the registers. Its lane i is lane `sources[i]` of `self`.
+    /// Value of the type [`Real::Half`]. Its lane i is lane `sources[i]` of `self`.
     ///
     /// # Panics
     /// If `sources` has fewer entries than `Half` has lanes, or names a lane that does not exist.
@@ -113,8 +113,7 @@ pub trait Real:
         }
         gathered
     }
-    /// Replaces the lanes of the mask `lanes` by lanes of `half`, a value in half of the registers: lane i becomes lane `places[i]` of
-    /// `half`.
+    /// Replaces the lanes of the mask `lanes` by lanes of `half`: lane i becomes lane `places[i]` of `half`. Other lanes remain unchanged.
     ///
     /// # Panics
     /// If `places` has fewer entries than there are lanes. For a place that does not exist, the lane gets an arbitrary number, or the call

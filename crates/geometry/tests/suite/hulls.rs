@@ -95,7 +95,7 @@ fn are_parted(separating_plane: &SeparatingPlane, pa: &Pose, pb: &Pose, approach
     partings.separated_lanes(sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
 }
 
-/// Upper bound of the size of two hulls, m.
+/// Size of two hulls, m: the sum of their bounding radii around their centres.
 fn size(a: &Hull, b: &Hull) -> f64 {
     [a, b].iter().map(|h| h.points().iter().map(|p| norm(sub(*p, h.centre()))).fold(0.0, f64::max)).sum()
 }

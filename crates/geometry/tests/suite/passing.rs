@@ -12,7 +12,7 @@ const THICKNESS: f64 = 1e-3;
 /// Distance of the inner sides of the walls from the origin, m.
 const ROOM: f64 = 0.5;
 
-/// Wall of a corner across an axis, with its inner side at -[`ROOM`].
+/// Wall perpendicular to an axis, with its inner side at the coordinate -[`ROOM`], and its motion: the wall is at rest.
 fn wall(axis: usize) -> (Solid, SolidMotion) {
     let (mut half, mut pos) = ([ROOM + 4.0 * THICKNESS; 3], [0.0; 3]);
     (half[axis], pos[axis]) = (THICKNESS, -ROOM - THICKNESS);

@@ -25,7 +25,7 @@ fn cuboid(half: [f64; 3]) -> Hull {
     Hull::new(&(0..8).map(corner).collect::<Vec<_>>()).expect("has volume")
 }
 
-/// Floor of the type `kind`, and the height of its top above the origin of its frame, m.
+/// Floor, and the height of its top above the origin of its frame, m. `kind` selects a box (0), a hull (1) or a height field (2).
 fn floor(kind: usize) -> (Solid, f64) {
     let half = [FLOOR[0], FLOOR[1], 0.05];
     match kind {
@@ -71,7 +71,7 @@ fn hull_area(points: &[P]) -> f64 {
     area(&lower)
 }
 
-/// Part of a polygon within the floor.
+/// Part of a polygon that is over the rectangle of the floor, seen from above, as a polygon.
 fn over_floor(corners: &[P]) -> Vec<P> {
     let mut polygon = corners.to_vec();
     for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
@@ -95,8 +95,9 @@ fn over_floor(corners: &[P]) -> Vec<P> {
 
 /// Contact points of a tilted body and the floor, and the area of the body's lower face above the floor, m^2.
 ///
-/// `floors` and `bodies` are the types of the floor and the body. `at` is the place of the body's centre, and `depth` the overlap, m.
-/// `tilt` has the direction of the tilt axis and the angle, rad; `yaw`, rad, is about the vertical.
+/// `floors` selects the floor as in [`floor`], and `bodies` a box (0) or a hull (1). `epsilon` is the relative rounding error of the
+/// poses. `at` is the place (x, y) of the body's centre, and `depth` the overlap, m. `tilt` has the direction of the tilt axis and the
+/// angle, rad; `yaw`, rad, is about the vertical.
 fn meet(floors: usize, bodies: usize, epsilon: f64, at: P, yaw: f64, tilt: (V3<f64>, f64), depth: f64) -> (Vec<Point>, f64) {
     let ((ground, top), shape) = (floor(floors), body(bodies));
     let axis = [tilt.0[0], tilt.0[1], 0.0];

@@ -12,7 +12,7 @@ from stepper.envs.task import Array, Moment, per_moment
 
 
 def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | None = None) -> Array:
-    """Returns the normal forces on geoms in the last step, summed over the contacts of each geom, (num_envs, n), N.
+    """Returns the normal forces on geoms in the last time step, summed over the contacts of each geom, (num_envs, n), N.
 
     Args:
         now: View of the batch after a step, the argument of `Task.reward`.

@@ -123,7 +123,7 @@ class Moment:
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
-        """New view of all environments after the same step. It reads all values from the stepper, and takes none from this view.
+        """New view of all environments after the same step, without the quantities that this view has read or that `keep` has fixed.
 
         `action` are the actions of the step, (num_envs, n).
         """
@@ -264,7 +264,7 @@ class Task(ABC):
     contact: ClassVar[Contact] = "hard"
     """Default contact law of environments of this task."""
     camera: ClassVar[Camera] = {}
-    """Settings of the camera for pictures. A camera "track" in the model's file, or camera arguments of the environment, replace it."""
+    """Settings of the camera for pictures. A camera "track" in the model's file, or camera arguments of the environment, replace them."""
     lamp: ClassVar[bool] = True
     """Whether pictures of a scene without a light get an added light. False in Gymnasium's tasks, to reproduce Gymnasium's pictures."""
     carried: ClassVar[tuple[str, ...]] = ()

@@ -72,7 +72,7 @@ def table_of(task: Task, now: Moment) -> Table:
         now: View of the batch, from which the quantities are read to find their numbers of columns.
 
     Raises:
-        ValueError: `task.observations` returns something else than several rows, or a row does not give (num_envs, n) numbers.
+        ValueError: `task.observations` does not return one or more `Observation`, or the value of a row is no array (num_envs, ...).
         AttributeError: A row without a function names no quantity of the stepper.
     """
     given: Any = task.observations()

@@ -55,7 +55,7 @@ class Grasp(Task):
     Attributes:
         frame_skip: Time steps (4 ms each) per action.
         rise: Target height of the box above its initial height, m.
-        weight: Weight of the squared finger forces in the reward; a force is relative to the largest one (20 N).
+        weight: Weight in the reward of the squared finger controls, which are forces divided by the largest force of 20 N.
         friction: Lowest and highest friction coefficient of all geoms. If they differ, each episode draws one.
         mass_scale: Lowest and highest factor of the mass of the box. If they differ, each episode draws one.
     """

@@ -87,7 +87,10 @@ class VelocityTask(Task):
     }
     """Half widths of the uniform sensor errors, by row of the observation table, from mjlab: m/s, rad/s, 1, rad, rad/s."""
     MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {}
-    """Stall torque (N m), no-load speed (rad/s) and dry friction (N m) of the motors, by a part of the actuator's name."""
+    """Stall torque (N m), no-load speed (rad/s) and dry friction (N m) of the motors, by a part of the actuator's name.
+
+    The first part that the name contains counts; "" is a part of every name.
+    """
     imu: ClassVar[str] = "imu"
     """Site of the IMU."""
     lowest: ClassVar[float]

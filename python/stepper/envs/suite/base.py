@@ -23,8 +23,8 @@ from stepper.shared.streams import Rng
 class SuiteTask(Task):
     """Task of dm_control's suite (Tassa et al. 2018, https://arxiv.org/abs/1801.00690), with MuJoCo's contact law by default. Abstract.
 
-    Observations are the entries of dm_control's observations, concatenated. Positions and velocities of bodies belong to the state after
-    the step, as in dm_control. Only episodes of `LQR` terminate.
+    Observations are the entries of dm_control's observations, concatenated. Observations and rewards use positions and velocities of bodies
+    in the state after the step, as in dm_control. Only episodes of `LQR` terminate.
     """
 
     contact = "mujoco"

@@ -52,12 +52,17 @@ class Dog(SuiteTask):
     def model(self) -> Model:
         """Model of the scene.
 
-        In tasks without a ball, half the side of the floor is the distance that the robot covers in an episode at the rewarded speed.
+        In tasks without a ball, half the side of the floor is the distance that the robot covers in an episode at the rewarded speed. If
+        the task is to stand, it is the distance at 1 m/s.
         """
         return _scene(None if self.fetch else _EPISODE * (self.move_speed or 1.0))
 
     def observations(self) -> tuple[Observation, ...]:
-        """Joint angles, heights, vertical directions, velocity, touch and inertial sensors, and activations: (223,); with a ball (232,)."""
+        """Observation, (223,): joints, torso and pelvis, sensors and activations. With `fetch`, ball and target follow: (232,).
+
+        The rows are angles and velocities of the joints, heights of torso and pelvis, and the vertical direction in the frames of skull,
+        torso and pelvis. The velocity of the centre of mass, readings of inertial, force and touch sensors, and activations follow.
+        """
         rows = (
             Observation("joint_angles", func=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]], unit="rad"),
             # The spelling is that of dm_control.
@@ -137,7 +142,7 @@ def _heights(now: Moment) -> Array:
 
 @per_moment
 def _verticals(now: Moment) -> Array:
-    """World's vertical unit vector in the frames of skull, torso and pelvis: (num_envs, 3, 3)."""
+    """World's vertical unit vector in the frames of skull, torso and pelvis, one row each: (num_envs, 3, 3)."""
     return np.stack([rotation(now, body)[:, 2] for body in ("skull", "torso", "pelvis")], axis=1)
 
 

@@ -13,7 +13,7 @@ from stepper.shared.streams import Rng
 _HEIGHT = 0.6
 """Height of the torso above the foot at which the robot counts as standing, m."""
 _SPEED = 2.0
-"""Speed of hopping at and above which the reward is full, m/s."""
+"""Smallest speed to the right for which the speed term of the reward is 1, m/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class Hopper(SuiteTask):
     hopping: bool = False
 
     def observations(self) -> tuple[Observation, ...]:
-        """Configuration without x, velocities, and log(1 + force) at toe and heel: (15,)."""
+        """Positions without x, velocities, and log(1 + force) at toe and heel: (15,)."""
         return (
             Observation("position", func=lambda now: now.qpos[:, 1:], unit="m, rad"),
             Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),

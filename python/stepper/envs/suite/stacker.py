@@ -47,7 +47,7 @@ class Stacker(SuiteTask):
         )
 
     def score(self, now: Moment) -> Array:
-        """Score: product of terms for a box at the target and the hand away from it."""
+        """Score: product of a term for a box at the target and a term for the hand away from the target."""
         size = float(now.sim.model.geom("target").size[0])
         nearest = np.min([_to_target(now, box) for box in self._names], axis=0)
         away = tolerance(_to_target(now, "grasp"), 0.1, float("inf"), margin=_CLOSE)

@@ -132,7 +132,7 @@ def stage_of(steps: Array, stages: Sequence[tuple[int, tuple[float, ...]]]) -> A
         stages: Pairs of the number of actions at which a stage begins, ascending from 0, and the k values that apply in this stage.
 
     Returns:
-        Values of the stage of each environment, (n, k), in their unit in `stages`.
+        Values of the stage of each environment, (n, k), in the units of the values in `stages`.
 
     Raises:
         TypeError: The stages are not pairs.

@@ -36,7 +36,7 @@ class Terrain:
         ground.origins  # (num_rows, 2, 3) m, middles of the tiles on the surface
 
     Equal arguments give equal terrains. Two terrains are equal if they have the same heights, tiles, and names and proportions of kinds.
-    The random numbers of a tile depend only on the seed, its row and its column.
+    The random numbers of a tile depend only on the seed of the terrain, and on the row and column of the tile.
 
     Attributes:
         sub_terrains: Kinds of terrain by name, one column each.
@@ -49,7 +49,7 @@ class Terrain:
 
     Raises:
         TypeError: An argument has another type.
-        ValueError: There are no kinds, or a number is out of its range. Or a tile or border is not a whole number of cells.
+        ValueError: There are no kinds, a number is out of its range, or `size` or `border_width` is not a whole number of grid cells.
     """
 
     sub_terrains: Mapping[str, SubTerrain]
@@ -86,7 +86,10 @@ class Terrain:
 
     @functools.cached_property
     def _digest(self) -> str:
-        """Digest of the heights, tiles and kinds. Arguments cannot be compared, because a kind may have any attributes."""
+        """Hash of heights, tiles, and names and proportions of kinds; terrains with equal hashes are equal.
+
+        The arguments themselves cannot be compared, because a kind may have attributes of any type.
+        """
         names = [(name, kind.proportion) for name, kind in self.sub_terrains.items()]
         text = repr((names, self.num_rows, self.size, self.horizontal_scale, self.border_width))
         return hashlib.sha256(text.encode() + np.ascontiguousarray(self.elevation).tobytes()).hexdigest()
@@ -109,13 +112,16 @@ class Terrain:
 
     @property
     def half(self) -> Array:
-        """Half the extent of the terrain in x and y, with the border, (2,) m."""
+        """Half the extent of the terrain in x and y, including the border, (2,), m."""
         half: Array = 0.5 * self.size * np.array([self.num_rows, len(self.sub_terrains)]) + self.border_width
         return half
 
     @functools.cached_property
     def elevation(self) -> Array:
-        """Heights of the grid points, (rows, columns) m: rows along y, columns along x. Single precision, as in MuJoCo."""
+        """Heights of the grid points, (rows, columns), m: rows along y, columns along x.
+
+        The heights are rounded as in MuJoCo's height fields, which store relative heights in single precision.
+        """
         border, cells = round(self.border_width / self.horizontal_scale), round(self.size / self.horizontal_scale)
         shape = [2 * border + cells * count + 1 for count in (len(self.sub_terrains), self.num_rows)]
         heights = np.zeros(shape)
@@ -172,7 +178,7 @@ class Terrain:
 
         Args:
             spec: The scene, which is changed in place.
-            name: Name of the height field and of its geom; boxes are called "terrain_0" and so on.
+            name: Name of the height field and of its geom. Boxes have this name with a number, such as "terrain_0".
             boxes: Whether to add boxes instead of a height field.
             **attributes: Attributes of the geoms, such as friction, rgba or contype.
 

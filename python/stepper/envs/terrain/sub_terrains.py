@@ -23,7 +23,7 @@ _THICKNESS = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class SubTerrain(ABC):
-    """Kind of terrain of a tile. Episodes start in its middle, and its border has height 0. Abstract.
+    """Kind of terrain of a square tile. Episodes start in the middle of the tile, and the border of the tile has height 0. Abstract.
 
     Attributes of type `Range` are pairs: the value at difficulty 0, and the value at difficulty 1.
 

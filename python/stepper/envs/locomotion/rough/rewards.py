@@ -18,7 +18,7 @@ from stepper.envs.task import Array, Moment, Terms, per_moment, square_sum
 _SOFT = 0.9
 """Width of a joint's soft range as a fraction of its range."""
 _MOVES, _RUNS = 0.05, 1.5
-"""Speeds of a velocity command above which it counts as a command to walk, and to run, as computed by `_speed`."""
+"""Smallest speed of a command to walk, and smallest speed of a command to run: m/s plus rad/s, as `_speed` computes it."""
 _HEIGHT = 0.1
 """Target height of a swinging foot above the ground, m."""
 _AIR_TIMES = (0.05, 0.5)
@@ -60,7 +60,7 @@ def _upright(now: Moment) -> Array:
 def _pose(now: Moment) -> Array:
     """Reward term: agreement of the joint angles with the stance, from 0 to 1, (num_envs,).
 
-    The tolerances of the angles depend on the speed of the command.
+    The tolerances of the angles (`STANDING`, `WALKING` and `RUNNING` of the task) depend on the speed of the command.
     """
     stand, walk, run = _tolerances(now.sim.model, type(now.task))
     speed = _speed(now)[:, None]
@@ -142,7 +142,7 @@ def _collisions(part: str) -> Callable[[Moment], Array]:
 
 
 def touches_terrain(now: Moment, geoms: tuple[str, ...]) -> Array:
-    """Whether one of the geoms pressed on the terrain with more than 10 N in the last step: (num_envs,) bool."""
+    """Whether at least one of the geoms pressed on the terrain with more than 10 N in the last time step: (num_envs,) bool."""
     if not geoms:
         return np.zeros(len(now.action), dtype=bool)
     return np.asarray(np.any(contact_forces(now, geoms, ["terrain"]) > _COLLISION_FORCE, axis=1))

@@ -62,7 +62,7 @@ def foot_speeds(now: Moment) -> Array:
 
 @per_moment
 def foot_forces(now: Moment) -> Array:
-    """Normal forces between the feet and the terrain in the last step: (num_envs, nfeet) N."""
+    """Normal forces between the feet and the terrain in the last time step: (num_envs, nfeet) N."""
     geoms = now.task.FEET.values()
     forces = contact_forces(now, [name for names in geoms for name in names], ["terrain"])
     ends = np.cumsum([0, *map(len, geoms)])

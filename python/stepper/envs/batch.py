@@ -35,7 +35,7 @@ class Batch:
         contact: Contact law: "mujoco" is `Options.from_model(model)`, "hard" is `Options()`; None selects `task.contact`.
         options: Options of the step, in place of those of `contact`.
         precision: "f64" or "f32".
-        threads: Number of threads; 0 uses all cores that this process may use. The bits are the same for any number.
+        threads: Number of threads; 0 uses all cores that this process may use. The results are the same, bit for bit, for any number.
         dtype: Scalar type of observations; None selects the type that `precision` names.
         max_episode_steps: Number of actions after which an episode is truncated; None means no limit.
         model: Model of the scene; None calls `task.model()`.
@@ -155,12 +155,12 @@ class Batch:
         self._reread(mask)
 
     def _end(self, envs: Array) -> None:
-        """Calls the hook `Task.on_end` for those environments in `envs`, indices (n,), whose episode has at least one step."""
+        """Calls the hook `Task.on_end` for those environments in `envs`, indices (n,), whose episode has at least one action."""
         if type(self.task).on_end is not Task.on_end and len(stepped := envs[self.lengths[envs] > 0]):
             call_hook(self.task, "on_end", self.now, stepped)
 
     def _place(self, mask: Array, envs: Array) -> None:
-        """Resets some environments and calls the hooks `Task.place` and `Task.on_reset`. It does not update the view `now`.
+        """Resets some environments and calls the hooks `Task.place` and `Task.on_reset`. The view `now` is not updated.
 
         Args:
             mask: Mask of the environments, (num_envs,) bool.
@@ -185,7 +185,8 @@ class Batch:
     def _on_reset(self, mask: Array, rng: Rng) -> None:
         """Calls the hook `Task.on_reset` for environments that start an episode.
 
-        The first time that only some environments start an episode, it also checks that the hook changes no data of the others.
+        At the first call in which only some environments start an episode, this method also checks the data of the other environments: the
+        hook must not change them.
 
         Args:
             mask: Environments that start an episode, (num_envs,) bool.
@@ -226,7 +227,7 @@ class Batch:
         self._reread(mask)
 
     def get_state(self) -> EnvState:
-        """State of all environments. Together with later actions it determines all later observations and rewards."""
+        """State of all environments, which together with later actions determines all later observations and rewards."""
         now = self.now
         return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
 

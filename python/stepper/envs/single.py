@@ -20,7 +20,7 @@ from stepper.shared.arguments import array_of
 
 
 class StepperEnv(gymnasium.Env[Array, Array]):
-    """Single environment of a task. Its results equal those of a `StepperVectorEnv` environment with the same seed, bit for bit.
+    """Single environment of a task. A `StepperVectorEnv` gives an environment with the same seed the same results, bit for bit.
 
     A pickled environment contains its state.
 
@@ -38,8 +38,8 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         render_mode: "rgb_array" for pictures by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists the requirements.
         width: Width of a picture in pixels.
         height: Height of a picture in pixels.
-        camera_id: Index of a camera of the model's file, or -1 for the task's free camera. The default is the file's camera "track", or the
-            task's free camera.
+        camera_id: Index of a camera of the model's file, or -1 for the task's free camera. The default is the file's camera
+            "track", or without one the task's free camera.
         camera_name: Name of a camera of the model's file.
         default_camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,), m, and trackbodyid,
             the followed body.

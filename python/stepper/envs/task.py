@@ -96,8 +96,8 @@ class Moment:
     def rng(self, name: str) -> Rng:
         """Returns a random number generator for all environments at this moment, for noise of an observation.
 
-        The numbers depend on the seed of each environment, on the number of its steps and resets since it was seeded, and on the name.
-        Every call with the same name gives the same numbers, so that reading an observation twice gives the same noise.
+        The numbers depend on the seed of each environment, on the number of its actions and resets since it was seeded, and on the name.
+        Every call at this moment with the same name gives the same numbers, so that reading an observation twice gives the same noise.
 
         Args:
             name: Name of the observation, such as "height_scan".

@@ -157,10 +157,10 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
                 None selects all environments; an empty selection does nothing. With indices, a sequence of seeds has k entries in the
                 order of the indices.
-            out: Array for the observations, (num_envs, n) of their type; None allocates a new one.
+            out: Array for the observations, (num_envs, n), of type `dtype`; None allocates a new one.
 
         Returns:
-            Observations of all environments (num_envs, n), and infos of the started ones.
+            Observations of all environments (num_envs, n), and the info dict with entries for the started environments.
 
         Raises:
             TypeError: A reset_mask is not an array of bool, or indices are not integers.
@@ -192,7 +192,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
         Args:
             actions: Actions, (num_envs, nu), in the units of the task. A task with `action_bounds` may have another number than nu.
-            out: Array for the observations, (num_envs, n) of their type; None allocates a new one.
+            out: Array for the observations, (num_envs, n), of type `dtype`; None allocates a new one.
 
         Returns:
             Observations (num_envs, n), rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.

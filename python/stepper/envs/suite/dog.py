@@ -60,8 +60,9 @@ class Dog(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Observation, (223,): joints, torso and pelvis, sensors and activations. With `fetch`, ball and target follow: (232,).
 
-        The rows are angles and velocities of the joints, heights of torso and pelvis, and the vertical direction in the frames of skull,
-        torso and pelvis. The velocity of the centre of mass, readings of inertial, force and touch sensors, and activations follow.
+        The first rows are angles and velocities of the joints, and heights of torso and pelvis. The vertical direction in the frames of
+        skull, torso and pelvis, and the velocity of the centre of mass follow. The last rows are readings of inertial, force and touch
+        sensors, and activations.
         """
         rows = (
             Observation("joint_angles", func=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]], unit="rad"),

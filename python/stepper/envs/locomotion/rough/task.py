@@ -40,8 +40,7 @@ ROUGH = Terrain(
     },
     border_width=4.0,
 )
-"""Terrain of mjlab's rough velocity tasks, as a height field, with steps of up to 0.2 m instead of 0.1 m.
-
+"""Terrain of mjlab's rough velocity tasks, as a height field. Steps of stairs are up to 0.2 m high; in mjlab up to 0.1 m.
 Each step of the stairs is a ramp 0.1 m long and a tread 0.2 m deep.
 """
 _MAX_ACTION = 4.0
@@ -60,7 +59,7 @@ _LEAST_PROGRESS = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class RoughTask(Task):
-    """Task: follow velocity commands over rough terrain: observations, rewards, events and curricula of mjlab's rough velocity tasks.
+    """Task: follow velocity commands over rough terrain. Observations, rewards, random events and curricula are mjlab's.
 
     Actions are offsets of the servos' set points from the stance; 1 gives a quarter of the largest torque. A command lasts 3 to 8 s.
     Each episode draws friction of the feet, centre of mass of the base and encoder errors. Pushes come every 1 to 3 s.
@@ -101,7 +100,7 @@ class RoughTask(Task):
         "shank_collision": 0.0,
         "trunk_collision": 0.0,
     }
-    """Weights of the terms of the reward, per s."""
+    """Weights of the terms of the reward, per s, because the reward is their weighted sum times the control period (s)."""
     FEET: ClassVar[Mapping[str, tuple[str, ...]]]
     """Names of the geoms of each foot, by the name of the foot's site."""
     THIGHS: ClassVar[tuple[str, ...]] = ()
@@ -226,7 +225,7 @@ class RoughTask(Task):
         sim.randomize(mask, **rows)
 
     def advance(self, now: Moment) -> None:
-        """Replace expired commands, apply pushes, step the simulation by one action, and record swings and landings of the feet."""
+        """Replaces expired commands, applies pushes, steps the simulation by one action, and records swings and landings of the feet."""
         state, model = now.episode_state, now.sim.model
         state["steps"] += 1
         resample_commands(now, self.stages)
@@ -241,10 +240,10 @@ class RoughTask(Task):
         state["peak"][:] = np.where(on_ground, 0.0, np.maximum(state["peak"], heights))
 
     def on_end(self, now: Moment, envs: Array) -> None:
-        """Choose harder or easier terrain for the next episode of the environments `envs`.
+        """Chooses harder or easier terrain for the next episode of the environments `envs`.
 
-        If the robot left its tile, the environment moves to a harder row of the terrain. If the robot covered less than half of the
-        commanded distance, the environment moves to an easier row.
+        If the robot left its tile, the environment moves to the next harder row of the terrain. Otherwise, if the robot covered less than
+        half of the commanded distance, the environment moves to the next easier row.
         """
         state = now.episode_state
         distance = self.levels.distance(state, envs, now.qpos[envs])

@@ -52,10 +52,10 @@ class Options(metaclass=Hinting):
 
             With "midpoint" and "implicit", a servo at its force limit exerts that limit and adds no stiffness. Fixed tendons whose
             joints lie on several branches get an added inertia that grows with h^2 k and h d, which keeps them stable.
-        solver: Solver of the contact problem, with hard contact.
+        solver: Solver of the constraint problem with hard contact.
 
-            * "pgs": projected Gauss-Seidel with Anderson acceleration. Each sweep visits all contacts and solves the Coulomb problem of
-              each exactly.
+            * "pgs": projected Gauss-Seidel with Anderson acceleration. Each iteration (sweep) visits all constraints, and solves the
+              Coulomb problem of each contact exactly.
             * "newton": augmented-Lagrangian Newton for every environment that the first two sweeps do not solve.
             * "auto": sweeps, then Newton for environments whose residual is still above the tolerance.
         iterations: Largest number of sweeps ("auto" makes no more than 50). It also bounds the Newton steps of each island of bodies in
@@ -66,8 +66,8 @@ class Options(metaclass=Hinting):
             None uses 1e-6, and 1e-4 with precision="f32". With contact="mujoco", None uses the smaller of that default and 0.6 % of
             the velocity that gravity adds in a step, but at least 1e-6. The relative error of contact forces at rest then does not
             grow with shorter steps.
-        stabilization: Method that removes overlap: "baumgarte" (a velocity bias), "split" (a second solve that moves positions only) or
-            "none".
+        stabilization: Method that removes overlap and other position errors of constraints: "baumgarte" (a velocity bias), "split" (a
+            second solve that moves positions only) or "none".
         baumgarte: Fraction of the overlap beyond the slop that is removed per step, 0 to 1.
         slop: Overlap that is not corrected, m (rad for hinge limits).
         max_correction_speed: Fastest correction of overlap, m/s.

@@ -36,7 +36,8 @@ class StepperPool:
         num_envs: Number of environments, a multiple of `batch_size`.
         batch_size: Number of environments that `recv` returns; None selects all of them.
         seed: Seed. Environment i has `seed + i`, as in `StepperVectorEnv`; None draws a random seed.
-        threads: Number of worker threads; 0 uses all cores that this process may use. Results are identical bit for bit for any number.
+        threads: Number of threads, which step blocks in parallel. With more threads than blocks, several threads step a block together.
+            0 uses all cores that this process may use. Results are identical bit for bit for any number.
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`. The autoreset is Gymnasium's NEXT_STEP, as in EnvPool.
 
     Raises:

@@ -111,7 +111,7 @@ class Comparison:
     def __str__(self) -> str:
         low, high = self.interval
         return (
-            f"{self.other.env} minus {self.one.env}: {self.difference:+.1f} ({_share(self.difference, self.one.mean)}), "
+            f"{self.other.env} minus {self.one.env}: {self.difference:+.1f} ({_percentage(self.difference, self.one.mean)}), "
             f"{1.0 - 2.0 * self.alpha:.0%} confidence {low:+.1f} to {high:+.1f}, margin {self.bound:.1f}: {self.verdict}"
         )
 
@@ -357,6 +357,6 @@ def _interval(values: Array, confidence: float) -> tuple[float, float]:
     return float(values.mean()) - half, float(values.mean()) + half
 
 
-def _share(part: float, whole: float) -> str:
-    """Text of a part as a percentage of a whole, "+1.2 %"."""
+def _percentage(part: float, whole: float) -> str:
+    """Text of a part as a percentage of a whole, such as "+1.2 %"; "of nothing" if the whole is 0."""
     return f"{100.0 * part / abs(whole):+.1f} %" if whole else "of nothing"

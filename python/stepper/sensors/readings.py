@@ -187,42 +187,40 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
     return terms
 
 
-def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]:
+def _kind(model: Model, spec: SensorSpec, place: str) -> str | dict[str, Any]:
     """Type and measured element of an additional sensor, as a name or dictionary for the Rust library.
 
     Args:
         model: Model with the measured element.
-        reading: The sensor.
+        spec: The sensor.
         place: Beginning of error messages.
 
     Raises:
         ValueError: The type is unknown, or the sensor names an element or a reference that the type does not have.
     """
-    family = next((family for family, (_, words) in _WORDS.items() if reading.type in list(words)), None)
+    family = next((family for family, (_, words) in _WORDS.items() if spec.type in list(words)), None)
     if family is None:
         known = ", ".join(word for _, words in _WORDS.values() for word in words)
-        raise ValueError(f"{place}: there is no type {reading.type!r}; the types are: {known}")
+        raise ValueError(f"{place}: there is no type {spec.type!r}; the types are: {known}")
     takes, words = _WORDS[family]
-    given = [what for what in _OF if getattr(reading, what) is not None]
-    references = [what for what in _OBJECTS if getattr(reading, f"reference_{what}") is not None]
+    given = [what for what in _OF if getattr(spec, what) is not None]
+    references = [what for what in _OBJECTS if getattr(spec, f"reference_{what}") is not None]
     if [what for what in given if what in takes] != given or len(given) != bool(takes):
         needed = f"one of {', '.join(takes)}" if len(takes) > 1 else takes[0] if takes else "no element"
-        raise ValueError(f"{place}: type {reading.type} needs {needed}, and {', '.join(given) or 'none'} is given")
-    if references and (family != "frame" or reading.type in ("framelinacc", "frameangacc") or len(references) > 1):
+        raise ValueError(f"{place}: type {spec.type} needs {needed}, and {', '.join(given) or 'none'} is given")
+    if references and (family != "frame" or spec.type in ("framelinacc", "frameangacc") or len(references) > 1):
         allowed = "at most one reference" if len(references) > 1 else "no reference"
-        raise ValueError(
-            f"{place}: type {reading.type} has {allowed}, and {', '.join(f'reference_{what}' for what in references)} is given"
-        )
+        raise ValueError(f"{place}: type {spec.type} has {allowed}, and {', '.join(f'reference_{what}' for what in references)} is given")
     if not takes:
-        return words[reading.type]
-    index = _named(model, given[0], getattr(reading, given[0]), place)
+        return words[spec.type]
+    index = _named(model, given[0], getattr(spec, given[0]), place)
     if family != "frame":
-        return {words[reading.type]: index}
+        return {words[spec.type]: index}
     reference = None
     if references:
-        found = _named(model, references[0], getattr(reading, f"reference_{references[0]}"), place)
+        found = _named(model, references[0], getattr(spec, f"reference_{references[0]}"), place)
         reference = {_OBJECTS[references[0]]: found}
-    return {"Frame": {"what": words[reading.type], "object": {_OBJECTS[given[0]]: index}, "reference": reference}}
+    return {"Frame": {"what": words[spec.type], "object": {_OBJECTS[given[0]]: index}, "reference": reference}}
 
 
 def _named(model: Model, what: str, name: str, place: str) -> int:

@@ -189,8 +189,8 @@ impl Clipper {
         self.features[1].fill(pair.b, &views[1], corners[1]);
     }
 
-    /// Adds the contact points of a triangle of a surface with a shape that is above or below it, along the triangle's normal. The triangle
-    /// is the first shape of `pair`.
+    /// Adds the contact points of a triangle of a surface with a shape that is above or below it, along the triangle's normal. The
+    /// triangle is the first shape of `pair`. Points at a distance of more than `prediction`, m, are left out.
     ///
     /// `face` has the normal and the farthest corner of each shape. Corners of the second shape count if they are above or below the
     /// triangle. In the valley between two triangles they also count if they are behind both planes, see `Facet::rises` for the tangents
@@ -247,8 +247,8 @@ impl Clipper {
         self.emit(pair, &axes, prediction, out);
     }
 
-    /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap. Points at a distance
-    /// of more than `prediction`, m, are left out.
+    /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap. No points are added
+    /// for edges that are not parallel. Points at a distance of more than `prediction`, m, are left out.
     ///
     /// `axes` are the normal and the axes of the projection plane. `corners` are the corners of the shapes that are farthest along the
     /// normal.

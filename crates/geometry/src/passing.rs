@@ -47,7 +47,7 @@ const MAX_PART_ANGLE: f64 = 0.5;
 const MAX_PARTS: usize = 64;
 
 /// Path length above which points next to a shape's inner points are tested too. It is relative to the thickness, which is also the
-/// distance of these points.
+/// distance of these points from the inner points.
 ///
 /// Example: a ball whose centre passes half a radius beside the tip of a spike. Its thickness with a mesh is half its radius. The tip is
 /// inside the ball along 2 sqrt(1 - 1/4) radii of the path, which is 3.5 times the thickness. A much shorter path cannot pass the tip
@@ -158,8 +158,7 @@ fn convex_pass(
     true
 }
 
-/// Whether two overlapping shapes are closer to separation against the direction `towards` than along it: whether the translation that
-/// separates them is shorter.
+/// Whether two overlapping shapes are separated by a shorter translation of the second one against the direction `towards` than along it.
 ///
 /// `towards` is a direction from the first shape to the second, in the frame of the larger shape. At the edge of a plate the shortest
 /// translation of all is sideways, no matter on which side the shape was before.
@@ -198,8 +197,9 @@ impl RelativePath {
         Self { poses, parts }
     }
 
-    /// Number of times that the point `p` of the shape crosses the surface, and its displacement in the frame of the surface, m. After one
-    /// crossing the point is behind the surface; after more it has passed through.
+    /// Number of times that the point `p` of the shape crosses the surface, and displacement of the point in the frame of the surface, m.
+    /// After one crossing the point is behind the surface; after more it has passed through. A point that starts inside a height field
+    /// has no crossings.
     fn crossings(&self, surface: &Surface, p: V) -> (usize, V) {
         let place = |k: usize| add(self.poses[k].pos, rotate(&self.poses[k].mat, p));
         let start = place(0);

@@ -622,8 +622,9 @@ fn feature_id(triangle: u32, feature: u32) -> u32 {
 
 /// Adds the contact points of triangle `t` and a shape to `out`. The shape is the second one of `pair`.
 ///
-/// `along` is the separation along the normal of the triangle, m. If there are no points because the closest point belongs to a neighbour,
-/// the result is the separation of triangle and shape; else `None`.
+/// `along` is the separation of the triangle and the shape without its rounding radius, along the normal of the triangle, m. Points at a
+/// distance of more than `prediction`, m, are left out. If there are no points because the closest point belongs to a neighbour, the
+/// result is the separation of triangle and shape; else `None`.
 #[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch(
     surface: &Surface,

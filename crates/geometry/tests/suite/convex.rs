@@ -108,10 +108,10 @@ fn by_faces(depth: f64) -> f64 {
     depth.min(depth / 0.95)
 }
 
-/// Whether two boxes on opposite sides of a common plane touch in a sliver only.
+/// Whether two boxes touch in a sliver only: a face of each is in the same plane, and another face separates the boxes up to an overlap
+/// of 1e-5 m.
 ///
-/// Moved toward each other within that plane, they would overlap by less than 1e-5 m, up to rounding. Such boxes have no contact, see
-/// `boxes.rs`.
+/// Such boxes have no contact, see `boxes.rs`.
 fn graze([a, b]: [&ConvexShape; 2], [pa, pb]: [&Pose; 2]) -> bool {
     let axes = [pa, pb].map(|p| [0, 1, 2].map(|k| column(&p.mat, k)));
     let apart = |n: V| separation(a, pa, b, pb, n).max(separation(a, pa, b, pb, scale(n, -1.0)));

@@ -10,7 +10,7 @@ use stepper_geometry::{ConvexShape, Pose, distance};
 
 use crate::convex::{hull, manifold, pose, separation, size};
 use crate::pairs::{contacts, pair};
-use crate::shapes::{Body, cases, room, vector};
+use crate::shapes::{Body, cases, separation_along, vector};
 
 /// Distance above which directions are compared, m. Below it, parry's directions have large rounding errors.
 const APART: f64 = 1e-4;
@@ -190,7 +190,7 @@ proptest! {
         prop_assert!(excess > -ROUNDING, "{nearest:?}, parry {theirs:?}");
         // Parry's normal must not have a smaller depth, because no direction has a larger separation than the contact normal. If points are
         // a nanometre apart, rounding rotates the normal between them by 1e-6, as in `is_distance`.
-        let [along, other] = [nearest.normal, theirs.normal1.to_array()].map(|n| room(&a, &b, n));
+        let [along, other] = [nearest.normal, theirs.normal1.to_array()].map(|n| separation_along(&a, &b, n));
         prop_assert!(other < nearest.distance + ROUNDING && along > nearest.distance - 1e-6, "{nearest:?}, parry {theirs:?}");
         if nearest.distance > APART {
             prop_assert!(excess < EXCESS, "{nearest:?}, parry {theirs:?}");

@@ -56,8 +56,8 @@ impl Body {
         if let Self::Capsule(s) = self { s.radius } else { 0.0 }
     }
 
-    /// Measure of the distance of the point `p` outside the body. It is zero on the surface, and at most the distance times a constant of
-    /// order one.
+    /// Level set function of the body at the point `p`, m. It is negative inside and zero on the surface. Outside it is at most the
+    /// distance from the surface times a constant of order one.
     pub(crate) fn outside(&self, p: V3<f64>) -> f64 {
         match self {
             Self::HalfSpace { origin, normal } => dot(*normal, sub(p, *origin)),
@@ -95,13 +95,13 @@ impl Body {
 
 /// Separation of two bodies along the unit vector `u` from a to b. Its maximum over all u is their signed distance: positive if they are
 /// apart, else minus the smallest translation that separates them.
-pub(crate) fn room(a: &Body, b: &Body, u: V3<f64>) -> f64 {
+pub(crate) fn separation_along(a: &Body, b: &Body, u: V3<f64>) -> f64 {
     -b.support(scale(u, -1.0)) - a.support(u)
 }
 
 /// Largest separation of two bodies near the direction `u`. The search takes deterministic pseudo-random steps that shrink.
 pub(crate) fn widest(a: &Body, b: &Body, mut u: V3<f64>) -> f64 {
-    let mut best = room(a, b, u);
+    let mut best = separation_along(a, b, u);
     let mut size = 0.5;
     let mut seed = 1u64;
     let mut random = || {
@@ -113,7 +113,7 @@ pub(crate) fn widest(a: &Body, b: &Body, mut u: V3<f64>) -> f64 {
         for _ in 0..12 {
             let tried = add_scaled(u, [random(), random(), random()], size);
             let tried = scale(tried, 1.0 / norm(tried));
-            let found = room(a, b, tried);
+            let found = separation_along(a, b, tried);
             if found > best {
                 (u, best, better) = (tried, found, true);
             }
@@ -141,13 +141,13 @@ pub(crate) fn is_contact(a: &Body, b: &Body, c: &ContactPoint<f64>) -> Result<()
 pub(crate) fn is_distance(a: &Body, b: &Body, contacts: &[ContactPoint<f64>], starts: &[V3<f64>]) -> Result<(), TestCaseError> {
     let nearest = contacts.iter().copied().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a pair has a contact");
     contacts.iter().try_for_each(|c| is_contact(a, b, c))?;
-    let along = room(a, b, nearest.normal);
+    let along = separation_along(a, b, nearest.normal);
     // The normal is the direction between closest points with rounded coordinates. Coordinates of 2 m have errors of 2e-15 m. If the points
     // are nanometres apart, this rotates the normal. A point 2 m to the side, such as an end of a capsule or a corner of a box, is then off
     // by up to 4e-15 m^2 divided by the distance.
     let core = nearest.distance + a.radius() + b.radius();
     let turned = if core > 0.0 { 4e-15 / core } else { 0.0 };
-    prop_assert!((along - nearest.distance).abs() < 1e-11 + turned, "room {along} along the normal of {nearest:?}");
+    prop_assert!((along - nearest.distance).abs() < 1e-11 + turned, "separation {along} along the normal of {nearest:?}");
     if nearest.distance < 0.0 && !matches!(a, Body::HalfSpace { .. }) {
         for &u in starts {
             let found = widest(a, b, u);

@@ -12,7 +12,8 @@ use crate::vectors::V;
 pub struct SearchLimits {
     /// Largest distance of the surfaces at which a contact is added, m.
     pub prediction: f64,
-    /// Contact normal of the pair of hulls in the previous step. It saves time and does not change the result.
+    /// Contact normal of the pair of hulls in the previous step, from which the search starts. This normal saves time and does not change
+    /// the result.
     pub cached: Option<CachedNormal>,
     /// Relative motion of the two solids within the step. If it is given, contacts that cannot push within the step may be absent.
     pub approach: Option<Approach>,

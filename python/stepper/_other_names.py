@@ -264,4 +264,4 @@ NEW_KEYWORDS_OF = {
         "of": "selector, as 'geom_friction[floor,box][0]'",
     },
 }
-"""Current keyword arguments of single functions: for each function, a table from the earlier keyword to the current one."""
+"""Current keyword arguments that apply to one function only: for each function, a table from the earlier keyword to the current one."""

@@ -197,7 +197,7 @@ def copied(values: Array, out: Array | None) -> Array:
 
 
 def given_out(values: Array, out: Array | None) -> Array:
-    """Array for a method with the argument `out`: `values` itself if `out` is None, otherwise `out`, filled with the values.
+    """Result of a method with the argument `out`: `values` itself if `out` is None, otherwise `out`, filled with the values.
 
     Both have any shape (...) and the same unit.
 

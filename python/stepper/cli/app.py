@@ -20,7 +20,7 @@ COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, train, eva
 
 
 def application(*, escaped: bool = True) -> Typer:
-    """Typer application with all commands. It is created in a function, because Typer is an optional package.
+    """Typer application with all commands. A function creates the application, because Typer is an optional package.
 
     Args:
         escaped: Whether brackets of help texts, such as those in geom_friction[floor], are escaped for Rich, which takes them for markup.

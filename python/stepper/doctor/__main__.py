@@ -1,6 +1,6 @@
 """Entry point of `python -m stepper.doctor`.
 
-It does the same as `stepper doctor`, but does not need the optional packages of the command line.
+The output is that of `stepper doctor`, but the optional packages of the command line need not be installed.
 """
 
 import sys

@@ -26,8 +26,9 @@ _DEEP = 1e-3
 class ModelWarning(UserWarning):
     """Warning that a loaded model is simulated differently from its source: other settings, convex hulls of meshes, or disabled contacts.
 
-    It is also issued if geoms overlap in a keyframe. `Model.explain()` has the details except for keyframes. The command `stepper explain`
-    has the deepest overlap of each keyframe. `model.replace(qpos0=qpos).overlaps()` returns all overlaps at positions `qpos`.
+    The warning is also issued if geoms overlap in a keyframe. `Model.explain()` has the details except for keyframes. The command
+    `stepper explain` has the deepest overlap of each keyframe. `model.replace(qpos0=qpos).overlaps()` returns all overlaps at positions
+    `qpos`.
     """
 
 

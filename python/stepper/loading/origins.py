@@ -13,7 +13,8 @@ from stepper._stepper import Model
 KEPT = 8
 """Largest number of texts and compiled models that are kept as sources after their Model was deleted.
 
-They are kept because a variant of the model (`Model.replace`) may still exist. The number is small, because a compiled model may be large.
+The sources are kept because a variant of the model (`Model.replace`) may still exist. The number is small, because a compiled model may
+be large.
 """
 KEPT_FILES = 256
 """Largest number of file paths that are kept as sources after their Model was deleted."""

@@ -77,7 +77,7 @@ def _of_stepper(base: Any) -> Description:
 
 
 def _of_mujoco(base: Any) -> Description:
-    """Settings of a MuJoCo environment of Gymnasium. They contain no digest of the model, because stepper's models have other digests."""
+    """Settings of a MuJoCo environment of Gymnasium. The digest of the model is absent, because stepper's digests are not comparable."""
     option = base.model.opt
     integrators = ("euler", "rk4", "implicit", "implicitfast", "discrete")
     return {

@@ -236,7 +236,7 @@ class Run:
         )
 
     def save(self, file: Path) -> None:
-        """Writes a checkpoint atomically. It is a pickle: load only files that you trust."""
+        """Writes a checkpoint atomically. The file is a pickle: load only files that you trust."""
         state = {name: value for name, value in self.__dict__.items() if name not in ("net", "optimizer", "envs")}
         state |= {
             "settings": vars(self.settings),

@@ -1,4 +1,4 @@
-"""Segments of a recording as arrays. A segment has consecutive calls of `step` with the same number of steps, from a known state."""
+"""Segments of a recording as arrays. A segment has the state before consecutive calls of `step`, and their inputs and results."""
 
 from __future__ import annotations
 

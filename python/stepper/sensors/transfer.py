@@ -28,7 +28,8 @@ class Transfer:
         misalignment_std: Standard deviation of the cross-axis sensitivity between channels, rad, drawn at each reset.
         bias: Bias of every channel, the same in every episode.
         bias_std: Standard deviation of a second bias of each channel, drawn at each reset.
-        drift_std: Standard deviation of the change of each channel's drift, per sqrt(s); the drift is 0 at each reset.
+        drift_std: Standard deviation of the change of each channel's drift in a short time t, divided by sqrt(t), per sqrt(s). The drift
+            is 0 at each reset.
         drift_time: Correlation time of the drift, s. The drift is then a first-order Gauss-Markov process, whose standard deviation tends
             to drift_std sqrt(drift_time / 2). None makes the drift a random walk.
         noise_std: Standard deviation of the white noise of a sample. The half width of uniform noise is sqrt(3) times as large.

@@ -38,7 +38,7 @@ class RecordedRun:
     Attributes:
         sim: Stepper with the settings of the recorded one.
         envs: Indices of the environments, (n,).
-        source: File from which the model was loaded, if known.
+        source: File from which the model was loaded; None if it is unknown.
         time: Simulated time of the first environment after each call, s: (frames,).
     """
 

@@ -17,7 +17,7 @@ from stepper.viewer.looks import Array
 RINGS, SEGMENTS = 12, 24
 """Numbers of faces of round meshes: from pole to pole, and around the axis."""
 PLAIN = (0.62, 0.66, 0.72, 1.0)
-"""Colour of geoms without a known colour."""
+"""Colour of geoms whose colour is unknown."""
 VISIBLE_GROUPS = 3
 """First group of geoms that is hidden initially, as in MuJoCo's viewer; later groups are hidden, too.
 

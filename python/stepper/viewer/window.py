@@ -252,7 +252,7 @@ class Window:
     def _draw(self) -> None:
         """Sends the current frame to the browser.
 
-        It is called by the thread that steps, and by a thread of viser when the user changes a control.
+        The thread that steps calls this method. If the user changes a control, a thread of viser calls it.
         """
         with self._lock, self.server.atomic():
             frame, pull = self._frame, self._pull

@@ -185,8 +185,7 @@ class Batch:
     def _on_reset(self, mask: Array, rng: Rng) -> None:
         """Calls the hook `Task.on_reset` for environments that start an episode.
 
-        At the first call in which only some environments start an episode, this method also checks the data of the other environments: the
-        hook must not change them.
+        The hook must not change other environments. The first call in which only some environments start an episode checks this.
 
         Args:
             mask: Environments that start an episode, (num_envs,) bool.

@@ -58,8 +58,8 @@ class Options(metaclass=Hinting):
               Coulomb problem of each contact exactly.
             * "newton": augmented-Lagrangian Newton for every environment that the first two sweeps do not solve.
             * "auto": sweeps, then Newton for environments whose residual is still above the tolerance.
-        iterations: Largest number of sweeps ("auto" makes no more than 50). The number also bounds the Newton steps of each island of bodies
-            in contact (docs/development/decisions/bounds.md). A step that reaches the bound sets NOT_CONVERGED in `status`, and
+        iterations: Largest number of sweeps ("auto" makes no more than 50). The number also bounds the Newton steps of each island of
+            bodies in contact (docs/development/decisions/bounds.md). A step that reaches the bound sets NOT_CONVERGED in `status`, and
             `Stepper.worst_row` names the constraint with the largest residual. `Stepper.iterations` counts sweeps and Newton steps,
             `Stepper.newton_steps` Newton steps alone.
         tolerance: Residual at which the solver stops, m/s: the error of the contact conditions, expressed as a velocity (natural map).

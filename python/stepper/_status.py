@@ -38,7 +38,8 @@ class Status(IntFlag):
 
     Third, elastic impacts became inelastic, because Newton's law of impact has no plausible solution, as in a corner with much friction.
 
-    Fourth, stiff servos kept changing between their bounds, so that some of their forces may be outside of their range."""
+    Fourth, stiff servos kept changing between their bounds (force limits, torque-speed curves) in the iterations of the step. Some of
+    their forces may be outside of their range."""
     TUNNELLED = 16
     """A fast geom may have passed through a thin one in a step. Use a shorter time step."""
     INFEASIBLE = 32

@@ -84,7 +84,7 @@ def _mass_matrix(compiled: Any) -> np.ndarray[Any, Any]:
 
 
 def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, names: list[str], name: str) -> float:
-    """Effective inertia of a joint with all other joints held, kg m^2 or kg, including the joints that follow it (`mimic`).
+    """Effective inertia of a joint, kg m^2 or kg. Joints that follow the joint (`mimic`) move too; all others are held.
 
     Args:
         mass: Mass matrix, nv x nv.

@@ -40,7 +40,7 @@ def check_fraction(name: str, value: Any, meaning: str = "") -> None:
     Args:
         name: Name of the argument, for the message.
         value: The value.
-        meaning: Last part of the message, on what the fraction is of; it begins with a colon.
+        meaning: End of the message: a colon, and a text on the quantity of which the value is a fraction.
 
     Raises:
         TypeError: The value is no number.

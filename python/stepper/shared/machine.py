@@ -55,7 +55,7 @@ def require(module: str, purpose: str, extra: str = "") -> ModuleType:
 
     Args:
         module: Dotted name of the module.
-        purpose: Purpose, which ends the sentence "<module> is needed ..." of the error message: "to draw charts".
+        purpose: End of the sentence "<module> is needed ..." of the error message: "to draw charts".
         extra: Extra of the package stepper-sim that contains the module, such as "cli". With "", the message has the command in `INSTALL`.
 
     Returns:

@@ -78,7 +78,7 @@ class Drag:
 
 
 def effective_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
-    """Effective mass at a point of a body, kg: the harmonic mean over the three directions. None if the point cannot move.
+    """Effective mass at a point of a body, kg: the harmonic mean of the masses for forces along x, y and z. None if it cannot move.
 
     The point `place`, (3,), m, is in world coordinates.
     """

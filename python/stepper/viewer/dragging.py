@@ -78,9 +78,9 @@ class Drag:
 
 
 def effective_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
-    """Effective mass at a point of a body, kg: the harmonic mean of the masses for forces along x, y and z. None if it cannot move.
+    """Effective mass at a point of a body, kg: the harmonic mean of the masses for forces along x, y and z.
 
-    The point `place`, (3,), m, is in world coordinates.
+    The result is None if the point cannot move. The point `place`, (3,), m, is in world coordinates.
     """
     matrices_of_mass = np.asarray(sim.mass_matrix(), np.float64)
     mass = matrices_of_mass if sim.num_envs is None else matrices_of_mass[env]

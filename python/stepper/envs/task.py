@@ -340,7 +340,7 @@ class Task(ABC):
         return {}
 
     def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:  # noqa: B027
-        """Hook that is called after the initial states are set. It can draw commands and parameters (`sim.randomize`), or step until rest.
+        """Hook that is called after the initial states are set, for example to draw commands or parameters (`sim.randomize`).
 
         Args:
             sim: The stepper.
@@ -372,9 +372,9 @@ class Task(ABC):
         return None if now.healthy is None else ~now.healthy
 
     def truncated(self, now: Moment) -> Array | None:
-        """Whether each episode is truncated without failure, (num_envs,) bool, for example because the robot left the terrain.
+        """Whether the task truncates each episode, (num_envs,) bool, for example because the robot left the terrain without a failure.
 
-        None means that no episode is truncated.
+        None means that the task truncates no episode. The limit `max_episode_steps` of an environment truncates independently.
         """
         return None
 
@@ -440,7 +440,7 @@ def all_within(value: Array, bounds: tuple[float, float]) -> Array:
 
 
 def square_sum(value: Array) -> Array:
-    """Returns the sums of the squares of each environment's numbers: (num_envs,)."""
+    """Returns the sum of the squares of all numbers of each environment, (num_envs,), for an array (num_envs, ...)."""
     flat = value.reshape(len(value), -1)
     sums: Array = np.einsum("ij,ij->i", flat, flat)
     return sums

@@ -57,14 +57,14 @@ class VelocityTask(Task):
             encoders are noisy.
         motors: Whether servos have the torque-speed curves and the dry friction of motors (`MOTORS`) instead of torques at any speed.
         roughness: Largest height of the ground's bumps, m, which are about a metre wide; 0 means flat ground.
-        sight: Half width of the observed grid of ground heights, m. The grid has 25 points around the base and turns with its heading. The
-            heights are relative to the base. 0 means no grid.
+        sight: Half width of the observed grid of ground heights, m. The grid has 25 points around the base, and turns with the heading of
+            the base. The heights are relative to the base. 0 means no grid.
         weights: Weights of some or all terms of the reward, by name; other terms have those of `WEIGHTS`.
 
     Raises:
         TypeError: The class does not define `lowest`, or weights is no mapping.
         ValueError: A latency, roughness, noise or sight is out of its range, a weight belongs to no term or is not finite, or a class
-            without `MOTORS` gets motors=True. Environments of the task also raise it if the model lacks a part named above.
+            without `MOTORS` gets motors=True. Environments of the task raise ValueError if the model lacks a part named above.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -137,7 +137,7 @@ class VelocityTask(Task):
         return _sensed(self.robot(), self.imu) if self.noise else self.robot()
 
     def sensors(self) -> SensorModel | None:
-        """Sensor model with uniform errors of the observed quantities."""
+        """Sensor model with uniform errors of the observed quantities; None if `noise` is 0."""
         if not self.noise:
             return None
         errors = {row: Transfer(noise="uniform", noise_std=self.noise * width / math.sqrt(3.0)) for row, width in self.ERRORS.items()}
@@ -146,7 +146,7 @@ class VelocityTask(Task):
         return SensorModel({**named, **{f"{row} {joint}": errors[row] for row in ("angles", "rates") for joint in joints}})
 
     def actuators(self) -> ActuatorModel | None:
-        """Actuator model with torque-speed curves and friction of the motors."""
+        """Actuator model with torque-speed curves and friction of the motors; None if `motors` is False."""
         if not self.motors:
             return None
         drives = {}

@@ -76,7 +76,7 @@ class PointMass(SuiteTask):
         episode_state["directions"][mask] = directions
 
     def advance(self, now: Moment) -> None:
-        """Steps the simulation by one action. With `turned`, each control pushes along a random direction."""
+        """Steps the simulation by one action. With `turned`, each action pushes along the direction that `on_reset` has drawn for it."""
         control = now.action
         if self.turned:
             control = np.einsum("nk,nki->ni", np.clip(now.action, -1.0, 1.0), now.episode_state["directions"])

@@ -127,7 +127,11 @@ def _at_the_toes(now: Moment) -> Array:
 
 
 def _ball(now: Moment) -> Array:
-    """Position and velocity of the ball relative to the torso, and its angular velocity, in the torso's frame: (num_envs, 3, 3)."""
+    """Position, velocity and angular velocity of the ball, one per row, in the frame of the torso: (num_envs, 3, 3).
+
+    Position (m) and velocity (m/s) are relative to the torso. The angular velocity (rad/s) is rotated as in dm_control, which treats its
+    components in the frame of the ball (`qvel`) as components in world axes.
+    """
     ball, root = now.sim.model.joint("ball_root").dofadr, now.sim.model.joint("root").dofadr
     rows = [
         _body_position(now, "ball") - _body_position(now, "torso"),

@@ -14,7 +14,10 @@ from stepper.envs.task import Array, Moment, Observation, Terms
 from stepper.shared.streams import Rng
 
 _CLOSE = 0.01
-"""Margin of the score for a hand away from the target, m. The score is 1 from 0.1 m on, and 0.1 at this margin below 0.1 m."""
+"""Margin of the score for a hand away from the target, m.
+
+The score is 1 if the hand is at least 0.1 m from the target, and 0.1 at a distance of 0.1 m minus this margin.
+"""
 _MOST_BOXES = 4
 """Number of boxes in the file."""
 

@@ -117,15 +117,15 @@ def _feet(model: Model) -> list[int]:
 
 def _geom(name: str) -> dict[str, str]:
     """MJCF attributes of a geom of Go1, by the geom's name, for plain ground: only feet, trunk and head collide."""
-    return _touching(name, name in ("trunk_collision", "head_collision"))
+    return _geom_attributes(name, name in ("trunk_collision", "head_collision"))
 
 
-def _touching(name: str, touches: bool) -> dict[str, str]:
-    """MJCF attributes of the geom `name` of the robot Go1. The geom collides with the ground if `touches` is true or the geom is a foot."""
+def _geom_attributes(name: str, collides: bool) -> dict[str, str]:
+    """MJCF attributes of the geom `name` of the robot Go1. The geom collides with the ground if `collides` is true or the geom is a foot."""
     is_foot = name.endswith("foot_collision")
-    touches = touches or is_foot
+    collides = collides or is_foot
     touch = {"priority": "1", "friction": "0.8 0.005 0.0005", "condim": "3"} if is_foot else {}
-    return {"contype": str(int(touches)), "rgba": _GREY if touches else _LIGHT, **touch}
+    return {"contype": str(int(collides)), "rgba": _GREY if collides else _LIGHT, **touch}
 
 
 def _servo(name: str) -> Servo:
@@ -142,7 +142,7 @@ def _scene(roughness: float) -> Model:
 
 @cache_model
 def _rough_scene(terrain: Terrain) -> Model:
-    return _model_on(tiled_ground(terrain), lambda name: _touching(name, "hip" not in name), _ROUGH_HEIGHT, ROUGH_REACH)
+    return _model_on(tiled_ground(terrain), lambda name: _geom_attributes(name, "hip" not in name), _ROUGH_HEIGHT, ROUGH_REACH)
 
 
 def _model_on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float, reach: float) -> Model:

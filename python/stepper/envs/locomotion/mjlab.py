@@ -74,7 +74,7 @@ def plain_ground(roughness: float) -> Ground:
 
 
 def tiled_ground(tiles: Terrain) -> Ground:
-    """Ground that is a generated terrain of tiles, with the geom name "terrain"."""
+    """Ground that is a generated terrain of tiles, in a geom with the name "terrain"."""
 
     def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
         field, surface = tiles.elements(**attributes)

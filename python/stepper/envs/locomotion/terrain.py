@@ -10,7 +10,7 @@ import numpy as np
 from stepper.envs.task import Array
 
 HALF = 20.0
-"""Half the side of the field, m. Around it the ground is flat."""
+"""Half the side of the square height field, m. Around the field, the ground is flat."""
 _BUMPS, _FINER = 40, 4
 """Number of bumps along a side, and grid points of the height field per bump."""
 _SEED = 17

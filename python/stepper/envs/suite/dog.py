@@ -36,8 +36,8 @@ class Dog(SuiteTask):
 
     Sensors are those of stepper and differ from dm_control's. The accelerometer and the forces at the feet use the mean acceleration over
     the last step, as in `Quadruped`. The touch sensor of a sole counts contacts of the last step within its volume after the step;
-    dm_control uses the volume before the step. For a moving foot this changes the reward by up to a tenth. Muscle forces act from the
-    first observation of an episode on; in dm_control they start one step later.
+    dm_control uses the volume before the step. This difference changes the reward by up to a tenth while a foot moves. Muscle forces act
+    from the first observation of an episode on; in dm_control they start one step later.
 
     Attributes:
         move_speed: Forward speed that earns the full reward of 1, m/s; 0 to stand.
@@ -128,7 +128,7 @@ class Dog(SuiteTask):
 
 @cache_per_model
 def _standing(model: Model) -> tuple[Array, float]:
-    """Heights of torso and pelvis above which the dog counts as standing, (2,) m; and its weight, N."""
+    """Heights of torso and pelvis above which the dog counts as standing, (2,) m; and the weight of the dog, N."""
     rest = Stepper(model, 1)
     heights = np.asarray(rest.xpos)[0, [model.body(name).id for name in ("torso", "pelvis")], 2]
     mass = float(sum(body.mass for body in map(model.body, range(model.nbody)) if body.name != "ball"))
@@ -155,7 +155,7 @@ def _velocity(now: Moment) -> Array:
 
 
 def _ball(now: Moment) -> Array:
-    """Position and velocity of the ball relative to the head, in the frame of the head: (num_envs, 2, 3)."""
+    """Position (m) and velocity (m/s) of the ball relative to the head, in the frame of the head, one per row: (num_envs, 2, 3)."""
     model = now.sim.model
     head, ball = model.site("head"), model.joint("ball_root").dofadr
     arm = now.site_xpos[:, head.id] - now.xpos[:, head.bodyid]

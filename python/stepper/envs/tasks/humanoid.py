@@ -60,7 +60,7 @@ class Humanoid(MujocoTask):
         return within(now.qpos[:, 2], self.healthy_z_range)
 
     def terminated(self, now: Moment) -> Array | None:
-        """Whether each environment is unhealthy, (num_envs,) bool. None (no episode ends) with `terminate_when_unhealthy=False`."""
+        """Whether each environment is unhealthy, (num_envs,) bool. None (no episode terminates) with `terminate_when_unhealthy=False`."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:

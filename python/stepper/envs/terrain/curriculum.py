@@ -74,7 +74,7 @@ class TerrainCurriculum:
         """Moves the initial positions of new episodes to the environments' tiles. Call it in `Task.place`.
 
         An environment without a tile draws a random row (level of difficulty) from 0 to `max_init_level`. It also draws a column (kind of
-        terrain) with the probabilities `Terrain.proportions`. An environment that moved up from the hardest row draws one of all rows.
+        terrain) with the probabilities `Terrain.proportions`. An environment that moved up from the hardest row draws a row from all rows.
         """
         state, envs, terrain = reset.episode_state, reset.envs, self.terrain
         level, kind = state["terrain_level"][envs], state["terrain_type"][envs]

@@ -71,13 +71,13 @@ def foot_forces(now: Moment) -> Array:
 
 @cache_per_model
 def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
-    """Indices of a model's sites, in the order of their names."""
+    """Indices of the sites `names` of a model, in the same order."""
     return [model.site(name).id for name in names]
 
 
 @cache_per_model
 def _bodies(model: Model, names: tuple[str, ...]) -> list[int]:
-    """Indices of the bodies to which a model's sites belong, in the order of the sites' names."""
+    """Indices of the bodies to which the sites `names` of a model belong, in the same order."""
     return [model.site(name).bodyid for name in names]
 
 

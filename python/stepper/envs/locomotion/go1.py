@@ -121,7 +121,7 @@ def _geom(name: str) -> dict[str, str]:
 
 
 def _geom_attributes(name: str, collides: bool) -> dict[str, str]:
-    """MJCF attributes of the geom `name` of the robot Go1. The geom collides with the ground if `collides` is true or the geom is a foot."""
+    """MJCF attributes of the geom `name` of Go1. The geom collides with the ground if `collides` is true or the geom is a foot."""
     is_foot = name.endswith("foot_collision")
     collides = collides or is_foot
     touch = {"priority": "1", "friction": "0.8 0.005 0.0005", "condim": "3"} if is_foot else {}

@@ -195,8 +195,8 @@ fn write_down(_: &CStr) {}
 
 /// Runs all work whose instructions callgrind counts.
 ///
-/// The function first prints the CPU level. It then prints a line for each instruction count: number of environment steps, number of
-/// times that the counted part of the step ran, number of instrumented parts inside it, and name of the count.
+/// The function first prints the CPU level. It then prints a line for each part of a step whose instructions callgrind counts. The line
+/// has the number of environment steps, how often the part ran, how many other counted parts ran inside it, and its name.
 fn work() {
     let level = *Level::available().last().expect("the baseline is always available");
     println!("{level}");

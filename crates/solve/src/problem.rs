@@ -28,8 +28,8 @@ by_kind! {
 by_kind! {
     /// System that one solve reads: a problem, and for each kind of constraint a reference to the rows of this solve.
     ///
-    /// The system of a `&Problem` has the offsets of the velocity solve, that of [`PositionRows`](crate::PositionRows) those of the
-    /// position solve.
+    /// A system made from a `&Problem` is solved for velocities. One made from [`PositionRows`](crate::PositionRows) is solved for
+    /// positions: its rows have other offsets.
     #[derive(Clone, Copy, Debug)]
     pub struct System['a, R: Real] {
         /// Problem, which the velocity solve and the position solve share.

@@ -81,11 +81,12 @@ class Verdict:
     """Result of a comparison of the estimated frictions with other values.
 
     Attributes:
-        rival: Index of the compared point whose friction explains the readings as well as the estimate or better; None if there is none.
+        rival: Index of the simulated point whose friction explains the readings as well as the estimate or better; None if there is none.
         holding: Indices of the frictions that hold their object at the estimate, so that the derivatives with respect to them are zero.
-        excluded: Largest excluded value of a friction, by index of the friction. All smaller values are excluded too.
+        excluded: Largest value of a friction that the readings exclude, as a logarithm, by index of the friction. They exclude all smaller
+            values too.
         rises: Arrays (k, 2) by index of the friction, for frictions that are not in `holding`. Each row has the offset of a compared value
-            from the estimated log(friction), and the increase of the cost at this value.
+            from the estimate (a difference of logarithms), and the increase of the cost at this value.
     """
 
     rival: int | None

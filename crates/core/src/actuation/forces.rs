@@ -276,7 +276,7 @@ impl<R: Real> ActuatorForces<R> {
     /// `numbers` has their parameters. `weights` make the force implicit.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
-    pub(crate) fn set_actuator_dynamics(
+    pub(crate) fn set_limited_servo(
         &mut self,
         actuator: usize,
         servo: usize,

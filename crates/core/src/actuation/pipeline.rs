@@ -446,8 +446,8 @@ impl ActuatorPipeline {
     ///
     /// The function also stores the output at the end of the step, from which the next call continues. The output of a lag after a
     /// continuous servo depends on the motion within the step. The function then stores the output at the beginning of the step and `u`.
-    /// From these the next call computes the output at the end. `u` and the result exclude the length and velocity terms of a continuous
-    /// servo, which stage 1 adds.
+    /// From these the next call computes the output at the end. Terms of a continuous servo that depend on the motion in this step are
+    /// not in `u` and not in the result: stage 1 adds them.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

@@ -23,8 +23,8 @@ const MIN_CONTACTS: usize = 5;
 /// Sine of the angle between two normals below which they count as equal.
 const PARALLEL: f64 = 1e-9;
 
-/// Distance from the plane of a contact area, or from an edge of its hull, below which a contact counts as on it. The distance is relative
-/// to the size of the area: 2 micrometres for a foot.
+/// Tolerance of two tests, relative to the size of a contact area: 2 micrometres for a foot. A contact counts as on an edge of the hull
+/// of the area if it is nearer to the edge. The gaps of the area count as a linear function if they differ less from it.
 ///
 /// Evidence: files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;

@@ -33,8 +33,9 @@ use crate::tuning::MIN_UNMET_TARGET;
 /// of all moving bodies).
 ///
 /// The inverse inertia is proportional to the square of a lever arm, the displacement of the contact point along the normal per rotation of
-/// a hinge. Below this fraction the lever arm is rounding error: less than 1e-7 (3e-5 in 32 bits) of the distance between hinge and
-/// contact.
+/// a hinge. The fraction corresponds to a lever arm of 1e-7 (3e-5 in 32 bits) of the distance between hinge and contact. Smaller ones are
+/// rounding errors of poses. A large inertia of the hinge also makes the inverse inertia small; [`Assembler::find_movable`] finds such
+/// contacts.
 pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
@@ -56,8 +57,8 @@ fn least_lever<R: Real>() -> f64 {
 /// approach speed, so that speeds up to the resting speed are ignored.
 ///
 /// Nothing can correct an overlap of the contact either. The difference of `position` and `velocity` is the speed that would correct the
-/// overlap. If this speed exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. If it is smaller, but above the resting speed, no
-/// stage reports the overlap. The function then returns 0, so that any approach speed of the contact counts as residual.
+/// overlap. If this speed exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. A smaller overlap, whose correction is only faster
+/// than the resting speed, must not grow unnoticed. The function then returns 0, so that any approach speed counts as residual.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());

@@ -53,7 +53,7 @@ pub fn actuate<R: Real>(
             // implicit.
             match (implicit, &actuator.dynamics) {
                 (Some(implicit), Some(dynamics)) => {
-                    actuator_forces.set_actuator_dynamics(
+                    actuator_forces.set_limited_servo(
                         i,
                         k,
                         &affine,

@@ -59,7 +59,7 @@ pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>,
                 assembler.add_contact(input, contacts, k, sliding);
             }
         }
-        // Contacts with rolling friction have six rows instead of three, and a separate list.
+        // Contacts with torsional or rolling friction have six rows instead of three, and a separate list.
         if compiled.has_rolling_friction {
             for k in 0..contacts.slots() {
                 let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));

@@ -19,9 +19,9 @@ const ACTUATORS: &str = "actuators";
 impl Stepper {
     /// Sets parameters of the selected environments.
     ///
-    /// The dictionary `fields` has an array (num_envs, ...) for each field name, and the actuator model under the key "actuators". A value
-    /// None restores the values of the model, or the drives (models of single actuators) that the stepper was created with. An empty or
-    /// missing `fields` restores everything.
+    /// The dictionary `fields` has an array for each field name, and the actuator model under the key "actuators". An array has one row
+    /// for each environment of the batch, or for each index of a selection by index. A value None restores the values of the model, or
+    /// the drives (models of single actuators) that the stepper was created with. An empty or missing `fields` restores everything.
     pub(super) fn randomize_from_dict(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
         let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::compile::LaneModel;
-use crate::integrators::acceptance::{accept, store_joint_impulse};
+use crate::integrators::acceptance::{accept, store_generalized_impulse};
 use crate::integrators::devices::{ActuatorDevices, Devices};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
@@ -106,7 +106,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // The impulses of the step are stored here, because stage 8 solves again and overwrites them.
     span!(probe, IntegrateVelocity, || {
         store_impulses(problem, velocity, &mut evaluation.contacts);
-        store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);
+        store_generalized_impulse(compiled, &free.smooth.mass, velocity, &mut free.constraint_impulse);
     });
     // 8 stabilise
     let corrected = span!(probe, Stabilise, || correct_positions(StepContext { input, evaluation }, free, problem, velocity, position));
@@ -124,6 +124,6 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let context = StepContext { input, evaluation };
     span!(probe, GuardEnergy, || resolution.limit_energy(context, &free.v, velocity, &position.q, outcome.limited));
     // The impulse of this step replaces that of the last step, which the stages above read.
-    std::mem::swap(&mut state.impulse, &mut free.impulse);
+    std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
     outcome
 }

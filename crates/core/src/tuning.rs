@@ -94,11 +94,11 @@ pub(crate) const EARLIEST_ONLY_PASSES: f64 = 6.0;
 pub(crate) const MAX_PREDICTIONS: usize = 3;
 
 /// Smallest overlap that counts as a collision in the motion with predicted impulses, as a fraction of the overlap in the linearised
-/// motion. Smaller overlaps may come from the error of the predicted impulses.
+/// motion. In the linearised motion, gaps change at a constant rate. Smaller overlaps may come from the error of the predicted impulses.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
 
 /// Ratio of an overlap in the predicted motion to the error of the predicted positions, up to which the collision counts as doubtful. The
-/// overlap counts from the one that resting contacts have. The error is estimated as the residual of the prediction, m/s, times the
+/// overlap is the part beyond the overlap of resting contacts. The error is estimated as the residual of the prediction, m/s, times the
 /// duration of the motion, s.
 ///
 /// Evidence: of 2,500 bodies that slide over tiles without friction, 24 lose speed with 0, and none with 1 or more. With 2 the step of a

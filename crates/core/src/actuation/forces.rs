@@ -23,9 +23,9 @@
 //!
 //! For a damper alone, the rule is the Pade approximation `(1 - z/3) / (1 + 2 z/3 + z^2/6)` of exp(-z), Radau IIA of third order (Hairer &
 //! Wanner, section IV.3), which tends to 0. A stiff spring with a damper has two modes. The true motion multiplies their amplitudes in a
-//! step by numbers whose product is exp(-z). With the rule, this product is 1 / (1 + 6 s) = 1 - z + O(z^2), which tends to 1/7 for strong
-//! damping. The added terms are of the order h^2, and zero without damping. The rule stays of second order, and keeps the energy of
-//! undamped springs.
+//! step by numbers whose product is exp(-z). The last term of f makes this product 1 / (1 + 6 s) = 1 - z + O(z^2), which tends to 1/7 for
+//! strong damping. The terms with s are of the order h^2, and zero without damping. The rule stays of second order, and keeps the energy
+//! of undamped springs.
 //!
 //! In all these forms the whole force in the step is `f = e - (b/h) a.dv`. Here e is the explicit part, which stage 1 passes to stage
 //! 2, and b is the added inertia, kg or kg m^2. The mass matrix with b a a^T supplies the second term.

@@ -42,7 +42,7 @@ pub trait Worker<S: Scalar>: Send {
     /// Prepares the [`GroupStep`] of one group for a step with the inputs of `call`, and passes it to the callback `visit`. The argument
     /// `first` is the index of the group's first environment.
     fn lend_step(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, visit: &mut dyn FnMut(&mut dyn Any));
-    /// Discards the worker's copy of the last group's state. Callers change the state of a group outside the worker.
+    /// Discards the worker's copy of the last group's state. This is necessary after a change of the group's state outside the worker.
     fn forget_state(&mut self);
 }
 

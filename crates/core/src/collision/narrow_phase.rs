@@ -94,7 +94,7 @@ impl<R: Real> Scene<'_, R> {
         let cuboid = self.cuboid(b);
         let point = sphere_box(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &cuboid);
         let over_face = self.stays_over_face(pair, &point, face_clearance(self.poses.pos[a], &cuboid));
-        self.push_contact(index, 0, pair, near, over_face, point, contacts);
+        self.store_point(index, 0, pair, near, over_face, point, contacts);
     }
 
     /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during two steps. There the normal of the
@@ -193,7 +193,7 @@ impl<R: Real> Scene<'_, R> {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
                 let own = R::Mask::from_bits(1 << lane);
                 let over_face = if p.stays_over_face { own } else { R::Mask::splat(false) };
-                self.push_contact(index, p.feature, pair, own, over_face, point, contacts);
+                self.store_point(index, p.feature, pair, own, over_face, point, contacts);
             }
         }
     }
@@ -229,8 +229,8 @@ impl<R: Real> Scene<'_, R> {
         first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
     }
 
-    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within the step. The
-    /// function stores these planes for the next step.
+    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within two steps.
+    /// The function stores these planes for the next step.
     ///
     /// `size` is the sum of the bounding radii of the two hulls, m.
     #[inline(always)]
@@ -309,7 +309,7 @@ impl<R: Real> Scene<'_, R> {
         point: ContactPoint<R>,
         contacts: &mut Contacts<R>,
     ) {
-        self.push_contact(index, feature, pair, near, R::Mask::splat(false), point, contacts);
+        self.store_point(index, feature, pair, near, R::Mask::splat(false), point, contacts);
     }
 
     /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps. `feature` is the number of the
@@ -320,7 +320,7 @@ impl<R: Real> Scene<'_, R> {
     /// is.
     #[expect(clippy::too_many_arguments, reason = "contact, pair and lanes are separate")]
     #[inline(never)]
-    pub(crate) fn push_contact(
+    pub(crate) fn store_point(
         &self,
         index: usize,
         feature: u32,

@@ -12,7 +12,7 @@ use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::array;
 use crate::math::spatial::{M3, V3};
 
-/// Item: a packed pair, which is a pair of a ball or capsule with a box in one lane.
+/// Item: a packed pair in one of its lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Item<S> {
     /// Index of the pair in the compiled model.

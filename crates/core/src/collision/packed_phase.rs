@@ -69,7 +69,7 @@ impl<R: Real> Scene<'_, R> {
             }
             if lanes != 0 {
                 let over_face = self.stays_over_face(pair, &point, clearance);
-                self.push_contact(index, feature, pair, R::Mask::from_bits(lanes), over_face, point, contacts);
+                self.store_point(index, feature, pair, R::Mask::from_bits(lanes), over_face, point, contacts);
             }
         }
         true

@@ -117,7 +117,7 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(if swap { [b.geom, a.geom] } else { [a.geom, b.geom] })
     }
 
-    /// Compiled form of the dynamic pair `index`; `None` if its geoms do not collide.
+    /// Compiled form of the dynamic pair `index`; `None` if its geoms do not collide, or if the pair is explicit and therefore listed.
     pub fn pair(&self, index: usize) -> Option<CompiledPair<S>> {
         let [a, b] = self.members_of(index)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);

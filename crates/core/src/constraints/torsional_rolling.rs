@@ -117,7 +117,7 @@ impl<R: Real> Assembler<'_, R> {
                 roll_a,
                 roll_b,
             ]);
-            let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
+            let (push, torque) = (slot.impulse, friction.row_impulses(contacts.torque[k]));
             let initial_impulse = [push[0], push[1] * sliding_factor, push[2] * sliding_factor, torque[0], torque[1], torque[2]];
             // The solver has no rows for an immovable contact, and could not activate them.
             let immovable = self.problem.rows.rolling_contacts.last_is_immovable();
@@ -167,7 +167,7 @@ impl<R: Real> Friction<R> {
 
     /// Converts angular impulses (N m s) to the impulses of the scaled rotation rows (N s).
     #[inline(always)]
-    fn unscale(&self, torque: V3<R>) -> V3<R> {
+    fn row_impulses(&self, torque: V3<R>) -> V3<R> {
         let mut out = torque;
         for i in 0..3 {
             let exists = self.scale[i].gt(R::zero());

@@ -84,7 +84,7 @@ impl<R: Real> VelocityLoop<'_, R> {
 
 /// Stores the generalized impulse of all constraints in `impulse`, N s or N m s. Stage 1 of the next step reads it for servos with force
 /// bounds, and users can read it.
-pub(crate) fn store_joint_impulse<R: Real>(
+pub(crate) fn store_generalized_impulse<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
     velocity: &VelocitySolution<R>,

@@ -27,7 +27,7 @@ pub(crate) struct FreeMotion<R: Real> {
     /// and the velocity before the step ([`Scheme::velocity_weight`]).
     pub(crate) v_expected: Vec<R>,
     /// Generalized impulse of the constraints in this step, nv.
-    pub(crate) impulse: Vec<R>,
+    pub(crate) constraint_impulse: Vec<R>,
     /// Lanes whose motion is too fast for the time step.
     pub(crate) unresolved: R::Mask,
     /// Lanes whose motion is so fast that the error of the integration rule may add energy.
@@ -107,7 +107,7 @@ impl<R: Real> FreeMotion<R> {
             applied: v(),
             v: v(),
             v_expected: v(),
-            impulse: v(),
+            constraint_impulse: v(),
             unresolved: none,
             may_gain: none,
             scratch: Scratch::new(compiled.nv),
@@ -116,8 +116,8 @@ impl<R: Real> FreeMotion<R> {
 
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(super) fn poison(&mut self) {
-        let Self { applied, v, v_expected, impulse, scratch, .. } = self;
-        [applied, v, v_expected, impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        let Self { applied, v, v_expected, constraint_impulse, scratch, .. } = self;
+        [applied, v, v_expected, constraint_impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
         scratch.poison();
     }
 

@@ -1,4 +1,5 @@
-//! Solve for the velocity after a step with hard contact: what it reads and writes, and the assembly of its constraint problem (stage 4).
+//! Loop that solves for the velocity after a step with hard contact: the values that it reads and writes, and the assembly of its
+//! constraint problem (stage 4).
 
 use stepper_real::{Mask, Real};
 
@@ -12,7 +13,7 @@ use crate::integrators::step_input::{StepContext, StepInput};
 use crate::probe::{Probe, span};
 use crate::stages::s04_assemble::assemble;
 
-/// Solve for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder:
+/// Loop that solves for the velocity after a step with hard contact (stages 4 to 6). Its methods are in several files of this folder:
 /// `solve_velocities.rs`, `predict.rs`, `contact_activation.rs`, `impact.rs` (forces and restitution of impacts) and `acceptance.rs`
 /// (ambiguous energy).
 pub(crate) struct VelocityLoop<'a, R: Real> {

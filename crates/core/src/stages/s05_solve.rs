@@ -207,10 +207,11 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 }
 
 /// Residual at which the solver stops in each lane, m/s: [`RELATIVE_TOLERANCE`] times the speed of the lane's fastest degree of freedom.
-/// The result is at least the rounding error of velocities, and at most the tolerance of the options.
+/// The result is at least a bound for rounding errors, and at most the tolerance of the options.
 ///
-/// The rounding error is taken as 1e4 machine epsilons of a velocity of 1 m/s, in 32 bits 1e-3 m/s. With so large a residual, heavy boxes
-/// would creep into light ones on which they lie. Lanes with a contact group (`has_groups`) therefore stop at a smaller residual.
+/// An upper bound of the rounding error is 1e4 machine epsilons of a velocity of 1 m/s, in 32 bits 1e-3 m/s. With so large a residual,
+/// heavy boxes would creep into light ones on which they lie. Lanes with a contact group (`has_groups`) therefore have a smaller lower
+/// bound: 10 machine epsilons, and at least [`MIN_TOLERANCE`].
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     kernel!(R, || {
         let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();

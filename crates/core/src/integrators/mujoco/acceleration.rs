@@ -185,7 +185,7 @@ impl<R: Real> Acceleration<'_, R> {
         if let Some(effort) = compiled.softness.as_ref().and_then(|softness| softness.noslip).filter(|_| constrained.any()) {
             outcome.sweeps = problem.remove_slip(compiled, &smooth.mass, &smooth.acc, effort, &evaluation.contacts);
         }
-        problem.store_soft_impulses(h, &mut evaluation.contacts, &mut velocity.scalar_impulse, &mut free.impulse);
+        problem.store_soft_impulses(h, &mut evaluation.contacts, &mut velocity.scalar_impulse, &mut free.constraint_impulse);
         outcome
     }
 }

@@ -65,7 +65,7 @@ pub(crate) fn solve_step<R: Real>(
     let Evaluation { kinematics, collision, .. } = evaluation;
     let tunnelled = span!(probe, Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, collision));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
-    std::mem::swap(&mut state.impulse, &mut free.impulse);
+    std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
     StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, energy_unresolved: none }
 }
 

@@ -140,7 +140,7 @@ pub struct ActuatorForces<R: Real> {
     pub without_springs: Vec<R>,
     /// Force of every actuator, N or N m. Of an implicit force it is the explicit part e.
     pub force: Vec<R>,
-    /// Added inertia of each servo, kg m^2 or kg; zero for an explicit force or a force at a bound.
+    /// Added inertia of each servo, kg m^2 or kg; zero for an explicit force or a force at its lower or upper bound.
     pub added_inertia: Vec<R>,
     /// Inertia that each servo moves. It is computed only for the midpoint rule and for models with bounded servos. Otherwise its inverse,
     /// the field `mobility`, is zero.

@@ -113,7 +113,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.iter().filter(|c| c.delay_samples > 0).map(|c| DelayLine { at: c.memory, samples: c.delay_samples, width: 1 })
     }
 
-    /// Sets the parameters of the environments `envs` from `specs`. Each list has one value for all of `envs`, or one for each.
+    /// Sets the parameters of the environments `envs` from `specs`. Each list of numbers in a spec has one number for all of `envs`, or
+    /// one for each.
     ///
     /// Actuators without an entry keep their parameters. The stored values do not change.
     pub fn set_parameters(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize], h: f64) {
@@ -279,15 +280,16 @@ fn parts(steps: f64, staircase: bool) -> (usize, f64) {
     (whole as usize, if staircase { 0.0 } else { steps - whole })
 }
 
-/// Table row with the parameters of environment `env`. `h` is the time step, s.
-fn parameters_of(t: &ActuatorSpec, env: usize, h: f64) -> [f64; PARAMETERS] {
-    let of = |x: &[f64]| x[env % x.len()];
+/// Table row with the numbers at the position `k` of each list of a spec. A list of one number has the same number at all positions. `h`
+/// is the time step, s.
+fn parameters_of(t: &ActuatorSpec, k: usize, h: f64) -> [f64; PARAMETERS] {
+    let of = |x: &[f64]| x[k % x.len()];
     let (low, high, lag) = (of(&t.low), of(&t.high), of(&t.lag));
     // e^(-h/lag), and the mean of e^(-t/lag) over the step.
     let (decay, mean) = if lag > 0.0 { ((-h / lag).exp(), -lag / h * (-h / lag).exp_m1()) } else { (0.0, 0.0) };
     let mut row = [0.0; PARAMETERS];
     let mut set = |n: Parameter, x: f64| row[n as usize] = x;
-    set(Parameter::Delay, t.steps(env, h));
+    set(Parameter::Delay, t.steps(k, h));
     set(Parameter::Decay, decay);
     set(Parameter::Mean, mean);
     set(Parameter::MinForce, low);

@@ -59,7 +59,7 @@ fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
     runs
 }
 
-/// Poses of the geoms in world axes, and upper bounds of their displacements within a step.
+/// Poses of the geoms in world axes, and upper bounds of their displacements.
 #[derive(Clone, Debug)]
 pub(crate) struct GeomPoses<R: Real> {
     pub(crate) pos: Vec<V3<R>>,

@@ -229,8 +229,8 @@ impl<R: Real> Scene<'_, R> {
         first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
     }
 
-    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair cannot touch within two steps.
-    /// The function stores these planes for the next step.
+    /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair have no contact that stage 3
+    /// would add. The head of `approach.rs` in the geometry crate has the criterion. The function stores these planes for the next step.
     ///
     /// `size` is the sum of the bounding radii of the two hulls, m.
     #[inline(always)]

@@ -8,7 +8,7 @@
 //! | `jacobian.rs` | `contact_columns`: Jacobian and velocities along the three axes |
 //! | `target_velocities.rs` | `biases`: target velocity for a gap or an overlap |
 //! | `contact_spring.rs` | `comply`: bias and compliance of a soft surface |
-//! | `restitution.rs` | `change_by_free_motion`: free motion of the rows. `bounce...`: target velocity of a rebound |
+//! | `restitution.rs` | `change_by_free_motion`: velocity change of the rows. `bounce...`: target velocity of a rebound |
 //! | `elimination.rs` | `eliminate` and `add_removed_scales`: remove hard equalities from the rows |
 //! | `approaching.rs` | `approaching_lanes`: lanes in which the rows are deferred |
 //! | `curvature.rs`, `curvature_terms.rs` | `add_curvature`: velocity changes by the motion of the contact point; `remove_curvature` |
@@ -57,8 +57,8 @@ fn least_lever<R: Real>() -> f64 {
 /// approach speed, so that speeds up to the resting speed are ignored.
 ///
 /// Nothing can correct an overlap of the contact either. The difference of `position` and `velocity` is the speed that would correct the
-/// overlap. If this speed exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. A smaller overlap, whose correction is only faster
-/// than the resting speed, must not grow unnoticed. The function then returns 0, so that any approach speed counts as residual.
+/// overlap. If this speed exceeds [`MIN_UNMET_TARGET`], stage 8 reports the overlap. If the speed is between the resting speed and this
+/// number, the overlap must not grow unnoticed. The function then returns 0, so that any approach speed counts as residual.
 #[inline(always)]
 fn negligible_approach<R: Real>(options: &StepSettings, [velocity, position]: [R; 2]) -> R {
     let (resting, correction) = (R::of(resting_speed(options)), (velocity - position).abs());
@@ -76,7 +76,7 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) lengths: Option<[[R; 3]; 2]>,
     /// Lanes in which the contact has rows, including lanes in which the solver leaves them out.
     pub(crate) exists: R::Mask,
-    /// Lanes in which the solver leaves out the rows (a deferred contact). The caller sets the fields `contact`, `slot` and `impulse`.
+    /// Lanes in which the solver leaves out the rows (a deferred contact). The caller sets the fields `contact` and `impulse`.
     pub(crate) deferred: DeferredContact<R>,
     /// Compliance of the normal row, 1/kg; `None` if no surface of the model is soft (has a contact spring).
     pub(crate) compliance: Option<R>,

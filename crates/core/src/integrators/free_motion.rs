@@ -178,8 +178,7 @@ pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: 
     }
 }
 
-/// Whether the model has servos with implicit and bounded forces. Such a servo adds inertia to the mass matrix only while its force is
-/// within its bounds.
+/// Whether the model has servos with implicit and bounded forces. At a bound of its force, such a servo adds no inertia to the mass matrix.
 pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>) -> bool {
     compiled.servos_are_bounded && (scheme.implicit_forces || compiled.num_actuator_dynamics > 0)
 }

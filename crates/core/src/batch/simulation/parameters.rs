@@ -17,8 +17,8 @@ pub enum ActuatorNumbers<'a> {
     Kept,
     /// Reset to the parameters that [`Simulation::set_actuator_models`] set.
     Original,
-    /// New parameters, one entry for every actuator; `None` does not change an actuator. Each list has one number, or one for each of the
-    /// call's environments.
+    /// New parameters, one entry for every actuator; `None` does not change an actuator. Each list of numbers in a spec has one number
+    /// for all environments of the call, or one for each.
     Given(&'a [Option<ActuatorSpec>]),
 }
 

@@ -62,7 +62,8 @@ impl<'a> DerivativeRows<'a> {
         .take(num_envs)
     }
 
-    /// Records in the results of one environment that the displacement of column `c` brings the constraint `near` closer to another mode.
+    /// Records how near the displacement of column `c` is to a kink: the displacement at which the constraint of `near` switches (a
+    /// contact opens, slips ...). Updates `distance` and `causes`.
     pub(crate) fn note(&mut self, near: SwitchDistance, c: usize) {
         self.distance[0] = self.distance[0].min(near.distance);
         if near.distance <= 1.0 {

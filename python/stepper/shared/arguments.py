@@ -88,7 +88,7 @@ def check_pair(name: str, value: Any, *, meaning: str) -> None:
 
 
 def check_fields(owner: Any) -> None:
-    """Raises TypeError if a field of a dataclass is neither an array nor of its annotated type: int, float, bool or two numbers."""
+    """Raises TypeError if a field that is annotated as int, float, bool or two numbers has another type, except an array."""
     for field in fields(owner):
         value, name = getattr(owner, field.name), f"{field.name} of {type(owner).__name__}"
         kind = field.type if isinstance(field.type, str) else getattr(field.type, "__name__", str(field.type))

@@ -101,7 +101,7 @@ fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R:
 pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
     let row = call.inputs.ctrl.len() / call.schedule.controls;
     let used = (call.num_envs - first).min(R::LANES);
-    // With actuator pipelines, stage 1 computes `inputs.ctrl` from the user's controls in every step.
+    // Actuator pipelines compute `inputs.ctrl` from the user's controls at the beginning of every step.
     let out = if call.pipelines.is_some() { &mut s.user_controls } else { &mut s.inputs.ctrl };
     gather(&call.inputs.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }

@@ -58,7 +58,7 @@ pub fn may_have_passed<R: Real>(
     }
     let CollisionWorkspace { poses, near, near_count, broad, narrow_phase, .. } = collision;
     let scene = Scene { compiled, kinematics, poses, h: step.h, slack, passing_time: step.h, checks_passing: false };
-    let paths = Path { scene, contacts_at_end: step.contacts_at_end };
+    let paths = PathEnds { scene, contacts_at_end: step.contacts_at_end };
     kernel!(R, || {
         let mut passed = R::Mask::splat(false);
         if within_search {
@@ -91,14 +91,14 @@ fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Sca
     if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
 }
 
-/// Inputs of the tunnelling check: paths of all geoms from the poses where contacts were found.
-struct Path<'a, R: Real> {
+/// Geoms at the poses where contacts were found, which are the end or the beginning of their paths in the step.
+struct PathEnds<'a, R: Real> {
     scene: Scene<'a, R>,
     /// See [`TakenStep::contacts_at_end`].
     contacts_at_end: bool,
 }
 
-impl<R: Real> Path<'_, R> {
+impl<R: Real> PathEnds<'_, R> {
     /// Union of the lanes `passed`, and the lanes of `alive` in which one geom of the pair may pass through the other.
     #[inline(always)]
     fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {

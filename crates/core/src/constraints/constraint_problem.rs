@@ -87,7 +87,8 @@ pub(crate) struct DeferredContact<R: Real> {
     /// Lanes in which a doubtful collision of the predicted motion activated the rows. A collision is doubtful if the error of the
     /// prediction can cause its overlap.
     pub(crate) doubtful: R::Mask,
-    /// Lanes in which the contact bounces. There `bias` follows from Newton's law of restitution.
+    /// Lanes in which the contact bounces by the midpoint rule. There `bias` follows from Newton's law of restitution. With Euler's rule
+    /// there are no such lanes.
     pub(crate) bounces: R::Mask,
     /// Bias of the normal row, m/s: the row's offset g minus the normal velocity without impulses.
     pub(crate) bias: R,

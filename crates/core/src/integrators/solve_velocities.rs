@@ -20,7 +20,7 @@ use crate::tuning::{EARLIEST_ONLY_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RE
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled
-    /// problem. The head of `velocity_loop.rs` lists the files of its methods.
+    /// problem. [`VelocityLoop`] lists the files of its methods.
     ///
     /// There are four assumptions:
     ///

@@ -1,7 +1,8 @@
 //! Contacts with Coulomb friction, of any number of rows: the normal row first, then the tangential ones.
 //!
-//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves one contact, with the contact's block of the Delassus matrix G.
-//! 
+//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves one contact, with the contact's block of
+//! the Delassus matrix G.
+//!
 //! w is the scaled velocity change: the change of velocity by the impulses, in coordinates in which the mass matrix is the identity.
 
 use std::fmt::Debug;
@@ -277,7 +278,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         contact.deferred = contact.deferred.or(lanes);
     }
 
-    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous impulse in all lanes as six numbers, N s or N m s; the last three are zeros for a contact with three rows.
+    /// Sets the impulse of contact `i` to zero in the lanes `lanes`, and updates the scaled velocity change `w`. Returns the previous
+    /// impulse in all lanes as six numbers, N s or N m s; the last three are zeros for a contact with three rows.
     #[inline(always)]
     pub(crate) fn take_impulse(&self, i: usize, lanes: R::Mask, impulses: &mut [[R; N]], w: &mut [R]) -> [R; 6] {
         let (mut before, mut change) = ([R::zero(); 6], [R::zero(); N]);

@@ -19,9 +19,7 @@ from stepper._stepper import Model, Stepper
 T = TypeVar("T")
 _RESULT = "each step computes it from the state, which sim.set_state(...) sets"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
-"""Advice for error messages about assignments to attributes of a model, by attribute.
-
-For other read-only attributes, the message recommends to change the model's file."""
+"""Advice for errors on assignments to attributes of a model, by attribute, where the general advice would be wrong."""
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},

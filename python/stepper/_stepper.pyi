@@ -1114,6 +1114,7 @@ class Stepper:
                 lines, so that the motion depends on the new state alone.
 
         Raises:
+            TypeError: `keep_warmstart` is not True or False.
             ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a state belongs to another model. No environment
                 changes.
         """
@@ -1294,6 +1295,7 @@ class Stepper:
             sensors: Whether to compute derivatives of the ideal sensor readings too.
 
         Raises:
+            TypeError: `nstep` is no integer, or `centered`, `extrapolate` or `sensors` is not True or False.
             ValueError: A name is unknown, a shape is wrong, or `step` or `nstep` is not positive. Or `method="implicit"` does not support
                 the options or derivatives.
             ModelError: A parameter cannot be perturbed; the message has its element.
@@ -1363,7 +1365,7 @@ class Stepper:
             Joint forces, (num_envs, nv), in the precision of the stepper, N or N m.
 
         Raises:
-            ValueError: `qacc` has another shape.
+            ValueError: `qacc` has another shape, or a number that is not finite.
         """
     def copy_state(self, sources: ArrayLike, envs: ArrayLike | None = None) -> None:
         """Copies states between environments: environment `envs[k]` gets the state of environment `sources[k]`; see `get_state`.

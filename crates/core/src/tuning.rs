@@ -81,12 +81,12 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 /// The tunnelling distance is the displacement above which two geoms may pass through each other.
 ///
 /// A body that closes such a gap covers more than the tunnelling distance in half a step. The next step is then also evaluated at its
-/// beginning, where the body is still ahead of the surface. If another contact slows the body down, that step is evaluated in its middle,
-/// and there too the body is still ahead of the surface.
+/// beginning, where the body is still ahead of the surface. If another contact slows the body down, that step is evaluated in its middle
+/// instead. There too the body is still ahead of the surface.
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
 /// Number of solves that activate only the earliest collision of each kinematic tree. Later solves activate all pairs that collide within
-/// the step. The count starts from zero when the problem is assembled again or an impact changes it.
+/// the step. The count starts from zero when the problem is assembled again or an impact changes it or becomes inelastic.
 pub(crate) const EARLIEST_ONLY_PASSES: f64 = 6.0;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5

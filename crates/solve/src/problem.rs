@@ -35,7 +35,8 @@ by_kind! {
         /// Problem, which the velocity solve and the position solve share.
         pub(crate) problem: &'a Problem<R>,
         /// Whether the solve must end with the residual of its impulses. For this it recomputes the scaled velocity change w from the
-        /// impulses, and evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little.
+        /// impulses, and evaluates the residual. If false, a lane counts as solved once a sweep (Gauss-Seidel iteration) changes little,
+        /// and Newton's method makes one pass.
         pub(crate) needs_residual: bool,
     } each RowsRef['a]
 }
@@ -172,8 +173,8 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> System<'_, R> {
-    /// Copy of the system whose solve ends without an evaluation of the residual. Lanes whose last sweep changed little then report a
-    /// residual of 0.
+    /// Copy of the system whose solve need not end with an evaluation of the residual. Lanes whose last sweep changed little then report
+    /// a residual of 0.
     #[inline(always)]
     pub fn without_final_residual(self) -> Self {
         Self { needs_residual: false, ..self }

@@ -15,7 +15,7 @@ from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
 from stepper.derivatives.kinks import LEAST_SLOPE, Bools, Kink, KinkDetector, RowGroup
 from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
-from stepper.shared.arguments import check_flag, check_kind
+from stepper.shared.arguments import check_flag, check_kind, check_whole
 
 TOLERANCE = 1e-13
 """Default residual to which perturbed copies are solved, m/s. If the tolerance of the stepper is smaller, it is used instead.
@@ -150,10 +150,9 @@ def linearize(
     `Stepper.linearize` has the same arguments, such as controls (num_envs, nu) or (nu,), and documents them.
     """
     check_kind("sim", sim, Stepper, "stepper.Stepper(model, num_envs)")
-    if method not in ("fd", "implicit"):
+    if not isinstance(method, str) or method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
-    if not isinstance(nstep, int | np.integer) or nstep < 1:
-        raise ValueError(f"nstep is {nstep!r}, must be a positive integer")
+    check_whole("nstep", nstep.item() if isinstance(nstep, np.ndarray) and nstep.ndim == 0 else nstep, least=1)
     for name, flag in {"centered": centered, "extrapolate": extrapolate, "sensors": sensors}.items():
         check_flag(name, flag)
     tolerance = min(TOLERANCE, sim.tolerance) if tolerance is None else _positive("tolerance", tolerance)

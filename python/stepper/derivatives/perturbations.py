@@ -225,10 +225,10 @@ def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.b
 def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int, centered: bool) -> Stencil:
     """Displacements of all perturbed columns in all environments.
 
-    Coordinates of the state and controls are displaced by `step` in their SI unit. Parameters are displaced by `step` times their absolute
-    value, or by `step` if they are 0. A column has two displaced values, above and below the nominal value. At a bound (an end of a
-    control's range, or 0 for a parameter) both values are on one side, at one and at two times the displacement. The order of accuracy is
-    the same.
+    Coordinates of the state and controls are displaced by `step` in their SI unit. Parameters are displaced by `step` times their
+    absolute value, or by `step` if they are 0. A parameter whose value 0 means that the model lacks the effect is not displaced. A column
+    has two displaced values, above and below the nominal value. At a bound (an end of a control's range, or 0 for a parameter) both
+    values are on one side, at one and at two times the displacement. The order of accuracy is the same.
 
     Args:
         model: The model.

@@ -497,28 +497,28 @@ impl<R: Real> ActuatorForces<R> {
         for (k, servo) in compiled.servos.iter().enumerate() {
             let (actuator, dv) = (&compiled.actuators[servo.actuator], dv_of(self, k));
             // Lanes in which a change of this servo's active bound requires a new solve.
-            let matters = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
+            let needs_solve = if implicit.all { self.stiff[k] } else { R::Mask::splat(true) };
             let trial = self.trial_servo_force(compiled, actuator_dynamics, implicit, (k, dv));
             let mut force = trial.force;
             if let Some((index, bounded_force)) = trial.bounded_force {
                 self.trial_bounded_forces[index] = bounded_force;
                 self.unclamped[k] = trial.split;
-                changed = changed.or(trial.changed.and(matters).and_not(self.fixed[k]));
+                changed = changed.or(trial.changed.and(needs_solve).and_not(self.fixed[k]));
             }
             // An explicit force is already clamped by stage 1, and adds no inertia at any velocity.
             if let Some(bounds) = actuator.force_range.filter(|_| implicit.includes(actuator)) {
                 let (found, assumed) = (outside(force, bounds), self.assumed_saturated[k]);
                 force = within(force, Some(bounds));
                 let at_other_bound = found.and(assumed).and(force.eq(self.fixed_force[k]).not());
-                changed = changed.or(differ(found, assumed).or(at_other_bound).and(matters));
+                changed = changed.or(differ(found, assumed).or(at_other_bound).and(needs_solve));
                 self.found_saturated[servo.actuator] = found;
             }
             self.trial_force[servo.actuator] = force;
         }
         for (r, range) in compiled.actuator_force_ranges.iter().enumerate().filter(|(_, range)| range.has_servos) {
-            let (mut matters, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
+            let (mut needs_solve, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
             for &(a, arm) in &range.actuators {
-                matters = compiled.actuators[a].servo.map_or(matters, |k| matters.or(self.stiff[k]));
+                needs_solve = compiled.actuators[a].servo.map_or(needs_solve, |k| needs_solve.or(self.stiff[k]));
                 sum += R::splat(arm) * self.trial_force[a];
                 assumed_sum += R::splat(arm) * self.force[a];
             }
@@ -526,7 +526,7 @@ impl<R: Real> ActuatorForces<R> {
             let is_above = |sum: R| sum.gt(R::splat(range.bounds[1]));
             let at_other_bound = found.and(assumed).and(differ(is_above(sum), is_above(assumed_sum)));
             self.found_sum_saturated[r] = found;
-            changed = changed.or(differ(found, assumed).or(at_other_bound).and(matters));
+            changed = changed.or(differ(found, assumed).or(at_other_bound).and(needs_solve));
         }
         if !may_change {
             return changed;

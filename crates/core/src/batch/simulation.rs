@@ -179,7 +179,7 @@ impl Simulation {
 
     /// Residual at which the solver stops, m/s: the options' tolerance if it is set, otherwise [`Precision::tolerance`].
     ///
-    /// With MuJoCo's contact law the result is at most 0.6 % of the velocity that gravity adds in a step.
+    /// With MuJoCo's contact law and 32-bit numbers, short steps have a smaller default, see [`Options::tolerance`].
     pub fn tolerance(&self) -> f64 {
         self.settings().tolerance
     }

@@ -35,7 +35,7 @@ use crate::tuning::MIN_UNMET_TARGET;
 /// The inverse inertia is proportional to the square of a lever arm, the displacement of the contact point along the normal per rotation of
 /// a hinge. The fraction corresponds to a lever arm of 1e-7 (3e-5 in 32 bits) of the distance between hinge and contact. Smaller ones are
 /// rounding errors of poses. A large inertia of the hinge also makes the inverse inertia small; [`Assembler::find_movable`] finds such
-/// contacts.
+/// contacts, so that the solver can move them.
 pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }

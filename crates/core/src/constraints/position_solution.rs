@@ -30,8 +30,8 @@ pub struct PositionSolution<R: Real> {
     pub(crate) impact_displacement: Vec<R>,
     /// Velocity of the position correction, nv.
     pub(crate) correction: Vec<R>,
-    /// Mean velocity of the step with an impact and the position correction, nv, for the tunnelling check.
-    pub(crate) mean_velocity: Vec<R>,
+    /// Velocity of the motion that the tunnelling check tests, nv. Computed only if a contact bounces in some lane.
+    pub(crate) tested_velocity: Vec<R>,
     /// Configuration after the correction, nq.
     pub(crate) q_corrected: Vec<R>,
     /// Poses at the configuration after the correction.
@@ -55,7 +55,7 @@ impl<R: Real> PositionSolution<R> {
             v_free: v(),
             impact_displacement: v(),
             correction: v(),
-            mean_velocity: v(),
+            tested_velocity: v(),
             q_corrected: q(),
             kinematics: Kinematics::new(compiled),
             contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
@@ -64,8 +64,8 @@ impl<R: Real> PositionSolution<R> {
 
     /// Fills with NaN, for tests, the vectors that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
-        let Self { q, act, v_free, impact_displacement, correction, mean_velocity, q_corrected, .. } = self;
-        [q, act, v_free, impact_displacement, correction, mean_velocity, q_corrected]
+        let Self { q, act, v_free, impact_displacement, correction, tested_velocity, q_corrected, .. } = self;
+        [q, act, v_free, impact_displacement, correction, tested_velocity, q_corrected]
             .into_iter()
             .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }

@@ -60,8 +60,8 @@ struct CandidatePair<R: Real> {
     pair: usize,
     /// Lanes in which the linearised gap closes. The search reduces them to those in which the pair collides.
     lanes: R::Mask,
-    /// Overlap up to which the pair counts as not colliding, m: that of resting contacts plus the touch tolerance. In the predicted motion,
-    /// the overlap must also exceed [`CollisionQuery::margin`].
+    /// Overlap up to which the pair counts as not colliding, m: that of resting contacts plus the touch tolerance. In the predicted
+    /// motion, the overlap must also exceed the fraction [`CollisionQuery::margin`] of the linearised overlap.
     tolerance: R,
     /// Time at which the pair overlaps, s. `before` is an earlier time at which the pair does not touch yet. The first touch is between
     /// these two times. The search narrows this bracket where the order of collisions matters.

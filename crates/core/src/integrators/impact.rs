@@ -195,7 +195,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Lanes with an impact whose inertial forces must be recomputed, because they were computed with another velocity than the solved one.
     ///
     /// In the lanes `first`, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
-    /// mean of the forces at these two velocities. A lane also counts if the two results differ enough.
+    /// mean of the forces at these two velocities. If the two results differ enough, such a lane counts too.
     fn lanes_with_impacts(&self, first: R::Mask) -> R::Mask {
         let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let Self { free, problem, velocity, .. } = self;

@@ -67,7 +67,7 @@ pub(crate) fn correct_positions<R: Real>(
 /// Lanes in which one geom may have passed through another (tunnelling check).
 ///
 /// The check assumes motion at a constant velocity, which is the velocity after the step. In lanes with a rebound, it is a fraction of this
-/// velocity plus the velocity of the position correction. The fraction is the part of the step after the impact.
+/// velocity plus the velocity of the position correction. The fraction is the part of the step after the evaluation point.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,
@@ -78,7 +78,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
     let Evaluation { scheme, kinematics, collision, impact_lanes, .. } = evaluation;
-    let PositionSolution { mean_velocity, correction, .. } = position;
+    let PositionSolution { tested_velocity, correction, .. } = position;
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
     let rebounding = corrected.all.and(corrected.rebounding);
@@ -87,10 +87,10 @@ pub(crate) fn find_tunnelling<R: Real>(
         &velocity.v
     } else {
         let part = scheme.time_after / scheme.h;
-        for (mean, (&v, &correction)) in mean_velocity.iter_mut().zip(velocity.v.iter().zip(&*correction)) {
-            *mean = R::select(rebounding, v * part + correction, v);
+        for (tested, (&v, &correction)) in tested_velocity.iter_mut().zip(velocity.v.iter().zip(&*correction)) {
+            *tested = R::select(rebounding, v * part + correction, v);
         }
-        &*mean_velocity
+        &*tested_velocity
     };
     let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
     let passed = may_have_passed(input.compiled, kinematics, step, input.alive, collision);

@@ -207,7 +207,7 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 }
 
 /// Residual at which the solver stops in each lane, m/s: [`RELATIVE_TOLERANCE`] times the speed of the lane's fastest degree of freedom.
-/// The result is at least a bound for rounding errors, and at most the tolerance of the options.
+/// The result is at least a bound for rounding errors, but never above the tolerance of the options.
 ///
 /// An upper bound of the rounding error is 1e4 machine epsilons of a velocity of 1 m/s, in 32 bits 1e-3 m/s. With so large a residual,
 /// heavy boxes would creep into light ones on which they lie. Lanes with a contact group (`has_groups`) therefore have a smaller lower

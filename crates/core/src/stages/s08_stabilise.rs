@@ -189,7 +189,8 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let VelocitySolution { impulses, v: v_next, newton, saved_impulses, .. } = velocity;
     let PositionSolution { rows, reference, islands, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
-    // The residual of a correction is not reported. It is therefore evaluated only for a smaller tolerance than the default.
+    // The residual of a correction is not reported. The solve need not end with its evaluation, unless the tolerance is smaller than the
+    // default.
     let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.without_final_residual() };
     stepper_solve::solve(system, impulses, settings, lanes, newton);
     let bounds = Bounds::new(options, input.h);

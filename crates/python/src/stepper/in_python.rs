@@ -1,7 +1,7 @@
 //! Methods of `Stepper` that are implemented in Python modules of the package.
 
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::stepper::Stepper;
 
@@ -34,44 +34,21 @@ impl Stepper {
     ///     sensors: Whether to compute derivatives of the ideal sensor readings too.
     ///
     /// Raises:
+    ///     TypeError: `nstep` is no integer, or `centered`, `extrapolate` or `sensors` is not True or False.
     ///     ValueError: A name is unknown, a shape is wrong, or `step` or `nstep` is not positive. Or `method="implicit"` does not support
     ///         the options or derivatives.
     ///     ModelError: A parameter cannot be perturbed; the message has its element.
     #[pyo3(
-        signature = (wrt=None, *, ctrl=None, nstep=None, method=None, step=None, tolerance=None, centered=None, extrapolate=None, sensors=None),
+        signature = (*arguments, **settings),
         text_signature = "($self, wrt=None, *, ctrl=None, nstep=1, method='fd', step=None, tolerance=None, centered=True, extrapolate=False, sensors=False)"
     )]
-    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn linearize<'py>(
         slf: &Bound<'py, Self>,
-        wrt: Option<Bound<'py, PyAny>>,
-        ctrl: Option<Bound<'py, PyAny>>,
-        nstep: Option<Bound<'py, PyAny>>,
-        method: Option<Bound<'py, PyAny>>,
-        step: Option<Bound<'py, PyAny>>,
-        tolerance: Option<Bound<'py, PyAny>>,
-        centered: Option<Bound<'py, PyAny>>,
-        extrapolate: Option<Bound<'py, PyAny>>,
-        sensors: Option<Bound<'py, PyAny>>,
+        arguments: &Bound<'py, PyTuple>,
+        settings: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let settings = PyDict::new(slf.py());
-        let arguments = [
-            ("wrt", wrt),
-            ("ctrl", ctrl),
-            ("nstep", nstep),
-            ("method", method),
-            ("step", step),
-            ("tolerance", tolerance),
-            ("centered", centered),
-            ("extrapolate", extrapolate),
-            ("sensors", sensors),
-        ];
-        for (name, value) in arguments {
-            if let Some(value) = value {
-                settings.set_item(name, value)?;
-            }
-        }
-        slf.py().import("stepper.derivatives")?.call_method("linearize", (slf,), Some(&settings))
+        let all = std::iter::once(slf.clone().into_any()).chain(arguments.iter());
+        slf.py().import("stepper.derivatives")?.call_method("linearize", PyTuple::new(slf.py(), all.collect::<Vec<_>>())?, settings)
     }
 
     /// Values of a quantity for all its elements, or for some elements given by name or index.
@@ -109,7 +86,7 @@ impl Stepper {
     ///     Joint forces, (num_envs, nv), in the precision of the stepper, N or N m.
     ///
     /// Raises:
-    ///     ValueError: `qacc` has another shape.
+    ///     ValueError: `qacc` has another shape, or a number that is not finite.
     fn inverse_dynamics<'py>(slf: &Bound<'py, Self>, qacc: Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("stepper._quantities")?.call_method1("inverse_dynamics", (slf, qacc))
     }

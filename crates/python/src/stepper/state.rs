@@ -126,6 +126,7 @@ impl Stepper {
     ///         lines, so that the motion depends on the new state alone.
     ///
     /// Raises:
+    ///     TypeError: `keep_warmstart` is not True or False.
     ///     ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a state belongs to another model. No environment
     ///         changes.
     #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=Flag::Value(false), **others), text_signature = "($self, qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]

@@ -1,6 +1,7 @@
 """Readings that stand one row too late or too early beside their controls: both ways of identification say so."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from identification import strikes
 from identification.repetitions import noisy
 from identification.scenes import pushed
+from stepper.sysid.fit import _freed_ratio
 from stepper.sysid.shift import EARLY, LATE, RATIO, finding_of_fit, shifted, suspicious
 
 TIGHT = stepper.Options(tolerance=1e-9)
@@ -109,6 +111,13 @@ def test_the_warning_is_of_what_explains_the_readings_best(shift, ratio, freed):
 def test_the_warning_says_when_an_initial_state_could_not_be_estimated():
     """The fit that also estimates the initial state needs more readings than unknowns (the ratio is NaN without such a fit)."""
     assert "there are too few readings to estimate it" in finding_of_fit(LATE, 0.01, math.nan)
+
+
+def test_initial_states_are_not_estimated_from_too_few_readings():
+    """Three readings do not determine three unknowns and their errors: there is no ratio, which the warning then says."""
+    few = SimpleNamespace(count=3, n=3)
+    residuals = SimpleNamespace(freed=lambda start_std: few)
+    assert math.isnan(_freed_ratio(residuals, best=None, solver=None))
 
 
 @pytest.mark.parametrize("shift", [0, LATE, EARLY])

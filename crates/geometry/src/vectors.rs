@@ -1,5 +1,7 @@
 //! Vectors in f64, and poses of shapes.
 
+use stepper_real::Scalar;
+
 use crate::linear_algebra::*;
 
 /// Vector in f64.
@@ -15,13 +17,16 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Pose from single-precision numbers that were converted to f64. The axes are made orthogonal up to the rounding of f64, because faces
-    /// would otherwise not be perpendicular to their normals.
+    /// Pose from numbers of the scalar type `S` that were converted to f64. The axes of a pose in single precision are made orthogonal up
+    /// to the rounding of f64, because faces would otherwise not be perpendicular to their normals.
     ///
     /// The method is one step of Newton's method for the polar decomposition without an inverse, which squares the error (Higham, 2008,
     /// section 8.3).
     #[inline]
-    pub fn from_single(pos: V, mat: M3<f64>) -> Self {
+    pub fn of_scalar<S: Scalar>(pos: V, mat: M3<f64>) -> Self {
+        if !S::IS_SINGLE {
+            return Self { pos, mat };
+        }
         let gram = mat_mul_transposed(&mat, &mat);
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let half: M3<f64> = array_of(|i| 1.5 * identity[i] - 0.5 * gram[i]);

@@ -3,8 +3,8 @@
 use crate::pairs::{Filter, Verdict};
 use crate::{Model, ModelError, label};
 
-/// Fields of geoms, each with the field of explicit pairs that replaces it in contacts of the pair.
-const REPLACEMENTS: [(&str, &str); 10] = [
+/// Fields of geoms, each with the field of explicit pairs that overrides it in contacts of the pair.
+const OVERRIDING_FIELDS: [(&str, &str); 10] = [
     ("geom_friction", "pair_friction"),
     ("geom_restitution", "pair_restitution"),
     ("geom_margin", "pair_margin"),
@@ -22,26 +22,26 @@ pub(super) struct OverriddenGeomFields<'a> {
     model: &'a Model,
     /// Indices of the model's explicit pairs whose geoms can collide.
     pairs: Vec<usize>,
-    fields: Vec<ReplacedField>,
+    fields: Vec<OverriddenField>,
 }
 
-/// Name of a geom field, name of the pair field that replaces it, and the model's present values of the geom field.
-struct ReplacedField {
+/// Name of a geom field, name of the pair field that overrides it, and the model's values of the geom field.
+struct OverriddenField {
     geom: &'static str,
     pair: &'static str,
-    present: Vec<f64>,
+    old_values: Vec<f64>,
 }
 
 impl<'a> OverriddenGeomFields<'a> {
-    /// Finds the explicit pairs of a model that can collide, and the geom fields among `names` that a field of the pair replaces.
+    /// Finds the explicit pairs of a model that can collide, and the geom fields among `names` that a field of the pair overrides.
     pub(super) fn new<'n>(model: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Self {
         if model.pairs.is_empty() {
             return Self { model, pairs: vec![], fields: vec![] };
         }
-        let replacement = |name: &str| REPLACEMENTS.iter().find(|(geom, _)| *geom == name);
-        let fields = names.into_iter().filter_map(replacement).map(|&(geom, pair)| {
-            let present = model.field(geom).expect("a field of the model").1;
-            ReplacedField { geom, pair, present }
+        let overriding = |name: &str| OVERRIDING_FIELDS.iter().find(|(geom, _)| *geom == name);
+        let fields = names.into_iter().filter_map(overriding).map(|&(geom, pair)| {
+            let old_values = model.field(geom).expect("a field of the model").1;
+            OverriddenField { geom, pair, old_values }
         });
         let filter = Filter::new(model);
         let collides = |k: &usize| {
@@ -51,19 +51,19 @@ impl<'a> OverriddenGeomFields<'a> {
         Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
     }
 
-    /// Checks that every changed value of a geom has an effect, because no explicit pair replaces it. `given` lists the changed fields,
+    /// Checks that every changed value of a geom has an effect, because no explicit pair overrides it. `given` lists the changed fields,
     /// each with its name and new values.
     ///
-    /// A geom field is not checked if `given` also contains the pair field that replaces it.
+    /// A geom field is not checked if `given` also contains the pair field that overrides it.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the first geom whose new value has no effect, the pair and the remedy.
     pub(super) fn check(&self, given: &[(&str, &[f64])]) -> Result<(), ModelError> {
         let values_of = |name: &str| given.iter().find(|(given, _)| *given == name).map(|(_, values)| *values);
-        for ReplacedField { geom, pair, present } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {
+        for OverriddenField { geom, pair, old_values } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {
             let Some(values) = values_of(geom) else { continue };
-            let width = present.len() / self.model.geoms.len().max(1);
-            let changes = |g: usize| (g * width..(g + 1) * width).any(|k| present[k].to_bits() != values[k].to_bits());
+            let width = old_values.len() / self.model.geoms.len().max(1);
+            let changes = |g: usize| (g * width..(g + 1) * width).any(|k| old_values[k].to_bits() != values[k].to_bits());
             for &k in self.pairs.iter().filter(|&&k| *geom != "geom_friction" || self.model.pairs[k].condim > 1) {
                 if let Some(&g) = self.model.pairs[k].geoms.iter().find(|&&g| changes(g)) {
                     return Err(self.refusal(k, g, geom, pair));

@@ -215,7 +215,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     pub(crate) fn pose(&self, geom: usize, lane: usize) -> Pose {
         let (pos, mat) = (of_lane(&self.poses.pos[geom], lane), of_lane(&self.poses.mat[geom], lane));
-        if size_of::<R::Scalar>() < size_of::<f64>() { Pose::from_single(pos, mat) } else { Pose { pos, mat } }
+        Pose::of_scalar::<R::Scalar>(pos, mat)
     }
 
     /// Lanes in which the bounding boxes of the two geoms of a pair are farther apart than `reach`, m.

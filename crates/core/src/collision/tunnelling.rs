@@ -167,7 +167,7 @@ impl<R: Real> PathEnds<'_, R> {
             }
         });
         let [angular, root_velocity, linear] = [angular, root_velocity, linear].map(|x: V3<R>| of_lane(&x, lane));
-        let pose = if size_of::<R::Scalar>() < size_of::<f64>() { Pose::from_single(pos, mat) } else { Pose { pos, mat } };
+        let pose = Pose::of_scalar::<R::Scalar>(pos, mat);
         SolidMotion { pose, angular, root_velocity, linear }
     }
 

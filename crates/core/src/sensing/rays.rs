@@ -208,7 +208,7 @@ impl<'a, R: Real> Placed<'a, R> {
         let mut t = nothing::<R>();
         for lane in each_of(lanes) {
             let (pos, mat) = (of_lane(&self.centre, lane), of_lane(&self.mat, lane));
-            let pose = if size_of::<R::Scalar>() < size_of::<f64>() { Pose::from_single(pos, mat) } else { Pose { pos, mat } };
+            let pose = Pose::of_scalar::<R::Scalar>(pos, mat);
             t.set_lane(lane, Scalar::from_f64(surface.distance(&pose, of_lane(&origin, lane), of_lane(&direction, lane))));
         }
         t

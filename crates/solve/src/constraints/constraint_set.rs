@@ -275,7 +275,7 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Impulse of the normal row in a proof of infeasibility, N s or N m s: the change from `before`, the impulse of the reference
     /// solution, to `now`.
     ///
-    /// It is 0 for rows that cannot be in a proof (dry friction, and rows with the compliance of a spring). A decrease counts for
+    /// The impulse is 0 for rows that cannot be in a proof (dry friction, and rows with the compliance of a spring). A decrease counts for
     /// equalities only.
     fn witness(&self, now: R, before: R) -> R;
 }
@@ -332,8 +332,8 @@ pub struct LaneConstraint {
     pub(crate) compliance: f64,
     /// Additional compliance of the constraint's first row, 1/kg.
     pub(crate) normal_compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
-    /// Delassus matrix.
+    /// Mobility of the constraint before the elimination of equality rows, divided by that after it, at least 1. The mobility is
+    /// trace(G_ii), where G_ii is the constraint's block of the Delassus matrix.
     pub(crate) mobility_ratio: f64,
 }
 
@@ -355,8 +355,8 @@ pub struct SavedConstraint {
     pub(crate) set: [f64; 2],
     /// Compliance of the normal row of a contact, or of a scalar row, 1/kg, at least 0.
     pub(crate) compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1. G_ii is the constraint's block of the
-    /// Delassus matrix.
+    /// Mobility of the constraint before the elimination of equality rows, divided by that after it, at least 1. The mobility is
+    /// trace(G_ii), where G_ii is the constraint's block of the Delassus matrix.
     pub(crate) mobility_ratio: f64,
     /// Mobility that scales the damping of a scalar row, 1/kg or 1/(kg m^2).
     pub(crate) mobility: f64,

@@ -1,4 +1,4 @@
-"""Runs of `stepper.sysid.Tracker`, compared with the true values."""
+"""Runs of `stepper.sysid.Tracker`, whose estimated parameters are compared with the true ones."""
 
 from __future__ import annotations
 

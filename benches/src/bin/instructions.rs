@@ -219,7 +219,8 @@ const PARTS: &str = "humanoid f64, ";
 
 /// Names of the two counts that measure the cost of the instrumentation.
 ///
-/// The first count has the instructions inside empty spans (instrumented parts without work), the second those around these spans.
+/// The first count has the instructions inside empty spans (instrumented parts without work), the second those that begin and end these
+/// spans.
 const EMPTY: [&str; 2] = ["inside an empty span", "outside of it"];
 /// Number of empty spans in the measurement of the cost of the instrumentation.
 const EMPTY_SPANS: usize = 1000;

@@ -66,8 +66,9 @@ pub fn step<R: Real>(
         span!(probe, Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
         // 10 record
         let record = span!(probe, Record, || record(input, free_motion, problem, &outcome, finite));
-        // Contacts that are still deferred (left out by the solver) are not stored for the next step: their geoms passed each other
-        // without touching. `solve_velocities` has activated all other contacts.
+        // Contacts that are still deferred (left out by the solver) are not stored for the next step: their gap seemed to close, but
+        // their geoms passed each other without touching. `solve_velocities` has activated those whose gap stays open, which the state
+        // keeps.
         problem.remove_deferred(&mut state.contacts);
         record
     })

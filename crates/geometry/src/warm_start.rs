@@ -24,7 +24,7 @@ use crate::vectors::{V, neg};
 
 /// Factor for rounding in the condition with which [`is_certain`] accepts a facet.
 const SAFETY: f64 = 0.5;
-/// Distance of a point from the outline of a facet below which it counts as being on the outline, relative to the size of the pair.
+/// Largest distance from the outline of a facet at which a point counts as being on the outline, relative to the size of the pair.
 const ON_OUTLINE: f64 = 1e-9;
 /// Difference of the extents along a direction below which a vertex counts as no farther than an edge, relative to the size of the pair.
 const ROUNDING: f64 = 4e-15;

@@ -109,18 +109,18 @@ pub enum DeviceError {
         "the simulation was created without a drive for this actuator; give one to Simulation::set_actuator_models, at least in one environment"
     )]
     MadeWithoutDynamics,
-    /// Actuator model with a stage, such as a lag, that the actuator did not have when the simulation was created.
+    /// Actuator model with a component, such as a lag, that the actuator did not have when the simulation was created.
     #[error(
         "{name} is given, but the simulation was created without {name}; give {name} to Simulation::set_actuator_models, at least in one environment"
     )]
     MadeWithout {
-        /// Name of the field with the stage, such as "lag".
+        /// Name of the component's field, such as "lag".
         name: &'static str,
     },
-    /// Actuator model without a stage, such as a lag, that the actuator had when the simulation was created.
+    /// Actuator model without a component, such as a lag, that the actuator had when the simulation was created.
     #[error("{name} is missing, but the simulation was created with {name}; give {name} here too")]
     MadeWith {
-        /// Name of the field with the stage, such as "lag".
+        /// Name of the component's field, such as "lag".
         name: &'static str,
     },
     /// Changed value of a property that must be equal in all environments.

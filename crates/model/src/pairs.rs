@@ -36,7 +36,7 @@ pub(crate) enum Verdict {
     ParentAndChild,
     Excluded,
     Masks,
-    NoShapes,
+    BothPlanesOrFields,
 }
 
 impl Verdict {
@@ -50,7 +50,7 @@ impl Verdict {
             Self::ParentAndChild => "belong to a body and its parent",
             Self::Excluded => "are excluded",
             Self::Masks => "have contype and conaffinity without a common bit",
-            Self::NoShapes => "are both planes or height fields",
+            Self::BothPlanesOrFields => "are both planes or height fields",
         }
     }
 }
@@ -171,7 +171,7 @@ impl Filter {
         } else if !a.moves && !b.moves {
             Verdict::BothStill
         } else if b.rank <= 1 {
-            Verdict::NoShapes
+            Verdict::BothPlanesOrFields
         } else if self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&[a.body, b.body]) {
             Verdict::Overlap
         } else if self.explicit.contains_key(&geoms) {

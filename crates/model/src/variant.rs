@@ -101,7 +101,7 @@ pub struct Variants<'a> {
     base: &'a Model,
     model: Model,
     fields: Vec<&'static Field>,
-    /// Fields of geoms that contacts of explicit pairs ignore. A new value of such a field is an error.
+    /// Check of new values of geom fields: for a geom whose explicit pair overrides the field, a new value is an error.
     overridden_fields: OverriddenGeomFields<'a>,
 }
 

@@ -92,22 +92,22 @@ impl<R: Real> Problem<R> {
 
     /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `columns`, ascending.
     ///
-    /// The contact exists in the lanes `active`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
+    /// The contact exists in the lanes `exists`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
     /// velocity before any impulse, plus its bias (minus the target velocity).
     #[inline(always)]
-    pub fn push_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
-        self.contacts.push(columns, y, active, mu, g, self.least_mobility);
+    pub fn push_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 3], exists: R::Mask, mu: R, g: [R; 3]) {
+        self.contacts.push(columns, y, exists, mu, g, self.least_mobility);
     }
 
     /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
     /// `columns`, ascending.
     ///
-    /// The contact exists in the lanes `active`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
+    /// The contact exists in the lanes `exists`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
     /// velocity before any impulse, plus its bias (minus the target velocity). The rows must be scaled so that all of them have the
     /// friction coefficient `mu`.
     #[inline(always)]
-    pub fn push_rolling_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
-        self.rolling_contacts.push(columns, y, active, mu, g, self.least_mobility);
+    pub fn push_rolling_contact(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; 6], exists: R::Mask, mu: R, g: [R; 6]) {
+        self.rolling_contacts.push(columns, y, exists, mu, g, self.least_mobility);
     }
 
     /// Changes the offsets of all rows in the lanes `lanes`, after a change of the free velocity. The offsets of the velocity solve and of
@@ -167,8 +167,8 @@ impl<R: Real> Problem<R> {
     ///
     /// The index `i` counts the contacts with three rows first, then those with six rows (rolling friction).
     #[inline(always)]
-    pub fn normal_velocity(&self, i: usize, w: &[R]) -> R {
-        at_contact!(i of self.contacts.len(), [set: &self] => set.normal_velocity(i, w))
+    pub fn normal_velocity_above_target(&self, i: usize, w: &[R]) -> R {
+        at_contact!(i of self.contacts.len(), [set: &self] => set.normal_velocity_above_target(i, w))
     }
 }
 

@@ -164,8 +164,8 @@ pub struct ActuatorForces<R: Real> {
     /// Lanes in which the force of an actuator is outside its bounds. Stage 1 sets them for explicit forces, and a trial for implicit
     /// forces.
     pub(crate) found_saturated: Vec<R::Mask>,
-    /// Lanes in which each bounded sum is outside its bounds. For sums with an implicit servo, a trial sets these lanes. Before the first
-    /// trial they are the lanes that stage 1 assumed.
+    /// Lanes in which each bounded sum is outside its bounds. For sums with an implicit servo, stage 1 sets the lanes that it assumes,
+    /// and a later trial those that it finds.
     found_sum_saturated: Vec<R::Mask>,
     /// Moment arms of all actuators on sites.
     pub arms: Vec<R>,

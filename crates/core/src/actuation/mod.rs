@@ -9,15 +9,15 @@
 //! (`forces.rs`). Losses are rows of dry friction, and the rotor's inertia is armature. Lengths, velocities and forces are those of the
 //! actuator, as in MJCF: a length is the joint's position times `gear`, and a force times `gear` is the joint's force.
 
+pub mod actuator_models;
 pub mod affine_force;
 pub mod force_limits;
 pub mod forces;
 pub mod losses;
 pub mod memory;
 pub mod pipeline;
-pub mod resampling;
 pub mod site_wrench;
 
+pub use crate::actuation::actuator_models::{ActuatorModels, ActuatorUpdate};
 pub use crate::actuation::pipeline::ActuatorPipelines;
-pub use crate::actuation::resampling::{ActuatorModels, ResampledActuators};
 pub use crate::model::actuator_spec::{ActuatorSpec, Motor, Servo};

@@ -12,9 +12,10 @@ use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 
-/// Parameter of an actuator model, which may differ between environments. The variants have the order of the rows in the parameter table.
+/// PipelineParameter of an actuator model, which may differ between environments. The variants have the order of the rows in the
+/// parameter table.
 #[derive(Clone, Copy)]
-enum Parameter {
+enum PipelineParameter {
     /// Delay of the control, in steps.
     Delay,
     /// Fraction of the difference between the lag's output and its input that remains at the end of a step. `Mean` is the mean of this
@@ -29,8 +30,8 @@ enum Parameter {
     Kd,
     IntegralLimit,
     Period,
-    /// Lower bound of a servo's effort. While the effort is below it, the servo's integral does not decrease. `MaxEffort` is the upper
-    /// bound.
+    /// Lower bound of a servo's effort. While the unbounded effort is below it, the servo's integral does not decrease. `MaxEffort` is
+    /// the upper bound.
     MinEffort,
     MaxEffort,
     Stall,
@@ -44,7 +45,7 @@ const PARAMETERS: usize = 16;
 
 /// Kind of servo in an actuator's pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Servo {
+enum ServoKind {
     None,
     Continuous,
     Sampled,
@@ -54,18 +55,18 @@ enum Servo {
 #[derive(Clone, Debug)]
 struct ActuatorPipeline {
     actuator: usize,
-    servo: Servo,
+    servo: ServoKind,
     lagged: bool,
     /// Length of the delay line in samples; 0 without a delay.
     delay_samples: usize,
     /// Whole and fractional part of the delay in steps, if it is the same in all environments; otherwise `None`.
     delay: Option<(usize, f64)>,
     /// Address of the pipeline's stored values in the memory: delay line, output and input of the lag, integral, phase, held sample.
-    memory: usize,
+    memory_start: usize,
     /// Index of the pipeline's delay line among all delay lines.
     line_index: usize,
     /// Address of the pipeline's parameters in the table.
-    table: usize,
+    table_start: usize,
 }
 
 /// Pipelines of all actuators of a model, for all environments of a batch.
@@ -91,14 +92,22 @@ impl<S: Scalar> ActuatorPipelines<S> {
             let Some(spec) = spec else { continue };
             let longest = spec.longest(num_envs, h);
             let servo = match &spec.servo {
-                None => Servo::None,
-                Some(s) if s.period.is_empty() => Servo::Continuous,
-                Some(_) => Servo::Sampled,
+                None => ServoKind::None,
+                Some(s) if s.period.is_empty() => ServoKind::Continuous,
+                Some(_) => ServoKind::Sampled,
             };
             let line = if longest > 0 { longest + 2 } else { 0 };
-            let (memory, table, lagged) = (all.memory, all.pipelines.len() * PARAMETERS, any_nonzero(&spec.lag));
-            let pipeline =
-                ActuatorPipeline { actuator, servo, lagged, delay_samples: line, delay: None, memory, line_index: all.lines, table };
+            let (memory_start, table_start, lagged) = (all.memory, all.pipelines.len() * PARAMETERS, any_nonzero(&spec.lag));
+            let pipeline = ActuatorPipeline {
+                actuator,
+                servo,
+                lagged,
+                delay_samples: line,
+                delay: None,
+                memory_start,
+                line_index: all.lines,
+                table_start,
+            };
             all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
             all.lines += usize::from(line > 0);
             all.pipelines.push(pipeline);
@@ -110,7 +119,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Position of each delay line in the stored values, and number of its samples, each of which has one value.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
-        self.pipelines.iter().filter(|c| c.delay_samples > 0).map(|c| DelayLine { at: c.memory, samples: c.delay_samples, width: 1 })
+        self.pipelines.iter().filter(|c| c.delay_samples > 0).map(|c| DelayLine { at: c.memory_start, samples: c.delay_samples, width: 1 })
     }
 
     /// Sets the parameters of the environments `envs` from `specs`. Each list of numbers in a spec has one number for all of `envs`, or
@@ -122,17 +131,17 @@ impl<S: Scalar> ActuatorPipelines<S> {
         for pipeline in &mut self.pipelines {
             let Some(spec) = &specs[pipeline.actuator] else { continue };
             for (k, &env) in envs.iter().enumerate() {
-                let (table, lane) = (&mut self.tables[env / lanes][pipeline.table * lanes..], env % lanes);
+                let (table, lane) = (&mut self.tables[env / lanes][pipeline.table_start * lanes..], env % lanes);
                 // Unused lanes have the parameters of the last environment.
                 let alike = if env + 1 == self.num_envs { lane..lanes } else { lane..lane + 1 };
                 for (row, x) in table.chunks_exact_mut(lanes).zip(parameters_of(spec, k, h)) {
                     row[alike.clone()].fill(S::from_f64(x));
                 }
             }
-            let at = (pipeline.table + Parameter::Delay as usize) * lanes;
+            let at = (pipeline.table_start + PipelineParameter::Delay as usize) * lanes;
             let first = self.tables[0][at];
             let shared = self.tables.iter().all(|table| table[at..at + lanes].iter().all(|x| *x == first));
-            pipeline.delay = shared.then(|| parts(first.to_f64(), pipeline.servo == Servo::Sampled));
+            pipeline.delay = shared.then(|| parts(first.to_f64(), pipeline.servo == ServoKind::Sampled));
         }
     }
 
@@ -155,14 +164,14 @@ impl<S: Scalar> ActuatorPipelines<S> {
         kernel!(R, || {
             for pipeline in &self.pipelines {
                 let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
-                let table = &self.tables[group][pipeline.table * R::LANES..];
+                let table = &self.tables[group][pipeline.table_start * R::LANES..];
                 actuator_dynamics[dynamics.index] = dynamics_of(
                     [R::zero(); 2],
                     #[inline(always)]
                     |n| get(table, n as usize),
                 );
-                if dynamics.servo {
-                    pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
+                if dynamics.continuous_servo {
+                    pipeline.set_gains(table, PipelineParameter::Decay, &mut actuator_dynamics[dynamics.index]);
                 }
             }
         })
@@ -173,9 +182,10 @@ impl<S: Scalar> ActuatorPipelines<S> {
         let mut actuator_dynamics = vec![ActuatorDynamics::default(); compiled.num_actuator_dynamics];
         for pipeline in &self.pipelines {
             let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
-            let number = |n: Parameter| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
-            let share = if dynamics.servo { 1.0 - number(Parameter::Decay) } else { 0.0 };
-            actuator_dynamics[dynamics.index] = dynamics_of([-share * number(Parameter::Kp), -share * number(Parameter::Kd)], number);
+            let number = |n: PipelineParameter| self.tables[group][(pipeline.table_start + n as usize) * self.lanes + lane].to_f64();
+            let share = if dynamics.continuous_servo { 1.0 - number(PipelineParameter::Decay) } else { 0.0 };
+            actuator_dynamics[dynamics.index] =
+                dynamics_of([-share * number(PipelineParameter::Kp), -share * number(PipelineParameter::Kd)], number);
         }
         actuator_dynamics
     }
@@ -207,20 +217,20 @@ impl<S: Scalar> ActuatorPipelines<S> {
             memory.waiting &= !valid.bits();
             ctrl.copy_from_slice(given);
             for pipeline in &self.pipelines {
-                let table = &self.tables[group][pipeline.table * R::LANES..];
+                let table = &self.tables[group][pipeline.table_start * R::LANES..];
                 let actuator = &compiled.actuators[pipeline.actuator];
                 let mut u = within(given[pipeline.actuator], actuator.ctrl_range);
                 if pipeline.delay_samples > 0 {
                     u = pipeline.delayed(table, u, valid, start, memory);
                 }
                 u = match pipeline.servo {
-                    Servo::None => u,
+                    ServoKind::None => u,
                     servo => pipeline.follow(servo, table, actuator, u, [q, v], [valid, start], h, &mut memory.numbers),
                 };
                 if pipeline.lagged {
                     u = pipeline.lag(table, actuator, u, [q, v], [valid, start], &mut memory.numbers);
-                    if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
-                        pipeline.set_gains(table, Parameter::Mean, &mut actuator_dynamics[dynamics.index]);
+                    if let (ServoKind::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
+                        pipeline.set_gains(table, PipelineParameter::Mean, &mut actuator_dynamics[dynamics.index]);
                     }
                 }
                 ctrl[pipeline.actuator] = R::select(valid, u, R::of(f64::NAN));
@@ -239,15 +249,16 @@ impl<S: Scalar> ActuatorPipelines<S> {
     ) {
         kernel!(R, || {
             for pipeline in self.pipelines.iter().filter(|c| c.lagged) {
-                let table = &self.tables[group][pipeline.table * R::LANES..];
+                let table = &self.tables[group][pipeline.table_start * R::LANES..];
                 let effort: R = get(&memory.numbers, pipeline.lag_at());
                 ctrl[pipeline.actuator] = effort;
                 // With a continuous servo, the stored output of the lag is that at the beginning of the step, and decays towards the
                 // stored input.
-                if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
-                    let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Parameter::Decay as usize));
+                if let (ServoKind::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
+                    let (goal, decay): (R, R) =
+                        (get(&memory.numbers, pipeline.lag_at() + 1), get(table, PipelineParameter::Decay as usize));
                     ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
-                    pipeline.set_gains(table, Parameter::Decay, &mut actuator_dynamics[dynamics.index]);
+                    pipeline.set_gains(table, PipelineParameter::Decay, &mut actuator_dynamics[dynamics.index]);
                 }
             }
             for (i, u) in ctrl.iter().enumerate() {
@@ -259,15 +270,15 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
 /// Parameters of an actuator's dynamics with the gains `slope` and `rate`, from the parameter table that `number` reads.
 #[inline(always)]
-fn dynamics_of<T>([slope, rate]: [T; 2], number: impl Fn(Parameter) -> T) -> ActuatorDynamics<T> {
+fn dynamics_of<T>([slope, rate]: [T; 2], number: impl Fn(PipelineParameter) -> T) -> ActuatorDynamics<T> {
     ActuatorDynamics {
         slope,
         rate,
-        limits: [number(Parameter::MinForce), number(Parameter::MaxForce)],
-        stall: number(Parameter::Stall),
-        back_emf: number(Parameter::BackEmf),
-        efficiency: number(Parameter::Efficiency),
-        friction: number(Parameter::Friction),
+        limits: [number(PipelineParameter::MinForce), number(PipelineParameter::MaxForce)],
+        stall: number(PipelineParameter::Stall),
+        back_emf: number(PipelineParameter::BackEmf),
+        efficiency: number(PipelineParameter::Efficiency),
+        friction: number(PipelineParameter::Friction),
     }
 }
 
@@ -288,30 +299,30 @@ fn parameters_of(t: &ActuatorSpec, k: usize, h: f64) -> [f64; PARAMETERS] {
     // e^(-h/lag), and the mean of e^(-t/lag) over the step.
     let (decay, mean) = if lag > 0.0 { ((-h / lag).exp(), -lag / h * (-h / lag).exp_m1()) } else { (0.0, 0.0) };
     let mut row = [0.0; PARAMETERS];
-    let mut set = |n: Parameter, x: f64| row[n as usize] = x;
-    set(Parameter::Delay, t.steps(k, h));
-    set(Parameter::Decay, decay);
-    set(Parameter::Mean, mean);
-    set(Parameter::MinForce, low);
-    set(Parameter::MaxForce, high);
-    set(Parameter::Friction, of(&t.friction));
+    let mut set = |n: PipelineParameter, x: f64| row[n as usize] = x;
+    set(PipelineParameter::Delay, t.steps(k, h));
+    set(PipelineParameter::Decay, decay);
+    set(PipelineParameter::Mean, mean);
+    set(PipelineParameter::MinForce, low);
+    set(PipelineParameter::MaxForce, high);
+    set(PipelineParameter::Friction, of(&t.friction));
     let (mut least, mut most) = (low, high);
-    set(Parameter::Efficiency, t.motor.as_ref().map_or(1.0, |m| of(&m.efficiency)));
+    set(PipelineParameter::Efficiency, t.motor.as_ref().map_or(1.0, |m| of(&m.efficiency)));
     if let Some(m) = t.motor.as_ref().filter(|m| !m.stall_torque.is_empty()) {
         let stall = of(&m.stall_torque) * m.gear;
-        set(Parameter::Stall, stall);
-        set(Parameter::BackEmf, stall * m.gear / of(&m.no_load_speed));
+        set(PipelineParameter::Stall, stall);
+        set(PipelineParameter::BackEmf, stall * m.gear / of(&m.no_load_speed));
         (least, most) = if m.voltage { (-1.0, 1.0) } else { (low, high) };
     }
-    set(Parameter::MinEffort, least);
-    set(Parameter::MaxEffort, most);
+    set(PipelineParameter::MinEffort, least);
+    set(PipelineParameter::MaxEffort, most);
     if let Some(s) = &t.servo {
         let period = if s.period.is_empty() { h } else { of(&s.period) };
-        set(Parameter::Kp, of(&s.kp));
-        set(Parameter::Ki, of(&s.ki) * period.max(h));
-        set(Parameter::Kd, of(&s.kd));
-        set(Parameter::IntegralLimit, of(&s.integral_limit));
-        set(Parameter::Period, period);
+        set(PipelineParameter::Kp, of(&s.kp));
+        set(PipelineParameter::Ki, of(&s.ki) * period.max(h));
+        set(PipelineParameter::Kd, of(&s.kd));
+        set(PipelineParameter::IntegralLimit, of(&s.integral_limit));
+        set(PipelineParameter::Period, period);
     }
     row
 }
@@ -347,16 +358,16 @@ fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) ->
 
 impl ActuatorPipeline {
     fn lag_at(&self) -> usize {
-        self.memory + self.delay_samples
+        self.memory_start + self.delay_samples
     }
 
     /// Sets the gains of a continuous servo. A lag multiplies them by one minus the parameter `left`, the fraction that remains
-    /// ([`Parameter::Decay`]).
+    /// ([`PipelineParameter::Decay`]).
     #[inline(always)]
-    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Parameter, dynamics: &mut ActuatorDynamics<R>) {
+    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: PipelineParameter, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
-        dynamics.slope = -(share * get::<R>(table, Parameter::Kp as usize));
-        dynamics.rate = -(share * get::<R>(table, Parameter::Kd as usize));
+        dynamics.slope = -(share * get::<R>(table, PipelineParameter::Kp as usize));
+        dynamics.rate = -(share * get::<R>(table, PipelineParameter::Kd as usize));
     }
 
     /// Appends the control `u` to the delay line, and returns the control after the delay. A fractional delay interpolates between two
@@ -369,15 +380,15 @@ impl ActuatorPipeline {
         memory.cursors[self.line_index] = cursor as u32;
         let numbers = &mut memory.numbers;
         // Lanes without a valid control repeat the last one.
-        let held = get::<R>(numbers, self.memory + last);
-        put(numbers, self.memory + cursor, R::Mask::splat(true), R::select(valid, u, held));
+        let held = get::<R>(numbers, self.memory_start + last);
+        put(numbers, self.memory_start + cursor, R::Mask::splat(true), R::select(valid, u, held));
         if start.any() {
             (0..line).for_each(
                 #[inline(always)]
-                |s| put(numbers, self.memory + s, start, u),
+                |s| put(numbers, self.memory_start + s, start, u),
             );
         }
-        let slot = |back: usize| self.memory + (cursor + line - back.min(line - 1)) % line;
+        let slot = |back: usize| self.memory_start + (cursor + line - back.min(line - 1)) % line;
         let (mut new, mut old, mut part);
         if let Some((whole, rest)) = self.delay {
             (new, part) = (get::<R>(numbers, slot(whole)), R::of(rest));
@@ -385,7 +396,8 @@ impl ActuatorPipeline {
         } else {
             (new, old, part) = (R::zero(), R::zero(), R::zero());
             for l in 0..R::LANES {
-                let (whole, rest) = parts(get::<R>(table, Parameter::Delay as usize).lane(l).to_f64(), self.servo == Servo::Sampled);
+                let (whole, rest) =
+                    parts(get::<R>(table, PipelineParameter::Delay as usize).lane(l).to_f64(), self.servo == ServoKind::Sampled);
                 new.set_lane(l, numbers[slot(whole) * R::LANES + l]);
                 old.set_lane(l, numbers[slot(whole + 1) * R::LANES + l]);
                 part.set_lane(l, Scalar::from_f64(rest));
@@ -402,7 +414,7 @@ impl ActuatorPipeline {
     #[expect(clippy::too_many_arguments, reason = "inputs, parameters, memory and outputs are separate buffers")]
     fn follow<R: Real>(
         &self,
-        servo: Servo,
+        servo: ServoKind,
         table: &[R::Scalar],
         actuator: &CompiledActuator<R::Scalar>,
         u: R,
@@ -411,12 +423,12 @@ impl ActuatorPipeline {
         h: f64,
         numbers: &mut [R::Scalar],
     ) -> R {
-        let number = |n: Parameter| get::<R>(table, n as usize);
+        let number = |n: PipelineParameter| get::<R>(table, n as usize);
         let at = self.lag_at() + 2 * usize::from(self.lagged);
         // Lanes in which the servo computes a new effort.
         let mut due = valid;
-        if servo == Servo::Sampled {
-            let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Parameter::Period));
+        if servo == ServoKind::Sampled {
+            let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(PipelineParameter::Period));
             // The phase is a sum of time steps, so that the comparison allows for rounding.
             let is_due = phase.ge(period - R::of(1e-6 * h));
             let rest = R::select(is_due, (phase - period).min(R::of(h)), phase);
@@ -427,20 +439,27 @@ impl ActuatorPipeline {
             }
         }
         let [length, velocity] = motion(actuator, state);
-        let (error, kp, most) = (u - length, number(Parameter::Kp), number(Parameter::IntegralLimit));
+        let (error, kp, most) = (u - length, number(PipelineParameter::Kp), number(PipelineParameter::IntegralLimit));
         let before = R::select(start, R::zero(), get(numbers, at));
-        let after = (before + number(Parameter::Ki) * error).clamp(-most, most);
-        let without_integral = kp * error - number(Parameter::Kd) * velocity;
+        let after = (before + number(PipelineParameter::Ki) * error).clamp(-most, most);
+        let without_integral = kp * error - number(PipelineParameter::Kd) * velocity;
         // Conditional integration (Astrom & Hagglund 2006, section 3.5): the integral does not grow while the effort is beyond its bounds.
         let effort = without_integral + after;
-        let winds_up =
-            effort.gt(number(Parameter::MaxEffort)).and(after.gt(before)).or(effort.lt(number(Parameter::MinEffort)).and(after.lt(before)));
+        let winds_up = effort
+            .gt(number(PipelineParameter::MaxEffort))
+            .and(after.gt(before))
+            .or(effort.lt(number(PipelineParameter::MinEffort)).and(after.lt(before)));
         let integral = R::select(winds_up, before, after);
         put(numbers, at, due, integral);
-        if servo == Servo::Continuous {
+        if servo == ServoKind::Continuous {
             return kp * u + integral;
         }
-        put(numbers, at + 2, due, bounded(without_integral + integral, [number(Parameter::MinEffort), number(Parameter::MaxEffort)]));
+        put(
+            numbers,
+            at + 2,
+            due,
+            bounded(without_integral + integral, [number(PipelineParameter::MinEffort), number(PipelineParameter::MaxEffort)]),
+        );
         get(numbers, at + 2)
     }
 
@@ -461,13 +480,14 @@ impl ActuatorPipeline {
         numbers: &mut [R::Scalar],
     ) -> R {
         let at = self.lag_at();
-        let (decay, mean): (R, R) = (get(table, Parameter::Decay as usize), get(table, Parameter::Mean as usize));
+        let (decay, mean): (R, R) = (get(table, PipelineParameter::Decay as usize), get(table, PipelineParameter::Mean as usize));
         let effort = get::<R>(numbers, at);
-        if self.servo == Servo::Continuous {
+        if self.servo == ServoKind::Continuous {
             let [length, velocity] = motion(actuator, state);
             // Part of the effort that depends on the motion. `u`, and the stored input of the last step, exclude it.
-            let pull = get::<R>(table, Parameter::Kp as usize) * length + get::<R>(table, Parameter::Kd as usize) * velocity;
-            let bounds = [get::<R>(table, Parameter::MinEffort as usize), get(table, Parameter::MaxEffort as usize)];
+            let pull =
+                get::<R>(table, PipelineParameter::Kp as usize) * length + get::<R>(table, PipelineParameter::Kd as usize) * velocity;
+            let bounds = [get::<R>(table, PipelineParameter::MinEffort as usize), get(table, PipelineParameter::MaxEffort as usize)];
             let goal = bounded(R::select(start, u, get(numbers, at + 1)) - pull, bounds);
             let effort = R::select(start, goal, goal + (effort - goal) * decay);
             put(numbers, at, valid, effort);

@@ -19,7 +19,7 @@ impl<R: Real> ActuatorForces<R> {
         kernel!(R, || {
             for actuator in &compiled.actuators {
                 let Some(wrench) = &actuator.site_wrench else { continue };
-                self.lengths[wrench.index] = place(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
+                self.lengths[wrench.index] = compute_arms(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
                 if wrench.reference.is_some() {
                     let ahead = self.project(actuator, v) * time;
                     self.lengths[wrench.index] += ahead;
@@ -87,7 +87,7 @@ fn pose<R: Real>(kinematics: &Kinematics<R>, place: &Spot<R::Scalar>) -> (V3<R>,
 /// The length is the scalar product of the wrench with the site's position and rotation vector in the reference site's frame; 0 without a
 /// reference site.
 #[inline(always)]
-fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, wrench: &CompiledWrench<R::Scalar>, arms: &mut [R]) -> R {
+fn compute_arms<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, wrench: &CompiledWrench<R::Scalar>, arms: &mut [R]) -> R {
     let (pos, mat) = pose(kinematics, &wrench.site);
     let w: [R; 6] = splat(wrench.wrench);
     let (force, torque) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);

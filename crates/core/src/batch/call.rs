@@ -39,7 +39,8 @@ pub struct Call<'a, S: Scalar> {
     /// Controls of the call, and number of steps with each.
     pub schedule: Schedule,
     /// Inputs of the user, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) to share them among all
-    /// environments. An empty slice means zero controls, zero forces, or the mocap poses of the model.
+    /// environments. Inputs that the user left out are already filled in (`AppliedInputs::complete`). A slice that is still empty means
+    /// zero controls, zero forces, or the mocap poses of the model.
     pub inputs: StepInputs<'a>,
     /// Range of the steps that this part of the call makes.
     pub part: Part,

@@ -58,7 +58,7 @@ impl<S: LaneScalar> Batch<S> {
     /// Sets new parameters of actuator models in the environments `envs`. `None` does not change an actuator.
     ///
     /// Each list of a spec has one number for all of `envs`, or one number for each of them.
-    pub(super) fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]) {
+    pub(super) fn assign_actuator_parameters(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]) {
         if let Some(pipelines) = &mut self.pipelines {
             pipelines.set_parameters(specs, envs, self.settings.timestep);
         }

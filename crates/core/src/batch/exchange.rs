@@ -53,8 +53,8 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
     })
 }
 
-/// Loads the inputs that are constant during a call, except the controls: applied forces, active equalities, mocap bodies and actuator
-/// dynamics.
+/// Loads the inputs that are constant during a call, except the controls: applied forces, active equalities, mocap bodies, and the
+/// parameters of actuator dynamics (whose gains a lag changes in every step).
 pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
     if let Some(pipelines) = call.pipelines {
         pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);

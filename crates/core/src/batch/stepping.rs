@@ -318,13 +318,13 @@ fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, g
     }
     let mut before = group.clone();
     worker.run(call, group, at);
-    let mut moved = others;
+    let mut copied = others;
     if 2 * others.count_ones() > group.alive.count_ones() {
         // If most lanes must be restored, the group takes the saved lanes as a whole. Then fewer lanes, those that stepped, are copied.
         std::mem::swap(group, &mut before);
-        moved = group.alive & !others;
+        copied = group.alive & !others;
     }
-    for lane in each_of(moved) {
+    for lane in each_of(copied) {
         group.set_part(DestinationLanes::StartingAt(lane), &before.part(lane, 1));
     }
     worker.forget_state();

@@ -23,8 +23,9 @@ const MIN_CONTACTS: usize = 5;
 /// Sine of the angle between two normals below which they count as equal.
 const PARALLEL: f64 = 1e-9;
 
-/// Tolerance of two tests, relative to the size of a contact area: 2 micrometres for a foot. A contact counts as on an edge of the hull
-/// of the area if it is nearer to the edge. The gaps of the area count as a linear function if they differ less from it.
+/// Tolerance of two tests, relative to the size of a contact area: 2 micrometres for a foot. A contact counts as on an edge of the area's
+/// hull if its distance from the edge is below the tolerance. The gaps of the area's contacts count as linear in their positions if a
+/// linear function has an error below the tolerance.
 ///
 /// Evidence: files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;

@@ -205,8 +205,8 @@ impl<R: Real> Contacts<R> {
     /// gravity covers in the step, g h^2, m.
     ///
     /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
-    /// added where it matters: where the sum of both errors, divided by [`DISTANCE_ROUNDINGS`], exceeds [`FORCE_ERROR`] times `drop`. The
-    /// division gives a typical error, because both errors are upper bounds.
+    /// added only where it matters. Both errors are upper bounds of [`DISTANCE_ROUNDINGS`] units in the last place, and a typical error
+    /// is one unit. The second error matters where the typical sum of both exceeds [`FORCE_ERROR`] times `drop`.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;

@@ -153,10 +153,12 @@ impl<R: Real> CollisionWorkspace<R> {
         self.statics.update_tree(compiled, &self.poses.pos, &self.poses.mat);
     }
 
-    /// Finds the static pairs (a moving geom and one fixed to the world) whose bounding boxes overlap in any of the lanes `alive`.
+    /// Finds the static pairs (a moving geom and one fixed to the world, both bounded and convex) whose bounding boxes overlap in any of
+    /// the lanes `alive`.
     ///
     /// `displacements` returns the upper bound of the displacement of every geom, m. If `checks_passing` is true, the function also finds
-    /// pairs whose bounding balls overlap, for geoms that may have passed through a static geom.
+    /// pairs whose bounding balls overlap, for geoms that may have passed through a static geom. Such geoms can be apart again now, on
+    /// the other side, so that their boxes need not overlap.
     pub(crate) fn find_static(
         &mut self,
         compiled: &LaneModel<R>,

@@ -1,5 +1,5 @@
-//! Broad phase of the static pairs, which consist of a moving geom and a geom that is fixed to the world. The search uses axis-aligned
-//! bounding boxes, and a tree over the static geoms.
+//! Broad phase of the static pairs, which consist of a moving geom and a geom that is fixed to the world, both bounded and convex. The
+//! search uses axis-aligned bounding boxes, and a tree over the static geoms.
 //!
 //! A node of the tree bounds its static geoms in all lanes, because their poses may differ between environments. For each lane and
 //! kinematic tree, the search descends the tree with the box around all geoms of the kinematic tree. At a leaf, it tests the boxes of these
@@ -23,8 +23,8 @@ type Bounds<T> = [T; 6];
 pub(crate) struct StaticSearch<R: Real> {
     /// Bounding boxes of the nodes of the tree over the static geoms.
     nodes: Vec<Bounds<R::Scalar>>,
-    /// Bounding box of each group of moving geoms. A group is a kinematic tree or a mocap body.
-    groups: Vec<Bounds<R>>,
+    /// Bounding box of each mover. A mover is a kinematic tree or a mocap body, with all its geoms.
+    movers: Vec<Bounds<R>>,
     /// Bounding boxes of the moving geoms: for every lane and each of the six coordinates, a row with one number per geom.
     boxes: Vec<R::Scalar>,
     /// Found pairs of the present search, each with a lane, as [`with_lane`] combines them.
@@ -43,12 +43,12 @@ const EXPECTED: usize = 8;
 impl<R: Real> StaticSearch<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
-        let StaticPairs { moving, groups, nodes, .. } = &compiled.static_pairs;
+        let StaticPairs { moving, movers, nodes, .. } = &compiled.static_pairs;
         let zero = R::Scalar::ZERO;
         let capacity = R::LANES * moving.len() * compiled.static_pairs.fixed.len().min(EXPECTED);
         Self {
             nodes: vec![[zero; 6]; nodes.len()],
-            groups: vec![[R::zero(); 6]; groups.len()],
+            movers: vec![[R::zero(); 6]; movers.len()],
             boxes: vec![zero; R::LANES * 6 * Self::row(&compiled.static_pairs)],
             found_pairs: Vec::with_capacity(capacity),
             largest: zero,
@@ -93,14 +93,14 @@ impl<R: Real> StaticSearch<R> {
     /// Finds the static pairs whose boxes overlap in the lanes `alive` (bits), and stores them in `pairs`.
     ///
     /// For each geom, `motion` returns two values: the upper bound of its displacement, m, and whether the search must find all static
-    /// geoms whose bounding ball overlaps the geom's.
+    /// geoms whose bounding ball overlaps the geom's. It must if the geom may have passed through one of them, and be beyond it now.
     pub(crate) fn find(&mut self, compiled: &LaneModel<R>, alive: u32, poses: (&[V3<R>], &[M3<R>]), motion: impl Fn(usize) -> (R, bool)) {
         self.found_pairs.clear();
         kernel!(R, || {
             self.update_boxes(compiled, poses, motion);
             for lane in each_of(alive) {
-                for group in 0..self.groups.len() {
-                    self.visit_tree(&compiled.static_pairs, group, lane);
+                for mover in 0..self.movers.len() {
+                    self.visit_tree(&compiled.static_pairs, mover, lane);
                 }
             }
         });
@@ -108,16 +108,16 @@ impl<R: Real> StaticSearch<R> {
         merge_lanes(&self.found_pairs, |index| index as u32, &mut self.pairs);
     }
 
-    /// Updates the boxes of the moving geoms and of each group of moving geoms.
+    /// Updates the boxes of the moving geoms and of the movers (kinematic trees and mocap bodies).
     ///
     /// For each geom, `motion` returns the upper bound of its displacement, m, and whether to enlarge its box. An enlarged box overlaps
     /// every static geom whose bounding ball overlaps the geom's bounding ball.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), motion: impl Fn(usize) -> (R, bool)) {
-        let StaticPairs { moving, groups, .. } = &compiled.static_pairs;
+        let StaticPairs { moving, movers, .. } = &compiled.static_pairs;
         let row = Self::row(&compiled.static_pairs);
         let mut lanes = [R::Scalar::ZERO; MAX_LANES];
-        for (range, whole) in groups.iter().zip(&mut self.groups) {
+        for (range, whole) in movers.iter().zip(&mut self.movers) {
             for m in range.clone() {
                 let g = moving[m].geom;
                 let (mut reach, enlarges_box) = motion(g);
@@ -140,17 +140,17 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Searches the tree with the box of group number `group` in lane `lane`, and adds the overlapping pairs to `found_pairs`.
+    /// Searches the tree with the box of the mover `mover` in the lane `lane`, and adds the overlapping pairs to `found_pairs`.
     #[inline(always)]
-    fn visit_tree(&mut self, pairs: &StaticPairs, group: usize, lane: usize) {
-        let sides = &self.groups[group];
+    fn visit_tree(&mut self, pairs: &StaticPairs, mover: usize, lane: usize) {
+        let sides = &self.movers[mover];
         let whole: Bounds<R::Scalar> = array!(|k| sides[k].lane(lane));
         let mut at = 0;
         while let Some(node) = pairs.nodes.get(at) {
             let own = &self.nodes[at];
             if (0..3).all(|k| whole[k] <= own[k + 3] && own[k] <= whole[k + 3]) {
                 if let Some(leaf) = node.leaf() {
-                    self.visit_leaf(pairs, group, leaf, at, lane);
+                    self.visit_leaf(pairs, mover, leaf, at, lane);
                 }
                 at += 1;
             } else {
@@ -159,10 +159,11 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Adds the pairs of static geom `leaf` with those geoms of a group whose boxes overlap the box of tree node `node`, in lane `lane`.
+    /// Adds the pairs of the static geom `leaf` with those geoms of the mover `mover` whose boxes overlap the box of the tree node
+    /// `node`, in the lane `lane`.
     #[inline(always)]
-    fn visit_leaf(&mut self, pairs: &StaticPairs, group: usize, leaf: usize, node: usize, lane: usize) {
-        let (row, geoms, own) = (Self::row(pairs), &pairs.groups[group], &self.nodes[node]);
+    fn visit_leaf(&mut self, pairs: &StaticPairs, mover: usize, leaf: usize, node: usize, lane: usize) {
+        let (row, geoms, own) = (Self::row(pairs), &pairs.movers[mover], &self.nodes[node]);
         let own: Bounds<R> = splat(*own);
         for first in geoms.clone().step_by(R::LANES) {
             let mut overlaps = R::Mask::splat(true);

@@ -102,7 +102,8 @@ impl<R: Real> SweptPair<R> {
         far
     }
 
-    /// Smallest distance of the pair, and its time derivative, at `time` seconds along the path.
+    /// Distance of the two geoms, and its time derivative, in their poses at `time` seconds along the path. The distance is infinite in
+    /// lanes in which the pair has no contact points, and outside the lanes `lanes`.
     #[inline(always)]
     pub(crate) fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
         let Path { compiled, kinematics, slack, index, pair, .. } = *path;

@@ -86,8 +86,8 @@ pub struct CompiledActuatorDynamics<S> {
     /// Index in the list of actuator dynamics.
     pub index: usize,
     /// Whether the dynamics have a continuous servo: a proportional-derivative law that acts within the step.
-    pub servo: bool,
-    /// Control of a motor with a torque-speed curve; `None` for actuators without such a motor.
+    pub continuous_servo: bool,
+    /// Meaning of the control of a motor with a torque-speed curve; `None` for actuators without such a motor.
     pub motor: Option<MotorControl>,
     /// Whether the actuator dynamics bound the force.
     pub limited: bool,
@@ -184,7 +184,7 @@ impl<S: Scalar> CompiledActuators<S> {
         let act = (a.activation != Activation::None).then_some(*na);
         *na += usize::from(act.is_some());
         let dynamics = self.dynamics(scene, a, spec);
-        let moves = dynamics.as_ref().is_some_and(|t| t.servo || t.motor.is_some());
+        let moves = dynamics.as_ref().is_some_and(|t| t.continuous_servo || t.motor.is_some());
         let needs_motion = moves || a.force_depends_on_motion();
         let servo = needs_motion.then_some(self.servos.len());
         if needs_motion {
@@ -239,11 +239,11 @@ impl<S: Scalar> CompiledActuators<S> {
             Transmission::Joint(j) if spec.loses() => row(j).map(|row| (row, S::from_f64(a.gear))),
             _ => None,
         };
-        let (servo, limited) = (spec.is_continuous_servo(), spec.is_limited());
+        let (continuous_servo, limited) = (spec.is_continuous_servo(), spec.is_limited());
         let motor = spec.curve().map(|is_voltage| if is_voltage { MotorControl::Voltage } else { MotorControl::Force });
-        let acts = servo || motor.is_some() || limited || losses.is_some();
+        let acts = continuous_servo || motor.is_some() || limited || losses.is_some();
         self.num_actuator_dynamics += usize::from(acts);
-        acts.then(|| CompiledActuatorDynamics { index: self.num_actuator_dynamics - 1, servo, motor, limited, losses })
+        acts.then(|| CompiledActuatorDynamics { index: self.num_actuator_dynamics - 1, continuous_servo, motor, limited, losses })
     }
 
     /// Compiles the bounds `range` of the sum of all actuator forces on the degree of freedom `dof`.

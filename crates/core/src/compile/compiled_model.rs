@@ -101,7 +101,7 @@ pub struct ModelStructure<S: Scalar> {
     pub has_contact_springs: bool,
     /// Dynamic pairs: pairs of geoms that are too numerous to list. `None` if all pairs are listed.
     pub dynamic_pairs: Option<DynamicPairs<S>>,
-    /// Static pairs: pairs of a moving geom and a geom that is fixed to the world.
+    /// Static pairs: pairs of a moving geom and a geom that is fixed to the world, both bounded and convex.
     pub static_pairs: StaticPairs,
     /// For each link, whether it is alone on a free joint, without other links in its tree. The list is empty if no link is alone on a free
     /// joint.

@@ -52,8 +52,8 @@ impl TreeNode {
     }
 }
 
-/// Static pairs: pairs of a moving geom and a geom that is fixed to the world. Each is also in the compiled model's list of pairs, or one
-/// of its dynamic pairs.
+/// Static pairs: pairs of a moving geom and a geom that is fixed to the world, both bounded and convex (no planes, height fields or
+/// concave meshes). Each is also in the compiled model's list of pairs, or one of its dynamic pairs.
 #[derive(Clone, Debug, Default)]
 pub struct StaticPairs {
     /// Geoms of static pairs that are fixed to the world.
@@ -61,7 +61,7 @@ pub struct StaticPairs {
     /// Moving geoms of static pairs, sorted by their kinematic tree or mocap body.
     pub moving: Vec<MovingGeom>,
     /// Ranges of `moving`, one for the geoms of each kinematic tree and of each mocap body.
-    pub groups: Vec<Range<usize>>,
+    pub movers: Vec<Range<usize>>,
     /// Nodes of the tree of bounding boxes over the static geoms.
     pub nodes: Vec<TreeNode>,
     /// For every pair in the compiled model's list of pairs, whether it is a static pair.
@@ -75,12 +75,12 @@ pub struct StaticPairs {
 
 impl StaticPairs {
     /// Finds the static pairs among the listed and dynamic pairs of geoms. The function `place` returns the position of a static geom, m.
-    /// The function `group` maps the index of a moving frame to a number that identifies its kinematic tree or mocap body.
+    /// The function `mover` maps the index of a moving frame to the number of its mover: its kinematic tree or mocap body.
     pub(super) fn new<S: Scalar>(
         geoms: &[CompiledGeom<S>],
         (pairs, dynamic_pairs): (&[CompiledPair<S>], Option<&DynamicPairs<S>>),
         place: impl Fn(usize) -> [f64; 3],
-        group: impl Fn(usize) -> usize,
+        mover: impl Fn(usize) -> usize,
     ) -> Self {
         let is_convex = |g: usize| matches!(geoms[g].solid, Some(Solid::Convex(_)));
         // Order of a pair: the geom that is fixed to the world first, if there is one.
@@ -115,15 +115,15 @@ impl StaticPairs {
             return Self { listed: vec![false; pairs.len()], ..Self::default() };
         }
 
-        let group = |g: usize| (group(geoms[g].frame), g);
+        let mover = |g: usize| (mover(geoms[g].frame), g);
         let mut moving: Vec<usize> = moving.into_iter().collect();
-        moving.sort_by_key(|&g| group(g));
+        moving.sort_by_key(|&g| mover(g));
         let mut end = 0;
-        let groups = moving.chunk_by(|&a, &b| group(a).0 == group(b).0).map(|geoms| {
+        let movers = moving.chunk_by(|&a, &b| mover(a).0 == mover(b).0).map(|geoms| {
             end += geoms.len();
             end - geoms.len()..end
         });
-        let groups = groups.collect();
+        let movers = movers.collect();
 
         let mut fixed: Vec<StaticGeom> =
             margins.into_iter().map(|(geom, margin)| StaticGeom { geom, margin, row: NONE, member: member(geom) }).collect();
@@ -144,7 +144,7 @@ impl StaticPairs {
         add_nodes(&mut (0..fixed.len()).collect::<Vec<_>>(), &centres, &mut nodes);
         let first = dynamic_pairs.map_or(0, |dynamic| dynamic.pair_index(0, 0) as u32);
         let moving = moving.into_iter().map(|geom| MovingGeom { geom, member: member(geom) }).collect();
-        Self { fixed, moving, groups, nodes, listed, indices, dynamic: [first, members.len() as u32] }
+        Self { fixed, moving, movers, nodes, listed, indices, dynamic: [first, members.len() as u32] }
     }
 
     /// Whether the model has no static pairs.
@@ -153,8 +153,7 @@ impl StaticPairs {
         self.fixed.is_empty()
     }
 
-    /// Whether a pair in the compiled model's list of pairs is a static pair: one of its geoms is fixed to the world. The index of the pair
-    /// is `pair`.
+    /// Whether the pair with the index `pair` in the compiled model's list of pairs is a static pair.
     pub fn is_listed(&self, pair: usize) -> bool {
         self.listed[pair]
     }

@@ -149,7 +149,7 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Defers the contacts again that a doubtful collision of the predicted motion activated. The solved motion decides whether they act.
     ///
-    /// The predicted impulses of these contacts become their initial impulses if the solve activates them.
+    /// Their present impulses, predicted or from the last step, become their initial impulses if the solve activates them.
     #[inline(never)]
     pub(crate) fn defer_doubtful(&mut self, velocity: &mut VelocitySolution<R>) {
         kernel!(R, || {
@@ -173,7 +173,7 @@ impl<R: Real> ConstraintProblem<R> {
         kernel!(R, || {
             for i in 0..self.deferred.len() {
                 let deferred = &self.deferred[i];
-                let open = self.rows.normal_velocity(deferred.contact, &velocity.impulses.w).ge(R::zero());
+                let open = self.rows.normal_velocity_above_target(deferred.contact, &velocity.impulses.w).ge(R::zero());
                 self.activate_contact(velocity, i, deferred.lanes.and(open), [R::zero(); 6]);
             }
         })

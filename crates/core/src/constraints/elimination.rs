@@ -56,8 +56,9 @@ impl<R: Real> RowBuilder<R> {
     /// Finds the blocks of eliminated equalities that have a degree of freedom in the set `words`. Most scenes have no such blocks, so that
     /// this code is not inlined.
     ///
-    /// Blocks that are inactive in all lanes add their degrees of freedom too. The rounding error of a row's velocity depends on the
-    /// positions of its entries. These positions must not depend on the equalities of other lanes.
+    /// Blocks that are inactive in all lanes add their degrees of freedom too. A row's velocity is a sum over its degrees of freedom, and
+    /// their number determines the order of the sum and so its rounding. The order in a lane must not depend on which equalities are
+    /// active in other lanes.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;
@@ -276,12 +277,12 @@ impl<R: Real> RowBuilder<R> {
         let chunk: &[ScalarRow<R>; K] = rows.scalars[first..].first_chunk().expect("a block has its rows");
         let (dofs, _) = rows.scalars.entries(&chunk[0]);
         let at = chunk[0].entries().start;
-        let [found, taken] = [&eliminated_entries[0], &eliminated_entries[1]].map(
+        let [over_sqrt_d, times_sqrt_d] = [&eliminated_entries[0], &eliminated_entries[1]].map(
             #[inline(always)]
             |entries| entries[at..].as_chunks::<K>().0,
         );
         let mut product = [[R::zero(); K]; N];
-        for (&d, y) in dofs.iter().zip(found) {
+        for (&d, y) in dofs.iter().zip(over_sqrt_d) {
             let x = &column[d as usize];
             for n in 0..N {
                 for k in 0..K {
@@ -300,7 +301,7 @@ impl<R: Real> RowBuilder<R> {
                 product[n][k] = coefficient;
             }
         }
-        for (&d, y) in dofs.iter().zip(taken) {
+        for (&d, y) in dofs.iter().zip(times_sqrt_d) {
             let x = &mut column[d as usize];
             for n in 0..N {
                 for k in 0..K {
@@ -323,9 +324,9 @@ impl<R: Real> RowBuilder<R> {
         mass: &MassMatrix<R>,
     ) {
         rows.scalars.mark_eliminated();
-        let [found, taken] = &mut self.eliminated_entries;
-        found.clear();
-        taken.clear();
+        let [over_sqrt_d, times_sqrt_d] = &mut self.eliminated_entries;
+        over_sqrt_d.clear();
+        times_sqrt_d.clear();
         let mut first = 0;
         for (k, block) in compiled.equalities.iter().enumerate() {
             if !block.eliminated || !active_equalities.has_rows(k) {
@@ -338,8 +339,8 @@ impl<R: Real> RowBuilder<R> {
                 for (i, &d) in block.dofs.iter().enumerate() {
                     for row in chunk {
                         let y = rows.scalars.entries(row).1[i];
-                        found.push(y * mass.sqrt_inv_d[d as usize]);
-                        taken.push(y * mass.sqrt_d[d as usize]);
+                        over_sqrt_d.push(y * mass.sqrt_inv_d[d as usize]);
+                        times_sqrt_d.push(y * mass.sqrt_d[d as usize]);
                     }
                 }
                 first += chunk.len();

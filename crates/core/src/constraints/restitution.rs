@@ -252,7 +252,7 @@ impl<R: Real> ImpactStep<'_, R> {
         let rows = &problem.rows;
         let slot = problem.slot_of(i);
         let g = i.checked_sub(rows.contacts.len()).map_or_else(|| rows.contacts[i].g[0], |k| rows.rolling_contacts[k].g[0]);
-        let change = rows.normal_velocity(i, &impulses.w) - g;
+        let change = rows.normal_velocity_above_target(i, &impulses.w) - g;
         let distance = contacts.data[slot].point.distance;
         let gap = distance.max(R::zero());
         positions.replace_normal_offset(

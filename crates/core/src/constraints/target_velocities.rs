@@ -12,15 +12,15 @@ impl<R: Real> Assembler<'_, R> {
     /// Biases of the row of a contact or limit, m/s or rad/s: first in the velocity solve, then in the position solve. A bias is minus
     /// the target velocity.
     ///
-    /// `gap` is the part of the gap that may close in the step, m or rad. If it is negative, it is an overlap.
+    /// `closing_gap` is the part of the gap that may close in the step, m or rad. If it is negative, it is an overlap.
     ///
     /// `fastest` bounds the speed that corrects an overlap, m/s or rad/s. If the step is evaluated at a displaced state for a derivative,
-    /// `solved` is the distance in the solution; otherwise it is `None`. The row exists in the lanes `active`.
+    /// `solved` is the distance in the solution; otherwise it is `None`. The row exists in the lanes `exists`.
     #[inline(always)]
-    pub(crate) fn biases(&mut self, input: &RowInput<'_, R>, fastest: f64, gap: R, solved: Option<R>, active: R::Mask) -> [R; 2] {
+    pub(crate) fn biases(&mut self, input: &RowInput<'_, R>, fastest: f64, closing_gap: R, solved: Option<R>, exists: R::Mask) -> [R; 2] {
         let RowInput { options, h, .. } = *input;
-        let apart = solved.unwrap_or(gap).ge(R::zero());
-        let beyond = -gap - R::of(options.slop);
+        let apart = solved.unwrap_or(closing_gap).ge(R::zero());
+        let beyond = -closing_gap - R::of(options.slop);
         let overlap = match solved {
             None => beyond.max(R::zero()),
             Some(solved) => R::select(solved.lt(-R::of(options.slop)), beyond, R::zero()),
@@ -33,9 +33,9 @@ impl<R: Real> Assembler<'_, R> {
             let size = (wanted * wanted + fastest * fastest).sqrt();
             correction = wanted * fastest / size.max(R::of(f64::from(f32::MIN_POSITIVE)));
         }
-        let uncorrected = R::select(apart, gap / h, R::zero());
-        let corrected = R::select(apart, gap / h, -correction);
-        self.note_corrections(input, active.and(overlap.gt(R::zero())));
+        let uncorrected = R::select(apart, closing_gap / h, R::zero());
+        let corrected = R::select(apart, closing_gap / h, -correction);
+        self.note_corrections(input, exists.and(overlap.gt(R::zero())));
         stabilized(input, uncorrected, corrected)
     }
 

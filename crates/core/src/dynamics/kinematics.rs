@@ -273,6 +273,15 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], time: R, out: &mut [R]) {
     })
 }
 
+/// Computes out = x - y, entry by entry.
+pub fn difference<R: Real>(x: &[R], y: &[R], out: &mut [R]) {
+    kernel!(R, || {
+        for ((out, &x), &y) in out.iter_mut().zip(x).zip(y) {
+            *out = x - y;
+        }
+    })
+}
+
 /// Computes out = x + share * (end - x), entry by entry.
 pub fn blend<R: Real>(x: &[R], end: &[R], share: R, out: &mut [R]) {
     kernel!(R, || {

@@ -9,7 +9,7 @@ use crate::compile::{ActuatorParams, LaneModel};
 use crate::constraints::restitution::any_elastic;
 use crate::constraints::solved_overlaps::limit_gap;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
-use crate::dynamics::kinematics::{advance, displace};
+use crate::dynamics::kinematics::{difference, displace};
 use crate::group_step::rule::{ConstraintNames, ImpulseProblem, ImpulseRule, NominalEvaluation, Prediction, Solve};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, recompute_free_motion};
@@ -163,7 +163,7 @@ impl<R: Real> HardNominal<R> {
         }
         let context = StepContext { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
         if recomputed == Recomputed::Forces {
-            advance(&free.v, &self.v_free, -R::one(), &mut self.change);
+            difference(&free.v, &self.v_free, &mut self.change);
             problem.shift(compiled, &free.smooth.mass, &mut self.change, None, R::Mask::splat(true));
         } else {
             // Stage 4, with those contacts active that the solved step has.

@@ -121,10 +121,10 @@ impl<R: Real> FreeMotion<R> {
         scratch.poison();
     }
 
-    /// Computes the acceleration by all forces (see [`Smooth::acceleration`]). `v` is the velocity before the step, `v_bias` the velocity
-    /// at which inertial forces are evaluated.
-    pub(crate) fn accelerate(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], v_bias: &[R]) {
-        self.smooth.acceleration(compiled, kinematics, [&self.actuator_forces.tau, &self.applied], v, v_bias);
+    /// Computes the acceleration by all forces (see [`Smooth::acceleration`]). `v` is the velocity before the step, `v_inertial` the
+    /// velocity at which inertial forces are evaluated.
+    pub(crate) fn accelerate(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], v_inertial: &[R]) {
+        self.smooth.acceleration(compiled, kinematics, [&self.actuator_forces.tau, &self.applied], v, v_inertial);
     }
 }
 

@@ -223,8 +223,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it, into
     /// `v_free_corrected`.
     ///
-    /// The forces at each of the two velocities act for half of the step. In lanes with an impact, the first act before the impact and the
-    /// second after it. Only inertial forces are recomputed. The forces of stage 1 do not change.
+    /// In lanes with an impact, the forces at the first velocity act until the impact, and those at the second velocity after it. In the
+    /// other lanes, each acts for half of the step. Only inertial forces are recomputed. The forces of stage 1 do not change.
     fn compute_inertial_forces(&mut self) {
         let StepContext { input: StepInput { compiled, state, .. }, evaluation } = self.context;
         let Evaluation { scheme, kinematics, impact_lanes, .. } = evaluation;

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, kernel};
 
 use crate::dynamics::gyroscopic;
-use crate::dynamics::kinematics::{advance, blend};
+use crate::dynamics::kinematics::{advance, blend, difference};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch};
 use crate::integrators::scheme::Scheme;
@@ -79,7 +79,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             let times = [scheme.time_before, scheme.time_after];
             gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, force_velocity], v_free_corrected);
         }
-        advance(v_free_corrected, v, -R::one(), free_change);
+        difference(v_free_corrected, v, free_change);
         // This function is the corrector of the free velocity. If it changes the velocity too much, the time step is too long for the
         // motion.
         let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
 
 use crate::constraints::{ConstraintProblem, PositionSolution};
-use crate::dynamics::kinematics::advance;
+use crate::dynamics::kinematics::difference;
 use crate::integrators::contact_activation::SweptMotion;
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch, compute_free_motion, has_bounded_servos};
@@ -108,7 +108,7 @@ impl<R: Real> VelocityLoop<'_, R> {
             return R::Mask::splat(false);
         }
         let FreeMotion { actuator_forces, scratch: Scratch { velocity_change, .. }, .. } = &mut *self.free;
-        advance(&self.velocity.v, &state.v, -R::one(), velocity_change);
+        difference(&self.velocity.v, &state.v, velocity_change);
         let bounds_at = scheme.implicit_servos();
         actuator_forces
             .set_bounds_at_velocity_change(compiled, &inputs.actuator_dynamics, bounds_at, velocity_change, may_change)

@@ -197,7 +197,7 @@ fn affine_force<R: Real>(
     let [level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
     let Some(dynamics) = &actuator.dynamics else { return AffineForce { level, slope, rate } };
     let numbers = &at.actuator_dynamics[dynamics.index];
-    if dynamics.servo {
+    if dynamics.continuous_servo {
         (slope, rate) = (numbers.slope, numbers.rate);
     }
     match dynamics.motor {

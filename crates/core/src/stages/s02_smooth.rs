@@ -77,14 +77,21 @@ impl<R: Real> Smooth<R> {
         self.complete_mass(compiled, kinematics, implicit);
     }
 
-    /// Computes the acceleration without constraints, A^-1 (tau + applied - c(q, v_bias) - D v), into `self.acc`. A is the matrix of
+    /// Computes the acceleration without constraints, A^-1 (tau + applied - c(q, v_inertial) - D v), into `self.acc`. A is the matrix of
     /// [`Smooth::factor_mass`], and c the bias force. The third argument has the two generalized forces tau and applied.
     ///
     /// `v` is the velocity before the step. A step with this acceleration is implicit in the damping D and in the springs that A contains
     /// (see [`crate::actuation::forces`]).
-    pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [tau, applied]: [&[R]; 2], v: &[R], v_bias: &[R]) {
+    pub fn acceleration(
+        &mut self,
+        compiled: &LaneModel<R>,
+        kinematics: &Kinematics<R>,
+        [tau, applied]: [&[R]; 2],
+        v: &[R],
+        v_inertial: &[R],
+    ) {
         kernel!(R, || {
-            link_forces(compiled, kinematics, v_bias, &mut self.newton_euler);
+            link_forces(compiled, kinematics, v_inertial, &mut self.newton_euler);
             if !compiled.fluid.is_empty() {
                 self.fluid.subtract(compiled, kinematics, &self.newton_euler.velocity, &mut self.newton_euler.force);
             }
@@ -107,8 +114,9 @@ impl<R: Real> Smooth<R> {
         })
     }
 
-    /// Adds implicit damping to the mass matrix: the added inertias of servos with the moment arms `arms`, and `h` times the fluid drag,
-    /// linearised at the velocity `v`. The function leaves out entries that couple two degrees of freedom on different branches of a tree.
+    /// Adds the terms of implicit forces to the mass matrix. A servo adds a weighted sum of its damping and stiffness (`added_inertias`),
+    /// times the products of its moment arms `arms`. The fluid adds `h` times its drag, linearised at the velocity `v`. The function
+    /// leaves out entries that couple two degrees of freedom on different branches of a tree.
     pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [added_inertias, arms]: [&[R]; 2], v: &[R], h: R) {
         kernel!(R, || {
             self.mass.add_servos(compiled, added_inertias, arms, false);

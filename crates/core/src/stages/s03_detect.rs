@@ -58,8 +58,8 @@ pub fn detect<R: Real>(
 /// Broad phase: computes the poses of the geoms, and finds the pairs that can touch within two steps. `v` is the velocity before the step,
 /// and `v_free` the velocity after it without constraints.
 ///
-/// With `checks_passing`, it also finds the static pairs (moving geom and world geom) whose geoms may have passed through each other since
-/// the beginning of the step.
+/// With `checks_passing`, it also finds the static pairs (a moving geom and one fixed to the world, both bounded and convex) whose geoms
+/// may have passed through each other since the beginning of the step.
 fn find_pairs<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

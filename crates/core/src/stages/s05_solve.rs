@@ -210,8 +210,8 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 /// The result is at least a bound for rounding errors, but never above the tolerance of the options.
 ///
 /// An upper bound of the rounding error is 1e4 machine epsilons of a velocity of 1 m/s, in 32 bits 1e-3 m/s. With so large a residual,
-/// heavy boxes would creep into light ones on which they lie. Lanes with a contact group (`has_groups`) therefore have a smaller lower
-/// bound: 10 machine epsilons, and at least [`MIN_TOLERANCE`].
+/// heavy boxes would creep into light ones on which they lie. In 32 bits, lanes with a contact group (`has_groups`) therefore have a
+/// smaller lower bound of 10 machine epsilons. In 64 bits their lower bound is [`MIN_TOLERANCE`], as in other lanes.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], has_groups: R::Mask) -> R {
     kernel!(R, || {
         let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();

@@ -75,7 +75,8 @@ fn meet(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<Ca
     out
 }
 
-/// Contact points of two hulls. `known` is the contact normal of the previous step in world axes; `None` searches without it.
+/// Contact points of two hulls. `known` is the contact normal of the previous step in world axes; `None` searches without it. `approach`
+/// is the relative motion of the hulls, if they move.
 fn contacts(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<V>, approach: Option<Approach>) -> Vec<Point> {
     meet(a, pa, b, pb, known.map(|n| rotate_back(&pa.mat, n).into()), approach).points
 }

@@ -120,13 +120,12 @@ impl Stepper {
     ///           input plus bias . (1, length, velocity), with the first three entries. Entries that the type of an actuator does not use
     ///           are 0.
     ///         * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
-    ///           keep their drives, and None restores the drives that were given to the constructor. A stage (servo, motor, lag, limits,
-    ///           friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
+    ///           keep their drives, and None restores the drives that were given to the constructor. A component (servo, motor, lag, limits, friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
     ///           delay there. Delay lines, lags and integrals are state: they are kept until `reset`.
     ///
     /// Raises:
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
-    ///     ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
+    ///     ValueError: A shape is wrong, or a drive has an invalid value, a new component or a longer delay. No parameter changes.
     ///     ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides the value. Or the
     ///         value needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
     ///         environment. No parameter changes.

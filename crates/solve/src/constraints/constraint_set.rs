@@ -202,7 +202,7 @@ pub trait Row<R: Real>: Copy + Debug {
     /// Place of the coordinates and Jacobian entries.
     fn span(&self) -> Span;
 
-    /// Lanes in which the constraint exists.
+    /// Lanes in which the solver reads the constraint: it exists there, an impulse can move it, and it is not deferred.
     fn active(&self) -> R::Mask;
 
     /// Lanes in which no impulse can move the constraint, along its normal if it is a contact.

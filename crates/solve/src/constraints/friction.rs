@@ -119,7 +119,7 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
     /// Hard contact with the friction coefficient `mu`, the offsets `g`, and the block `gram` of the Delassus matrix. `active` are the
-    /// lanes in which the contact exists, `immovable` those in which no impulse can move it along its normal.
+    /// lanes in which an impulse can move the contact along its normal, `immovable` those in which none can.
     #[inline(always)]
     fn new(span: Span, [active, immovable]: [R::Mask; 2], mu: R, g: [R; N], gram: &[[R; N]; N]) -> Self {
         let (local, trace) = L::new(gram, active);
@@ -148,11 +148,11 @@ pub type FrictionContacts<R, const N: usize, L> = ConstraintSet<R, FrictionConta
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Appends a contact whose rows have the entries `y` at the coordinates `columns`, ascending.
     ///
-    /// The contact exists in the lanes `active`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
+    /// The contact exists in the lanes `exists`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
     /// velocity before any impulse, plus its bias (minus the target velocity). A contact whose normal mobility is below `least`, 1/kg, is
     /// immovable.
     #[inline(always)]
-    pub(crate) fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
+    pub(crate) fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], exists: R::Mask, mu: R, g: [R; N], least: R) {
         let mut gram = [[R::zero(); N]; N];
         let span = self.push_entries(
             columns,
@@ -160,8 +160,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             #[inline(always)]
             |y| add_products(&mut gram, &y),
         );
-        let exists = movable(active, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
-        self.rows.items.push(FrictionContact::new(span, [exists, active.and_not(exists)], mu, g, &gram));
+        let movable = movable(exists, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
+        self.rows.items.push(FrictionContact::new(span, [movable, exists.and_not(movable)], mu, g, &gram));
     }
 
     /// Lanes in which the last contact of the list is immovable along its normal.
@@ -231,7 +231,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Normal velocity of contact `i`, m/s, under impulses that cause the scaled velocity change `w`. It includes the bias, so that it is 0
     /// at the contact's target velocity.
     #[inline(always)]
-    pub(crate) fn normal_velocity(&self, i: usize, w: &[R]) -> R {
+    pub(crate) fn normal_velocity_above_target(&self, i: usize, w: &[R]) -> R {
         let contact = &self.rows.items[i];
         let (columns, y) = self.entries(contact);
         let mut v = R::zero();

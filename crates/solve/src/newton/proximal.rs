@@ -63,7 +63,7 @@ const PATIENCE: u32 = 3;
 /// boxes), hundreds of contacts switch between sticking, slipping and open at once.
 pub(super) const SMALL: usize = 64;
 
-/// Treatment of De Saxce's terms mu |v_t| of Coulomb's law in Newton's method.
+/// Choice of when Newton's method recomputes De Saxce's terms mu |v_t|, which make Coulomb's law a cone condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Terms {
     /// De Saxce's terms mu |v_t| are constant in each convex problem, and recomputed between problems.

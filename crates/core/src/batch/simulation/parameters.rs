@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::actuation::{ActuatorModels, ActuatorSpec, ResampledActuators};
+use crate::actuation::{ActuatorModels, ActuatorSpec, ActuatorUpdate};
 use crate::batch::engine::with_batch;
 use crate::batch::randomization::{Assignment, Differences, Randomization};
 use crate::batch::simulation::{Error, Simulation};
@@ -50,13 +50,13 @@ impl Simulation {
     ) -> Result<(), Error> {
         self.check_envs(envs)?;
         // Nothing may change if an argument is invalid: actuator models are checked here, and fields before they are stored.
-        let resampled = self.resampled(actuators, envs)?;
+        let update = self.actuator_update(actuators, envs)?;
         if !assigned.is_empty() {
             self.assign_parameters(assigned, envs)?;
         }
-        if let (Some(actuator_models), Some(resampled)) = (&mut self.actuator_models, resampled) {
-            with_batch!(&mut self.engine, batch => batch.resample_actuators(&resampled.specs, &resampled.envs));
-            actuator_models.take(resampled);
+        if let (Some(actuator_models), Some(update)) = (&mut self.actuator_models, update) {
+            with_batch!(&mut self.engine, batch => batch.assign_actuator_parameters(&update.specs, &update.envs));
+            actuator_models.apply(update);
             self.invalidate_caches();
         }
         Ok(())
@@ -85,9 +85,9 @@ impl Simulation {
         Ok(())
     }
 
-    /// Returns new parameters of the actuator models for the environments `envs` ("resampled" means drawn again), without changing the
-    /// simulation. `None` if no actuator has a model, or if `actuators` requests no change.
-    fn resampled(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ResampledActuators>, Error> {
+    /// Computes new parameters of the actuator models for the environments `envs`, and checks them. The simulation does not change.
+    /// `None` if no actuator has a model, or if `actuators` requests no change.
+    fn actuator_update(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ActuatorUpdate>, Error> {
         let specs = match actuators {
             ActuatorNumbers::Kept => return Ok(None),
             ActuatorNumbers::Original => None,
@@ -96,12 +96,12 @@ impl Simulation {
         specs.map_or(Ok(()), |specs| check_count("drives", specs.len(), self.model.nu(), "actuator"))?;
         let h = self.timestep();
         match (&self.actuator_models, specs) {
-            (Some(actuator_models), _) => Ok(Some(actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h)?)),
+            (Some(actuator_models), _) => Ok(Some(actuator_models.prepare_update(&self.model, specs, envs, self.num_envs, h)?)),
             (None, None) => Ok(None),
             (None, Some(specs)) => {
                 // No actuator has a model, so that the call below returns an error if `specs` has an entry for any of them.
                 let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h)?;
-                none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h)?;
+                none.prepare_update(&self.model, Some(specs), envs, self.num_envs, h)?;
                 Ok(None)
             }
         }
@@ -110,16 +110,16 @@ impl Simulation {
     /// Actuator models with per-environment parameters, one entry for every actuator. Each parameter is a list of one number for all
     /// environments, or of one number for each environment. `None` if all environments have the same actuator models.
     pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
-        self.actuator_models.as_ref()?.drawn()
+        self.actuator_models.as_ref()?.per_env()
     }
 
     /// Names of the actuators whose controls act on later steps too (delay, lag, sampled servo, integral), in any environment.
     pub fn actuators_with_memory(&self) -> Vec<String> {
         let Some(models) = &self.actuator_models else { return vec![] };
         let has_memory = |spec: Option<&Option<ActuatorSpec>>| spec.and_then(Option::as_ref).is_some_and(ActuatorSpec::has_memory);
-        let drawn = models.drawn().unwrap_or_default();
+        let per_env = models.per_env().unwrap_or_default();
         let actuators = self.model.actuators.iter().enumerate();
-        let with_memory = actuators.filter(|&(i, _)| has_memory(models.specs.get(i)) || has_memory(drawn.get(i)));
+        let with_memory = actuators.filter(|&(i, _)| has_memory(models.specs.get(i)) || has_memory(per_env.get(i)));
         with_memory.map(|(i, actuator)| label(&actuator.name, i)).collect()
     }
 

@@ -60,7 +60,7 @@ pub(crate) struct MujocoWorkspace<R: Real> {
     pub(crate) runge_kutta: Option<RungeKuttaStages<R>>,
     /// Matrix of the integrator `implicit`; `None` with other integrators.
     pub(crate) unsymmetric: Option<Unsymmetric<R>>,
-    /// Effective mass matrix of the integrator `discrete`; `None` with other integrators.
+    /// Mass matrix with the implicit terms of the integrator `discrete`; `None` with other integrators.
     pub(crate) effective: Option<EffectiveMass<R>>,
 }
 

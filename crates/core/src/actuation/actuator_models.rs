@@ -1,4 +1,4 @@
-//! Resampling of the parameters of actuator models, per environment.
+//! Actuator models of a simulation, whose parameters can differ between environments and can be changed.
 //!
 //! A spec ([`ActuatorSpec`]) describes the components of one actuator, such as servo, lag and limits. The components of a spec and the
 //! length of its delay line cannot change after compilation. The parameters of the components can.
@@ -17,19 +17,19 @@ pub struct ActuatorModels {
     /// without an actuator model.
     made: Vec<Option<ActuatorSpec>>,
     /// Per-environment specs; `None` if all environments have the same parameters.
-    drawn: Option<Vec<Option<ActuatorSpec>>>,
+    per_env: Option<Vec<Option<ActuatorSpec>>>,
 }
 
-/// Checked parameters of some environments, as input of [`ActuatorModels::take`].
+/// Checked new parameters of actuator models for some environments, as input of [`ActuatorModels::apply`].
 #[derive(Clone, Debug)]
-pub struct ResampledActuators {
+pub struct ActuatorUpdate {
     /// Environments that get the parameters.
     pub envs: Vec<usize>,
     /// Actuator specs of these environments alone, with the delays and force limits of the model's actuators. `None` leaves an actuator
     /// unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
     /// New per-environment specs of all environments.
-    drawn: Option<Vec<Option<ActuatorSpec>>>,
+    per_env: Option<Vec<Option<ActuatorSpec>>>,
 }
 
 impl ActuatorModels {
@@ -43,18 +43,18 @@ impl ActuatorModels {
         let (combined, specs) = ActuatorSpec::combine(model, given, num_envs, h)?;
         let made =
             specs.iter().zip(given).map(|(spec, given)| Some(given.clone().unwrap_or_else(ActuatorSpec::ideal)).filter(|_| spec.is_some()));
-        Ok(Self { model: combined, made: made.collect(), specs, drawn: None })
+        Ok(Self { model: combined, made: made.collect(), specs, per_env: None })
     }
 
     /// Per-environment specs; `None` if all environments have the same parameters.
-    pub fn drawn(&self) -> Option<&[Option<ActuatorSpec>]> {
-        self.drawn.as_deref()
+    pub fn per_env(&self) -> Option<&[Option<ActuatorSpec>]> {
+        self.per_env.as_deref()
     }
 
     /// Memory of the specs, bytes.
     pub fn bytes(&self) -> usize {
-        let mut drawn = self.drawn.clone();
-        drawn.iter_mut().flatten().flatten().flat_map(numbers).map(|x| size_of_val(&x[..])).sum()
+        let mut per_env = self.per_env.clone();
+        per_env.iter_mut().flatten().flatten().flat_map(numbers).map(|x| size_of_val(&x[..])).sum()
     }
 
     /// Computes new parameters of actuator models for the environments `envs`, and checks them. This object does not change.
@@ -64,46 +64,46 @@ impl ActuatorModels {
     ///
     /// # Errors
     /// A number out of its range or an unsupported setting, with the actuator's name.
-    pub fn resample_actuators(
+    pub fn prepare_update(
         &self,
         model: &Model,
         given: Option<&[Option<ActuatorSpec>]>,
         envs: &[usize],
         num_envs: usize,
         h: f64,
-    ) -> Result<ResampledActuators, ActuatorError> {
-        if envs.is_empty() || (given.is_none() && self.drawn.is_none()) {
-            return Ok(ResampledActuators { envs: vec![], specs: vec![None; self.made.len()], drawn: self.drawn.clone() });
+    ) -> Result<ActuatorUpdate, ActuatorError> {
+        if envs.is_empty() || (given.is_none() && self.per_env.is_none()) {
+            return Ok(ActuatorUpdate { envs: vec![], specs: vec![None; self.made.len()], per_env: self.per_env.clone() });
         }
         let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| of_environments(made, envs))).collect();
         let mut specs = given.map_or_else(as_made, <[_]>::to_vec);
         let wrong = |i: usize, error| ActuatorError { actuator: label(&model.actuators[i].name, i), error };
-        let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
+        let mut per_env = self.per_env.as_ref().unwrap_or(&self.made).clone();
         let (combined, mut new) = ActuatorSpec::combine(model, &specs, envs.len(), h)?;
         for (i, (spec, given)) in new.iter_mut().zip(&mut specs).enumerate() {
             let Some(given) = given else {
                 *spec = None;
                 continue;
             };
-            match (&self.specs[i], &mut drawn[i]) {
-                (Some(made), Some(drawn)) => {
+            match (&self.specs[i], &mut per_env[i]) {
+                (Some(compiled), Some(own)) => {
                     let spec = spec.get_or_insert_with(ActuatorSpec::ideal);
                     if let (Some(range), None) = (combined.actuators[i].force_range, self.model.actuators[i].force_range) {
                         spec.narrow(range);
                     }
-                    check_fit(spec, made, envs.len(), num_envs, h).map_err(|error| wrong(i, error))?;
-                    assign(drawn, given, envs, num_envs);
+                    check_fit(spec, compiled, envs.len(), num_envs, h).map_err(|error| wrong(i, error))?;
+                    assign(own, given, envs, num_envs);
                 }
                 _ if spec.is_none() => {}
                 _ => return Err(wrong(i, DeviceError::MadeWithoutDynamics)),
             }
         }
-        Ok(ResampledActuators { envs: envs.to_vec(), specs: new, drawn: Some(drawn).filter(|_| given.is_some() || envs.len() < num_envs) })
+        Ok(ActuatorUpdate { envs: envs.to_vec(), specs: new, per_env: Some(per_env).filter(|_| given.is_some() || envs.len() < num_envs) })
     }
 
-    /// Stores resampled parameters.
-    pub fn take(&mut self, resampled: ResampledActuators) {
-        self.drawn = resampled.drawn;
+    /// Stores the parameters of an update.
+    pub fn apply(&mut self, update: ActuatorUpdate) {
+        self.per_env = update.per_env;
     }
 }
 

@@ -79,6 +79,8 @@ class Go1Stairs(Go1Rough):
     """`Go1Rough` on `STAIRS`, with commands straight ahead in most episodes. An episode is truncated at the edge of its tile.
 
     Attributes:
+        terrain: Terrain of all environments.
+        episode_steps: Number of actions per episode.
         straight: Fraction of the episodes with a command straight ahead. The others have commands as in `Go1Rough`.
     """
 

@@ -152,7 +152,7 @@ def linearize(
     check_kind("sim", sim, Stepper, "stepper.Stepper(model, num_envs)")
     if not isinstance(method, str) or method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
-    check_whole("nstep", nstep.item() if isinstance(nstep, np.ndarray) and nstep.ndim == 0 else nstep, least=1)
+    check_whole("nstep", nstep, least=1)
     for name, flag in {"centered": centered, "extrapolate": extrapolate, "sensors": sensors}.items():
         check_flag(name, flag)
     tolerance = min(TOLERANCE, sim.tolerance) if tolerance is None else _positive("tolerance", tolerance)

@@ -19,7 +19,7 @@ from stepper.derivatives.perturbations import STATE, Array, check_parameters
 from stepper.derivatives.smoothing import Smoothing, smoothed
 from stepper.derivatives.tangent import from_tangent, to_tangent
 from stepper.derivatives.undetermined import first_undetermined
-from stepper.shared.arguments import array_of, check_kind
+from stepper.shared.arguments import array_of, check_flag, check_kind, check_whole
 from stepper.shared.selectors import parse
 
 OUTPUTS = (*STATE, "sensors")
@@ -278,7 +278,7 @@ def rollout(
         sensors: Whether to compute readings of ideal sensors.
 
     Raises:
-        TypeError: `parameters` is a string, or an entry is not a string.
+        TypeError: `parameters` is a string, or an entry is not a string. Or `nstep` or `every` is no whole number.
         ValueError: A wrong shape, a number of steps below 1, or a parameter that is unknown, given twice, or a part of
             the state or the controls. Also an actuator with a memory: a delay, a lag, a sampled servo or an integral.
     """
@@ -299,7 +299,8 @@ def rollout(
         raise ValueError(f"ctrl has shape {given.shape}, must be {must} with nu = {model.nu}" + (f" and num_envs = {n}" if n else ""))
     if not np.isfinite(given).all():
         raise ValueError("ctrl has a number that is not finite")
-    for name, value in (("nstep", nstep), ("every", every)):
-        if value is not None and (not isinstance(value, int | np.integer) or value < 1):
-            raise ValueError(f"{name} is {value!r}, must be a positive integer")
+    check_whole("nstep", nstep, least=1)
+    if every is not None:
+        check_whole("every", every, least=1)
+    check_flag("sensors", sensors)
     return Rollout(copy.deepcopy(sim), np.array(given), int(nstep), parameters=parameters, every=every, sensors=sensors)

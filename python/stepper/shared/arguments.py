@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import os
 from collections.abc import Mapping
 from dataclasses import fields
@@ -55,14 +56,21 @@ def check_fraction(name: str, value: Any, meaning: str = "") -> None:
 def check_whole(name: str, value: Any, *, least: float = -math.inf, most: float = math.inf) -> None:
     """Raises an error unless a value is a whole number from `least` to `most`; `name` is the name of the argument.
 
+    Arrays of integers without axes count as whole numbers.
+
     Raises:
         TypeError: The value is no whole number.
         ValueError: The number is out of its range.
     """
-    if not isinstance(value, Integral) or isinstance(value, bool):
-        raise TypeError(f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}")
-    if not least <= int(value) <= most:
-        raise ValueError(f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}")
+    message = f"{name} is {value!r}, must be {_range('a whole number', least, -math.inf, most)}"
+    if isinstance(value, bool | np.bool_):
+        raise TypeError(message)
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(message) from None
+    if not least <= number <= most:
+        raise ValueError(message)
 
 
 def check_flag(name: str, value: Any) -> None:

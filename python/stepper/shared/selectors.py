@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._hints import did_you_mean, unknown, unknown_field
 from stepper._other_names import EARLIER_SELECTORS
 from stepper._stepper import Model, Stepper, selected
+from stepper.shared.arguments import array_of
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 
 Array = NDArray[np.float64]
@@ -479,7 +480,7 @@ def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int
         lead: Shape of the axes of environments.
         tail: Shape of the selected numbers.
     """
-    given = np.asarray(value, np.float64)
+    given = array_of(what, value)
     if given.shape == lead and tail:
         given = given.reshape(*lead, *(1 for _ in tail))
     elif given.shape not in ((), (*lead, *tail)):

@@ -29,7 +29,7 @@ SECONDS, ROWS = 1.0, 3
 
 
 def robot(model: stepper.Model) -> stepper.Model:
-    """Model with the true parameters of the robot, which the identification does not use."""
+    """The nominal model `model` with the true parameters of the robot. The identification does not use these parameters."""
     mass, inertia = np.array(model.body_mass), np.array(model.body_inertia)
     torso = model.body("torso").id
     inertia[torso] *= MASS / mass[torso]

@@ -54,11 +54,11 @@ class Known:
     """Known failures of stepper in scenes of the atlas, with a common reason.
 
     Attributes:
-        scenes: Regular expression for "number name" of the scenes.
-        engines: Regular expression for the name of the engine in the table.
+        scenes: Regular expression for the number and name of the scenes, separated by a space.
+        engines: Regular expression for the name of stepper with its settings in the table of engines.
         dts: Smallest and largest time step, s.
         reason: Reason of the failures.
-        size: Behaviour that the tests check: a bound, a power of the time step, or an overflow. None if no test runs the scene.
+        size: Size of the error that the tests check: a bound, a power of the time step, or an overflow. None if no test runs the scene.
     """
 
     scenes: str

@@ -14,7 +14,8 @@ use crate::vectors::V;
 
 /// Largest number of vertices that the expanding polytope algorithm adds.
 const GROWTHS: usize = 160;
-/// Distance of the next vertex from the polytope's nearest face up to which the search ends, relative to the size of the pair of shapes.
+/// Tolerance of the search, relative to the size of the pair of shapes. The search ends if the next vertex is no farther from the
+/// polytope's nearest face.
 const ENOUGH: f64 = 1e-13;
 /// Rounding error of a vertex's position, relative to the longest edge of a face: a few units in the last place.
 const ROUNDING: f64 = 1e-15;

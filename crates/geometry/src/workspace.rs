@@ -10,9 +10,9 @@ pub struct Workspace {
     pub(super) clipper: Clipper,
     /// Buffers of the expanding polytope algorithm.
     pub(super) polytope: Polytope,
-    /// Triangles of a surface near the shape, as indices.
+    /// Indices of the triangles of a surface that are near the other shape of the pair.
     pub(super) triangles: Vec<u32>,
-    /// Contact points of all triangles of a surface near the shape.
+    /// Contact points of these triangles.
     pub(super) all: Vec<Point>,
     /// Triangle to which each contact point in `all` belongs.
     pub(super) owners: Vec<u32>,

@@ -333,7 +333,7 @@ mod tests {
         assert!(matches!(Model::from_bytes(&model.to_bytes()), Err(ModelError::Invalid { .. })));
     }
 
-    /// Scene with a floor, two free bodies that both have the mesh "stone", and the mesh "drawn", which no geom uses.
+    /// Scene with a floor and two free bodies, both with the mesh "stone". No geom uses its other mesh, "drawn".
     fn stones() -> Model {
         let mut scene = Model::builder("stones");
         scene.geom(WORLD, GeomBuilder::plane("floor"));

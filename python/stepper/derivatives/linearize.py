@@ -147,7 +147,7 @@ def linearize(
 ) -> Linearization:
     """Returns the derivatives of the state after `nstep` steps, in all environments of a stepper.
 
-    `Stepper.linearize` has the same arguments, such as controls (num_envs, nu) or (nu,), and documents them.
+    `Stepper.linearize` documents the arguments, which are the same. Controls are (num_envs, nu) or (nu,), for example.
     """
     check_kind("sim", sim, Stepper, "stepper.Stepper(model, num_envs)")
     if not isinstance(method, str) or method not in ("fd", "implicit"):

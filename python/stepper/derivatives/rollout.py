@@ -185,9 +185,9 @@ class Rollout:
         return array[:, None] if self._plant.num_envs is None else array
 
     def _direct(self, cotangents: dict[str, Array | None], t: int) -> Array:
-        """Partial gradient of the user's function with respect to the state after control t, in tangent coordinates, (num_envs, 2 nv + na).
+        """Partial gradient of the scalar function of `vjp` with respect to the state after control t, (num_envs, 2 nv + na).
 
-        It does not include the effect of this state on later states.
+        The state is in tangent coordinates. The gradient does not include the effect of this state on later states.
 
         Args:
             cotangents: Arguments of `vjp` by name, checked by `_cotangent`.

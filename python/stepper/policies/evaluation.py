@@ -139,7 +139,7 @@ def make(env: str, num_envs: int | None = None, *, training: bool = False, **set
 
 
 def _made(env: str, num_envs: int | None, *, training: bool, **settings: Any) -> Any:
-    """Creates an environment like `make`, without conversion of Gymnasium's errors."""
+    """Creates an environment like `make`, which converts the TypeError of an unknown argument."""
     gymnasium = require("gymnasium", "to run policies")
     importlib.import_module("stepper.envs")  # The import registers the environments.
     has_module, env = ":" in str(env), import_env(env)

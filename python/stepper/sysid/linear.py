@@ -57,7 +57,14 @@ class Directions:
             column *= (1.0 if narrow >= 1 else 1 / max(narrow, 1e-300)) / max(wide, 1.0)
 
     def points(self, x: Array) -> Array:
-        """Points above and below x, (n,), along each direction, (2 n, n), in the unit of x."""
+        """Points above and below a point along each direction, in the unit of the point.
+
+        Args:
+            x: The point, (n,).
+
+        Returns:
+            The points, (2 n, n): for each direction the point above x, then that below.
+        """
         out = np.repeat(x[None], 2 * len(x), axis=0)
         out[::2] += self.columns.T
         out[1::2] -= self.columns.T

@@ -59,8 +59,8 @@ use crate::math::spatial::*;
 
 /// Ratio of a servo's added inertia to the inertia that it moves, at or above which the servo counts as stiff.
 ///
-/// Evidence: with 0.3, a Unitree G1 whose force limits are a third of the real ones takes 1.7 times as long. With infinity, a stiff arm has
-/// up to 2.5 times the error (docs/development/decisions/stiff_servos.md).
+/// Evidence: with 0.3, a Unitree G1 whose force limits are a third of the real ones takes 1.7 times as much time per step as with 1.0.
+/// With infinity, a stiff arm has up to 2.5 times the error (docs/development/decisions/stiff_servos.md).
 const STIFF_SERVO: f64 = 1.0;
 
 /// Implicit terms that a step adds to the mass matrix.

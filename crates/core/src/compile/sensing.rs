@@ -34,7 +34,7 @@ pub struct CompiledSensing<S> {
     pub subtrees: Vec<Subtree>,
     /// Subtrees of the force and torque sensors, which measure between a subtree and its parent body. Each tuple has the frame of the
     /// sensor's site, and the index of the subtree in `subtrees`.
-    pub carried: Vec<(SensorFrame<S>, usize)>,
+    pub force_sites: Vec<(SensorFrame<S>, usize)>,
     /// Frame and pose of each geom of the model.
     pub geoms: Vec<SensorFrame<S>>,
     /// Frame and pose of each site of the model.
@@ -214,10 +214,11 @@ pub enum Read<S> {
     Gyro(SensorFrame<S>),
     /// Linear acceleration minus gravity, in the sensor's axes.
     Accelerometer(SensorFrame<S>),
-    /// Force that the parent body exerts on a subtree, at the sensor's site. The index selects the subtree in [`CompiledSensing::carried`].
+    /// Force that the parent body exerts on a subtree, at the sensor's site. The index selects the subtree in
+    /// [`CompiledSensing::force_sites`].
     Force(usize),
     /// Torque that the parent body exerts on a subtree, about the sensor's site. The index selects the subtree in
-    /// [`CompiledSensing::carried`].
+    /// [`CompiledSensing::force_sites`].
     Torque(usize),
     /// Touch sensor: sum of the normal forces on the body with this index. Only forces whose lines of action intersect the volume count.
     Touch(usize, Solid<S>),
@@ -286,8 +287,8 @@ impl<S: Scalar> CompiledSensing<S> {
         let mut needs = Needs::of(&sensors, model);
         needs.step |= lossy && needs.actuators;
         let quaternions = sensors.iter().any(|s| matches!(s.read, Read::Frame(FrameReading::Quat, ..)));
-        let sites = compiler.found.borrow().carried.clone();
-        let carried = sites.iter().map(|&s| (compiler.place(Object::Site(s)), compiler.subtree(model.sites[s].body))).collect();
+        let sites = compiler.found.borrow().force_sites.clone();
+        let force_sites = sites.iter().map(|&s| (compiler.place(Object::Site(s)), compiler.subtree(model.sites[s].body))).collect();
         let first = compiler.found.borrow().places.len();
         let objects: Vec<Object> = (0..model.geoms.len()).map(Object::Geom).chain((0..model.sites.len()).map(Object::Site)).collect();
         let mut geoms: Vec<_> = objects.iter().enumerate().map(|(k, &object)| compiler.frame_of(object, first + k)).collect();
@@ -300,7 +301,7 @@ impl<S: Scalar> CompiledSensing<S> {
         Self {
             sensors,
             subtrees,
-            carried,
+            force_sites,
             geoms,
             sites,
             places,
@@ -356,7 +357,7 @@ struct Compiler<'a, S> {
 struct Found {
     subtrees: Vec<Subtree>,
     /// Indices of the sites of force and torque sensors.
-    carried: Vec<usize>,
+    force_sites: Vec<usize>,
     places: Vec<Object>,
     shapes: Vec<Object>,
     surfaces: RaySurfaces,
@@ -394,8 +395,8 @@ impl<S: Scalar> Compiler<'_, S> {
             K::Velocimeter(s) => Read::Velocimeter(site(s)),
             K::Gyro(s) => Read::Gyro(site(s)),
             K::Accelerometer(s) => Read::Accelerometer(site(s)),
-            K::Force(s) => Read::Force(number(&mut self.found.borrow_mut().carried, s)),
-            K::Torque(s) => Read::Torque(number(&mut self.found.borrow_mut().carried, s)),
+            K::Force(s) => Read::Force(number(&mut self.found.borrow_mut().force_sites, s)),
+            K::Torque(s) => Read::Torque(number(&mut self.found.borrow_mut().force_sites, s)),
             K::Touch(s) => Read::Touch(self.model.sites[s].body, self.zone(s)),
             K::RangeFinder { site: s, ref rays, ref fields, ref geoms } => {
                 let seen = geoms.iter().filter_map(|&g| self.target(g)).collect();

@@ -18,7 +18,8 @@ pub struct PositionSolution<R: Real> {
     pub act: Vec<R>,
     /// Constraint rows of the position solve in stage 8.
     pub(crate) rows: PositionRows<R>,
-    /// Inverse inertia of the two bodies of every contact along its normal without constraints, 1/kg; 0 for scalar rows.
+    /// One number per constraint, scalar rows first. For a contact it is the inverse mass of its two bodies, as if no joint held them,
+    /// 1/kg. For a scalar row (equality, limit, dry friction) it is 0.
     pub(crate) unconstrained_mobility: Vec<R>,
     /// Impulses of the velocity solution. The impulses of the position solve are relative to them.
     pub(crate) reference: Reference<R>,

@@ -83,7 +83,8 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     }
 }
 
-/// Penalty of an overlap of `x` m beyond the slop, or of a joint limit violation that is converted to the length `x`.
+/// Penalty of an overlap of `x` m beyond the slop (the overlap that correction leaves), or of a joint limit violation that is converted
+/// to the length `x`.
 fn penalty(options: &StepSettings, x: f64) -> f64 {
     let x0 = DAMPING * CORRECTION_ARM / options.baumgarte.max(MIN_BAUMGARTE);
     x - x0 * (x / x0).ln_1p()

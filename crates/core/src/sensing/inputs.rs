@@ -47,8 +47,8 @@ pub struct SensorView<'a, R: Real> {
     pub velocities: &'a [V6<R>],
     /// Spatial acceleration of every link, see [`SensorWorkspace::acceleration`].
     pub accelerations: &'a [V6<R>],
-    /// Force and torque on every subtree with a force or torque sensor, see [`SensorWorkspace::carried`].
-    pub carried: &'a [[V3<R>; 2]],
+    /// Force and torque on every subtree with a force or torque sensor, see [`SensorWorkspace::site_forces`].
+    pub site_forces: &'a [[V3<R>; 2]],
     pub(crate) sensed_contacts: &'a SensedContacts,
 }
 
@@ -65,7 +65,7 @@ pub struct SensorWorkspace<R: Real> {
     /// acceleration of the world.
     pub acceleration: Vec<V6<R>>,
     /// For each subtree with a force or torque sensor, force (N) and torque (N m) that the parent body exerts on it.
-    pub carried: Vec<[V3<R>; 2]>,
+    pub site_forces: Vec<[V3<R>; 2]>,
     pub(crate) sensed_contacts: SensedContacts,
     pub(crate) order: Vec<(f64, usize)>,
 }
@@ -82,7 +82,7 @@ impl<R: Real> SensorWorkspace<R> {
             orientation: vec![one; frames],
             velocity: vec![zero(); links],
             acceleration: vec![zero(); links],
-            carried: vec![[zero(); 2]; sensing.carried.len()],
+            site_forces: vec![[zero(); 2]; sensing.force_sites.len()],
             sensed_contacts: SensedContacts::new(if sensing.needs.contacts { max_contacts * R::LANES } else { 0 }),
             order: Vec::with_capacity(if sensing.needs.contacts { max_contacts } else { 0 }),
         }

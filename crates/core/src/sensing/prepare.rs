@@ -16,7 +16,7 @@ impl<R: Real> SensorWorkspace<R> {
         kinematics: &'a Kinematics<R>,
         input: &'a SensorInput<'a, R>,
     ) -> (SensorView<'a, R>, &'a mut [R], &'a mut Vec<(f64, usize)>) {
-        let Self { truth, orientation, velocity, acceleration, carried, sensed_contacts, order } = self;
+        let Self { truth, orientation, velocity, acceleration, site_forces, sensed_contacts, order } = self;
         if !orientation.is_empty() {
             orientations(compiled, input.q, orientation);
         }
@@ -29,10 +29,10 @@ impl<R: Real> SensorWorkspace<R> {
             sensed_contacts.load_contacts(compiled, input);
         }
         let (orientations, velocities, accelerations) = (&orientation[..], &velocity[..], &acceleration[..]);
-        let view = SensorView { compiled, kinematics, input, orientations, velocities, accelerations, carried: &[], sensed_contacts };
-        for (carried, (site, subtree)) in carried.iter_mut().zip(&compiled.sensing.carried) {
-            *carried = view.parent_force(site, &compiled.sensing.subtrees[*subtree]);
+        let view = SensorView { compiled, kinematics, input, orientations, velocities, accelerations, site_forces: &[], sensed_contacts };
+        for (site_forces, (site, subtree)) in site_forces.iter_mut().zip(&compiled.sensing.force_sites) {
+            *site_forces = view.parent_force(site, &compiled.sensing.subtrees[*subtree]);
         }
-        (SensorView { carried, ..view }, truth, order)
+        (SensorView { site_forces, ..view }, truth, order)
     }
 }

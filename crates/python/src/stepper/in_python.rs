@@ -9,10 +9,10 @@ use crate::stepper::Stepper;
 impl Stepper {
     /// Derivatives of the state after `nstep` steps with respect to the current state, controls and parameters, in all environments.
     ///
-    /// The method does not change the stepper. Each column is a finite difference between perturbed copies of an environment. Copies of all
-    /// environments and columns are stepped as one batch, with the options, parameters and threads of the stepper, but a tighter tolerance.
-    /// The stepper keeps the memory of the copies for the next call. With contact, the step is smooth only between kinks: see
-    /// `Linearization.near_kink` and docs/how-to/derivatives.md.
+    /// The method does not change the stepper, and returns a `Linearization`. By default each column is a finite difference between
+    /// perturbed copies of an environment. Copies of all environments and columns are stepped as one batch, with the options, parameters
+    /// and threads of the stepper, but a tighter tolerance. The stepper keeps the memory of the copies for the next call. With contact,
+    /// the step is smooth only between kinks: see `Linearization.near_kink` and docs/how-to/derivatives.md.
     ///
     /// Args:
     ///     wrt: Names of the inputs: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or by selector
@@ -28,7 +28,7 @@ impl Stepper {
     ///         (`stepper.derivatives.perturbations.step_of`), or for "implicit" uses `stepper.derivatives.implicit.STEP`.
     ///     tolerance: Solver tolerance of the copies, m/s. None uses 1e-13, or the tolerance of the stepper if that is smaller.
     ///     centered: Whether differences are central. One-sided differences need half the copies. Their error is of first order in `step`
-    ///         instead of second, and they cannot compare the slopes of both sides.
+    ///         instead of second, and they cannot compare the slopes on both sides of a kink.
     ///     extrapolate: Whether to apply Richardson extrapolation with differences of twice the width. It needs twice the copies and gives
     ///         error estimates.
     ///     sensors: Whether to compute derivatives of the ideal sensor readings too.

@@ -114,32 +114,32 @@ def chart(
     distance, reference = chart_reference(
         study, numbers, until, unit, most, stage=stage, tick=lambda done: report_progress("reference", done)
     )
-    ground = ChartBasis(study, numbers, distance, reference, most, clock)
+    basis = ChartBasis(study, numbers, distance, reference, most, clock)
     steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
-    points, skipped, laws = measure(ground, lines(study, quick=quick), steps, report_progress)
+    points, skipped, laws = measure(basis, lines(study, quick=quick), steps, report_progress)
     peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
     skipped = [f"{name}: {reason}" for name, reason in peers if reason] + skipped
     invariants = Invariants(study)
-    dots = _dots(ground, points, invariants, quick=quick, report_progress=report_progress)
+    dots = _dots(basis, points, invariants, quick=quick, report_progress=report_progress)
     folder = Path(out) / study.name
     folder.mkdir(parents=True, exist_ok=True)
-    found = ChartData(ground, points, dots, tuple(skipped), laws, invariants)
+    found = ChartData(basis, points, dots, tuple(skipped), laws, invariants)
     document, files = write(found, folder)
     return Chart(study, distance, reference, dots, tuple(skipped), document, tuple(files))
 
 
-def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: Tick) -> tuple[Dot, ...]:
+def _dots(basis: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: Tick) -> tuple[Dot, ...]:
     """Errors, costs and outcomes of all points of a chart as numbers. Costs and errors of invariants are measured here.
 
     Args:
-        ground: Study, reference and time budget.
+        basis: Data that all points of the chart share.
         points: Runs of all settings with all lengths of the time step, with their errors.
         invariants: Invariants of the scene.
         quick: Whether to measure with fewer repeats.
         report_progress: Progress callback.
     """
-    study, limit = ground.study, ground.budget.stage(INVARIANTS)
-    nothing, kept = np.full(len(ground.episodes), np.nan), [dict[str, Array]() for _ in points]
+    study, limit = basis.study, basis.budget.stage(INVARIANTS)
+    nothing, kept = np.full(len(basis.episodes), np.nan), [dict[str, Array]() for _ in points]
     usual = study.options.timestep or float(study.loaded[0].timestep)
     # The study's time step comes first, so that it is done for all settings if the budget ends early.
     late: set[int] = set()
@@ -160,24 +160,24 @@ def _dots(ground: ChartBasis, points: Sequence[Point], invariants: Invariants, *
             repeats=3 if quick else 7,
             seconds=0.004 if quick else 0.02,
             tick=lambda done: report_progress("costs", done),
-            stage=ground.budget.stage(COSTS),
+            stage=basis.budget.stage(COSTS),
         )
     by_point = dict(zip(timed, spent, strict=True))
     more = {k: ("invariants: the budget was spent before",) for k in late}
     points = [replace(point, notes=point.notes + more.get(k, ())) for k, point in enumerate(points)]
-    return tuple(_dot(ground, point, by_point.get(k), kept[k]) for k, point in enumerate(points))
+    return tuple(_dot(basis, point, by_point.get(k), kept[k]) for k, point in enumerate(points))
 
 
-def _dot(ground: ChartBasis, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
+def _dot(basis: ChartBasis, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
     """Errors, costs and outcomes of one point of a chart (a run of some settings with a given time step), as numbers.
 
     Args:
-        ground: Study, reference and time budget.
+        basis: Data that all points of the chart share.
         point: Run of some settings with a given time step, with its errors.
         cost: Microseconds of one core for a simulated second, alone and in a batch; None if not measured.
         kept: Errors of invariants by name, (episodes,) each.
     """
-    study, trace, nan = ground.study, point.trace, math.nan
+    study, trace, nan = basis.study, point.trace, math.nan
     outcome = study.decisive or next(iter(study.all_outcomes), None)
     values = np.full(1, nan) if outcome is None or trace is None or trace.stopped else trace.outcomes[outcome.name]
     whole = outcome is not None and outcome.success is not None and trace is not None and not trace.stopped
@@ -206,7 +206,7 @@ def _dot(ground: ChartBasis, point: Point, cost: tuple[float, float] | None, kep
         outcome=_mean(values),
         share=float(outcome.succeeds(values).mean()) if whole and outcome is not None else nan,
         invariants={name: _largest(own) for name, own in kept.items()},
-        shifts=() if trace is None else tuple(shifts(study, trace, ground.reference.trace)),
+        shifts=() if trace is None else tuple(shifts(study, trace, basis.reference.trace)),
         notes=tuple(notes),
     )
 

@@ -121,12 +121,12 @@ def chart_reference(
 
 
 def measure(
-    ground: ChartBasis, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[str, float], None]
+    basis: ChartBasis, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[str, float], None]
 ) -> tuple[list[Point], list[str], dict[str, Reference]]:
     """Runs all lines of a chart with all lengths of the time step.
 
     Args:
-        ground: Study, episodes, reference and time budget of the chart.
+        basis: Data that all points of the chart share.
         all_lines: Lines of the chart.
         steps: Time steps, s.
         tick: Progress callback with a text and the fraction done.
@@ -135,18 +135,18 @@ def measure(
         Three results: the points of the chart; texts with the labels of lines that could not be run and the reasons; and by label of a
         line the converged run with the contact law of the line.
     """
-    study = ground.study
+    study = basis.study
     made: dict[int, list[tuple[Trace | None, str]] | str] = {}
-    for number, own in each(study, list(enumerate(all_lines)), functools.partial(_runs, ground, steps, len(all_lines))):
+    for number, own in each(study, list(enumerate(all_lines)), functools.partial(_runs, basis, steps, len(all_lines))):
         made[number] = own
         tick("runs", len(made) / len(all_lines))
     could = {number: own for number, own in sorted(made.items()) if not isinstance(own, str)}
     skipped = [f"{all_lines[number].label}: {own}" for number, own in sorted(made.items()) if isinstance(own, str)]
-    laws = _laws(ground, [all_lines[number] for number in could], lambda done: tick("laws of contact", done))
+    laws = _laws(basis, [all_lines[number] for number in could], lambda done: tick("laws of contact", done))
     distinct = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
     solved: dict[str, tuple[Trace | None, str]] = {}
     jobs = [(*own, 1.0 / (len(distinct) - k)) for k, own in enumerate(distinct.values())]
-    for number, last in each(study, jobs, functools.partial(_solved, ground)):
+    for number, last in each(study, jobs, functools.partial(_solved, basis)):
         solved[list(distinct)[number]] = last
         tick("sources of errors", len(solved) / len(distinct))
     points = []
@@ -154,25 +154,25 @@ def measure(
         line = all_lines[number]
         for dt, (trace, note) in zip(steps, row, strict=True):
             tight = solved[_solved_key(line, dt)] if line.engine == "stepper" else (trace, note)
-            points.append(_point(ground, (line, dt), (trace, note), tight, laws[_law(line)]))
+            points.append(_point(basis, (line, dt), (trace, note), tight, laws[_law(line)]))
     return points, skipped, {line.label: found for line in reversed(all_lines) if isinstance(found := laws.get(_law(line)), Reference)}
 
 
-def _laws(ground: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
+def _laws(basis: ChartBasis, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
     """Converged run of each contact law that occurs in some lines of a chart, or the reason why there is none.
 
     Args:
-        ground: Study, episodes, reference and time budget of the chart.
+        basis: Data that all points of the chart share.
         lines: Lines of the chart.
         tick: Called with the fraction done.
 
     Returns:
         Converged runs, or reasons as texts, by the text with which `_law` identifies a contact law.
     """
-    laws: dict[str, Reference | str] = {ground.study.options.contact: ground.reference}
+    laws: dict[str, Reference | str] = {basis.study.options.contact: basis.reference}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
     jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
-    for done, (number, law) in enumerate(each(ground.study, jobs, functools.partial(_converged, ground))):
+    for done, (number, law) in enumerate(each(basis.study, jobs, functools.partial(_converged, basis))):
         laws[_law(jobs[number][0])] = law
         tick((done + 1) / len(jobs))
     return laws
@@ -196,65 +196,65 @@ def _solved_key(line: Line, dt: float) -> str:
 
 
 def _runs(
-    ground: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
+    basis: ChartBasis, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]
 ) -> list[tuple[Trace | None, str]] | str:
     """Runs of one line of the chart with all lengths of the time step.
 
     Args:
-        ground: Study, episodes, reference and time budget of the chart.
+        basis: Data that all points of the chart share.
         steps: Time steps, s.
         count: Number of lines of the chart, which share the remaining time.
-        study: The study.
+        study: The study of `basis`, which `each` passes.
         own: Index of the line in the chart, and the line.
 
     Returns:
         Pairs of a run and a note, one per time step. The run is None if the time budget left no time for it. If the line cannot be run,
         the result is the reason, as text.
     """
-    (number, line), stage = own, ground.budget.stage(RUNS)
+    (number, line), stage = own, basis.budget.stage(RUNS)
     made: dict[float, tuple[Trace | None, str]] = {}
     left = (count - number) * len(steps)
     try:
         # Long time steps run first, because they take the least time.
         for k, dt in enumerate(sorted(steps, reverse=True)):
-            made[dt] = _run(ground, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt}, study)
+            made[dt] = _run(basis, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt}, study)
         return [made[dt] for dt in steps]
     except ValueError as error:
         return " ".join(str(error).split())[:300]
 
 
-def _solved(ground: ChartBasis, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
+def _solved(basis: ChartBasis, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
     """Run of a line of the chart with a tight solver tolerance, up to the horizon, and a note on the run.
 
     The first result is None if the time budget left no time for the run.
 
     Args:
-        ground: Study, episodes, reference and time budget of the chart.
-        study: The study.
+        basis: Data that all points of the chart share.
+        study: The study of `basis`, which `each` passes.
         own: Line, time step (s), and the fraction of the remaining time that the run may take.
     """
     line, dt, share = own
     return _run(
-        ground, ground.budget.stage(SOURCES).one(share), line.settings | TIGHT | {"timestep": dt}, study, until=ground.distance.horizon
+        basis, basis.budget.stage(SOURCES).one(share), line.settings | TIGHT | {"timestep": dt}, study, until=basis.distance.horizon
     )
 
 
-def _run(ground: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
+def _run(basis: ChartBasis, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
     """Run of a study with changed settings, and a note, which is empty unless the run was stopped or not started.
 
     The first result is None if the time budget left no time for the run.
 
     Args:
-        ground: Study, episodes, reference and time budget of the chart.
+        basis: Data that all points of the chart share.
         stage: Stage of the time budget.
         settings: Changed settings, with the time step.
-        study: The study.
+        study: The study of `basis`, which `each` passes.
         until: Simulated time at which the run ends, s.
     """
     if stage.limited and not stage.left:
-        return None, f"the budget of {ground.budget.seconds:g} s was spent before"
-    patient = patience(study, ground.reference.trace, settings["timestep"], slower=_MAX_SLOWDOWN, least=_MIN_PATIENCE)
-    trace = run(study, ground.episodes, until=until, stage=stage.within(patient), **settings)
+        return None, f"the budget of {basis.budget.seconds:g} s was spent before"
+    patient = patience(study, basis.reference.trace, settings["timestep"], slower=_MAX_SLOWDOWN, least=_MIN_PATIENCE)
+    trace = run(study, basis.episodes, until=until, stage=stage.within(patient), **settings)
     if trace.stopped:
         whole = min(until, study.seconds)
         why = "" if stage.limited and not stage.left else f": it takes more than {_MAX_SLOWDOWN:g} times as long as the converged run"
@@ -262,26 +262,26 @@ def _run(ground: ChartBasis, stage: Stage, settings: dict[str, Any], study: Stud
     return trace, ""
 
 
-def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Reference | str:
+def _converged(basis: ChartBasis, study: Study, own: tuple[Line, float]) -> Reference | str:
     """Converged run for the contact law of a line of the chart, or the reason why it failed.
 
     Args:
-        ground: Study, episodes, reference and time budget of the chart.
-        study: The study.
+        basis: Data that all points of the chart share.
+        study: The study of `basis`, which `each` passes.
         own: Line of the chart, and the fraction of the remaining time that its converged run may take.
     """
     line, share = own
     # All lines of hard contact share a run with one integrator. A line of MuJoCo's law runs with its integrator, because the study's
     # integrator may exist for hard contact only.
     law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
-    distance, stage = ground.distance, ground.budget.stage(LAWS)
+    distance, stage = basis.distance, basis.budget.stage(LAWS)
     if stage.limited and not stage.left:
-        return f"the budget of {ground.budget.seconds:g} s was spent before"
-    most = min(ground.most, 5)
+        return f"the budget of {basis.budget.seconds:g} s was spent before"
+    most = min(basis.most, 5)
     try:
         return converge(
             study,
-            ground.episodes,
+            basis.episodes,
             distance,
             target=TARGET[distance.unit],
             most=most,
@@ -294,18 +294,18 @@ def _converged(ground: ChartBasis, study: Study, own: tuple[Line, float]) -> Ref
 
 
 def _point(
-    ground: ChartBasis, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
+    basis: ChartBasis, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
 ) -> Point:
     """Point of the chart from the runs of a line with a given time step.
 
     Args:
-        ground: Study, episodes, reference and time budget of the chart.
+        basis: Data that all points of the chart share.
         at: Line of the chart, and time step, s.
         own: Run of the line at this time step, and a note on the run.
         tight: The same run with a tight solver tolerance, and a note on it.
         law: Converged run with the contact law of the line, or the reason why it failed.
     """
-    nothing, (line, dt) = np.full(len(ground.episodes), np.nan), at
+    nothing, (line, dt) = np.full(len(basis.episodes), np.nan), at
     trace, note = own
     notes = [note] if trace is not None or not note else [f"not run: {note}"]
     if trace is not None and (lost := int((~trace.finite).sum())):
@@ -316,13 +316,13 @@ def _point(
         notes.append(f"parts of time step and model unknown, because the run of its contact law did not converge: {law}")
 
     def apart(one: Trace | None, other: Trace | None) -> Array:
-        return nothing if one is None or other is None else ground.distance(one, other)
+        return nothing if one is None or other is None else basis.distance(one, other)
 
     converged = None if isinstance(law, str) else law.trace
     errors = {
-        "total": apart(trace, ground.reference.trace),
+        "total": apart(trace, basis.reference.trace),
         "solver": apart(trace, tight[0]) if line.engine == "stepper" else nothing,
         "step": apart(tight[0], converged),
-        "model": apart(converged, ground.reference.trace),
+        "model": apart(converged, basis.reference.trace),
     }
     return Point(line, dt, trace, errors, tuple(note for note in notes if note))

@@ -27,7 +27,7 @@ class ChartData:
     """Data of a chart for its output files.
 
     Attributes:
-        ground: Study, reference and time budget.
+        basis: Data that all points of the chart share.
         points: Runs of all settings with all lengths of the time step.
         dots: The same points as numbers (errors, costs, outcomes), in the same order.
         skipped: Settings that could not be run, with the reasons.
@@ -35,7 +35,7 @@ class ChartData:
         invariants: Invariants of the scene.
     """
 
-    ground: ChartBasis
+    basis: ChartBasis
     points: Sequence[Point]
     dots: Sequence[Dot]
     skipped: Sequence[str]
@@ -51,8 +51,8 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     """
     from stepper.lab.accuracy.draw import draw, draw_later  # noqa: PLC0415  (matplotlib is optional, and slow to import)
 
-    ground, came_from = found.ground, provenance()
-    study, distance, reference = ground.study, ground.distance, ground.reference
+    basis, came_from = found.basis, provenance()
+    study, distance, reference = basis.study, basis.distance, basis.reference
     note = f"{came_from['cpu']}, one core, {came_from['utc']}"
     picture = draw(study, distance, reference, found.dots, path=folder / "chart.png", note=note)
     later = draw_later(study, found.dots, path=folder / "chart_later.png")
@@ -60,7 +60,7 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     if rapier := package_version("rapier3d"):
         came_from["rapier3d"] = rapier
     with table.open("w", newline="", encoding="utf-8") as file:
-        header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": ground.budget.seconds}
+        header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
         for key, value in {**header, **study.in_force, **came_from}.items():
             file.write(f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n")
         writer = csv.DictWriter(file, list(dict.fromkeys(name for dot in found.dots for name in dot.row)))
@@ -75,19 +75,19 @@ def _episodes(found: ChartData, path: Path) -> Path:
 
     The arrays "label" and "timestep" name the settings and time step of each point.
     """
-    nothing = np.full(len(found.ground.episodes), np.nan)
+    nothing = np.full(len(found.basis.episodes), np.nan)
     kept: dict[str, Any] = {
         "label": np.array([dot.label for dot in found.dots]),
         "timestep": np.array([dot.timestep for dot in found.dots]),
-        "episode": np.array(list(found.ground.episodes)),
+        "episode": np.array(list(found.basis.episodes)),
     }
     for name in ("total", "solver", "step", "model"):
         kept[f"error_{name}"] = np.array([point.errors[name] for point in found.points])
-    for outcome in found.ground.study.all_outcomes:
+    for outcome in found.basis.study.all_outcomes:
         kept[f"outcome_{outcome.name}"] = np.array(
             [nothing if point.trace is None else point.trace.outcomes[outcome.name] for point in found.points]
         )
-        kept[f"reference_{outcome.name}"] = found.ground.reference.trace.outcomes[outcome.name]
+        kept[f"reference_{outcome.name}"] = found.basis.reference.trace.outcomes[outcome.name]
     np.savez_compressed(path, **kept)
     return path
 
@@ -100,9 +100,9 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
         picture: Picture of error against cost.
         later: Picture of invariants and outcomes; None if there is none.
     """
-    dots, ground = found.dots, found.ground
+    dots, basis = found.dots, found.basis
     best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
-    study, unit = ground.study, ground.distance.unit
+    study, unit = basis.study, basis.distance.unit
     parts = [f"from {word}" for word in CAUSES.values()]
     head = ("", "settings", "time step, ms", f"error, {unit}", *parts, "cause", "alone, us", "batch, us", "penetration, mm")
     outcome = study.decisive or next(iter(study.all_outcomes), None)
@@ -130,8 +130,8 @@ def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Secti
 
 def _words(found: ChartData) -> list[str]:
     """Paragraphs for the document that accompanies a chart. They explain its errors, costs and reference solution."""
-    ground = found.ground
-    reference, unit, horizon = ground.reference, ground.distance.unit, ground.distance.horizon
+    basis = found.basis
+    reference, unit, horizon = basis.reference, basis.distance.unit, basis.distance.horizon
     what = "largest distance of a body, geom or site" if unit == "m" else "largest angle of a body"
     laws = [f"{label} {np.median(law.uncertainty):.1e}" for label, law in found.laws.items() if law is not reference]
     stopped = sum(bool(dot.notes) for dot in found.dots)
@@ -152,9 +152,9 @@ def _words(found: ChartData) -> list[str]:
         "The reference has hard contact, unless the study's options have MuJoCo's law."
         + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(laws)}." if laws else ""),
     ]
-    if math.isfinite(ground.budget.seconds):
+    if math.isfinite(basis.budget.seconds):
         words.append(
-            f"The budget was {ground.budget.seconds:g} s of wall-clock time. "
+            f"The budget was {basis.budget.seconds:g} s of wall-clock time. "
             + (f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite." if stopped else "Nothing was stopped.")
         )
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
@@ -181,7 +181,7 @@ def _invariants(found: ChartData, picture: Path | None) -> Section:
 
 def _distributions(found: ChartData) -> Section:
     """Section of the document of a chart with differences of outcomes from those of the reference."""
-    study, reference = found.ground.study, found.ground.reference
+    study, reference = found.basis.study, found.basis.reference
     title = "Distributions of outcomes"
     if not study.all_outcomes:
         return Section(title, ["Left out: the study has no outcome. Give it one to compare outcomes where motions are chaotic."])

@@ -6,7 +6,8 @@ use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::inertia::{NewtonEuler, link_forces, project_forces};
 use crate::dynamics::kinematics::Kinematics;
 
-/// Dense unsymmetric matrix of the integrator `implicit`, row-major, with the buffers that compute it.
+/// Dense unsymmetric matrix A + h dc/dv of the integrator `implicit`, row-major, and buffers of its computation. A is the mass matrix
+/// with implicit damping, and c the Coriolis forces.
 #[derive(Clone, Debug)]
 pub(crate) struct Unsymmetric<R: Real> {
     entries: Vec<R>,

@@ -185,8 +185,12 @@ def test_what_the_table_calls_the_same_is_compared():
 
 def test_what_the_table_calls_not_simulated_is_left_out_with_its_reason():
     assert {word: remark for word, (verdict, remark) in parity().items() if verdict == "not simulated"} == MISSING
-    model = stepper.load("""<mujoco><worldbody><camera name="eye"/><body><freejoint/><geom size=".1"/><site name="imu"/></body></worldbody>
-      <sensor><camprojection site="imu" camera="eye"/><user dim="2"/><gyro site="imu"/></sensor></mujoco>""")
+    source = """<mujoco><worldbody><camera name="eye"/><body><freejoint/><geom size=".1"/><site name="imu"/></body></worldbody>
+      <sensor><camprojection site="imu" camera="eye"/><user name="own" dim="2"/><gyro site="imu"/></sensor></mujoco>"""
+    with pytest.warns(
+        stepper.ModelWarning, match=r"sensordata` is shorter than MuJoCo's:\n  camprojection #0: cameras.*\n  user own: callbacks"
+    ):
+        model = stepper.load(source)
     assert {(kind, reason) for kind, _, reason in model.omitted if kind.startswith("sensor ")} == {
         (f"sensor {word}", f"not read: {MISSING[word]}; nsensordata is smaller") for word in ("camprojection", "user")
     }

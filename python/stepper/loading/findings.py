@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterator
 
 from stepper._stepper import Model, ModelError
+from stepper.loading.mjcf.sensors import unread
 
 _MOST_LINES = 8
 """Largest number of lines per kind of finding in a warning."""
@@ -24,7 +25,7 @@ _DEEP = 1e-3
 
 
 class ModelWarning(UserWarning):
-    """Warning that a loaded model is simulated differently from its source: other settings, convex hulls of meshes, or disabled contacts.
+    """Warning that a loaded model differs from its source: other settings, convex hulls of meshes, missing sensors, or disabled contacts.
 
     The warning is also issued if geoms overlap in a keyframe. `Model.explain()` has the details except for keyframes. The command
     `stepper explain` has the deepest overlap of each keyframe. `model.replace(qpos0=qpos).overlaps()` returns all overlaps at positions
@@ -54,6 +55,8 @@ def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) ->
         parts.append(_listed(f"{name} has settings that the default options do not use:", model.deviations))
     if loaded and (hulls := [hull for hull in model.wide_hulls if _is_worth_a_warning(model, *hull, is_robot=is_robot)]):
         parts.append(_hulls(model, hulls))
+    if loaded and (lines := unread(model)):
+        parts.append(_listed("sensors without readings, so that `sensordata` is shorter than MuJoCo's:", lines))
     if excluded:
         parts += _overlaps(model)
     details = "model.explain() has the details; " if parts else ""

@@ -57,8 +57,9 @@ def load(
     Warns:
         ModelWarning: The source sets an integrator other than Euler, or solref or solimp other than MuJoCo's defaults, which the default
             options do not use (`Options.from_model(model)` does). A mesh collides as a convex hull with a much larger volume: at least 1.25
-            times for fixed ground, and 10 times for a part of a robot. `overlaps="exclude"` disabled contacts, or kept overlaps with the
-            ground. Geoms overlap by more than 1 mm in a keyframe. One warning per call. Silence it with
+            times for fixed ground, and 10 times for a part of a robot. A sensor is not read, so that `sensordata` is shorter than MuJoCo's.
+            `overlaps="exclude"` disabled contacts, or kept overlaps with the ground. Geoms overlap by more than 1 mm in a keyframe. One
+            warning per call. Silence it with
             `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
 
     Raises:

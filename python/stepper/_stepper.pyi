@@ -1161,13 +1161,12 @@ class Stepper:
                   input plus bias . (1, length, velocity), with the first three entries. Entries that the type of an actuator does not use
                   are 0.
                 * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
-                  keep their drives, and None restores the drives that were given to the constructor. A stage (servo, motor, lag, limits,
-                  friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
+                  keep their drives, and None restores the drives that were given to the constructor. A component (servo, motor, lag, limits, friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
                   delay there. Delay lines, lags and integrals are state: they are kept until `reset`.
 
         Raises:
             TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
-            ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
+            ValueError: A shape is wrong, or a drive has an invalid value, a new component or a longer delay. No parameter changes.
             ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides the value. Or the
                 value needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
                 environment. No parameter changes.
@@ -1270,10 +1269,10 @@ class Stepper:
     ) -> Linearization:
         """Derivatives of the state after `nstep` steps with respect to the current state, controls and parameters, in all environments.
 
-        The method does not change the stepper. Each column is a finite difference between perturbed copies of an environment. Copies of all
-        environments and columns are stepped as one batch, with the options, parameters and threads of the stepper, but a tighter tolerance.
-        The stepper keeps the memory of the copies for the next call. With contact, the step is smooth only between kinks: see
-        `Linearization.near_kink` and docs/how-to/derivatives.md.
+        The method does not change the stepper, and returns a `Linearization`. By default each column is a finite difference between
+        perturbed copies of an environment. Copies of all environments and columns are stepped as one batch, with the options, parameters
+        and threads of the stepper, but a tighter tolerance. The stepper keeps the memory of the copies for the next call. With contact,
+        the step is smooth only between kinks: see `Linearization.near_kink` and docs/how-to/derivatives.md.
 
         Args:
             wrt: Names of the inputs: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or by selector
@@ -1289,7 +1288,7 @@ class Stepper:
                 (`stepper.derivatives.perturbations.step_of`), or for "implicit" uses `stepper.derivatives.implicit.STEP`.
             tolerance: Solver tolerance of the copies, m/s. None uses 1e-13, or the tolerance of the stepper if that is smaller.
             centered: Whether differences are central. One-sided differences need half the copies. Their error is of first order in `step`
-                instead of second, and they cannot compare the slopes of both sides.
+                instead of second, and they cannot compare the slopes on both sides of a kink.
             extrapolate: Whether to apply Richardson extrapolation with differences of twice the width. It needs twice the copies and gives
                 error estimates.
             sensors: Whether to compute derivatives of the ideal sensor readings too.

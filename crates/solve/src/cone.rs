@@ -13,7 +13,7 @@ pub fn project<R: Real, const N: usize>(x: [R; N], mu: R) -> [R; N] {
         square += t * t;
     }
     let tangent = square.sqrt();
-    // Without friction the cone is a half line, and mu n is zero on both of its sides.
+    // Without friction, mu n is zero for every n. The second condition then excludes points with n < 0.
     let inside = tangent.le(mu * n).and(n.ge(R::zero()));
     let polar = (mu * tangent).le(-n);
     let height = (mu * tangent + n) / (R::one() + mu * mu);

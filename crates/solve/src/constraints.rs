@@ -1,7 +1,7 @@
-//! Kinds of constraints, and the only list of all kinds.
+//! Kinds of constraints, and the macros that list all kinds.
 //!
-//! Each kind has a file with the rows of one constraint and their implementation of [`Row`](constraint_set::Row).
-//! The rest of the crate refers to a kind only by its line in `by_kind`, `each_kind` and `make_kinds`.
+//! Each kind has a file with the rows of one constraint and their implementation of [`Row`](constraint_set::Row). Most of the crate treats
+//! all kinds alike, by the macros `by_kind`, `each_kind` and `make_kinds`, which have one line per kind.
 
 pub(crate) mod constraint_set;
 pub(crate) mod friction;

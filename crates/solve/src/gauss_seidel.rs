@@ -1,8 +1,8 @@
 //! Projected Gauss-Seidel with the exact solution of every contact's local problem, and Anderson's acceleration: the fast solver.
 //!
 //! A sweep (one iteration) visits the rows in a fixed order. Each row gets the impulse that solves it while all other impulses stay
-//! constant. A lane stops when its residual meets the tolerance. Later sweeps of other lanes do not change its impulses, because every
-//! update is masked.
+//! constant. A lane stops when its residual meets the tolerance, or after the largest number of sweeps. Later sweeps of other lanes do not
+//! change its impulses, because every update is masked.
 
 mod acceleration;
 mod compaction;
@@ -36,7 +36,8 @@ pub struct SweepOutcome<R: Real> {
     pub sweeps: R,
 }
 
-/// Largest number of sweeps that any settings allow. Lanes count their sweeps in floating point, and 32-bit numbers cannot count beyond it.
+/// Largest number of sweeps that any settings allow. Lanes count their sweeps in floating point, and floats of 32 bits cannot count beyond
+/// it.
 const MOST_SWEEPS: u32 = 1 << 24;
 
 /// Improves the impulses of the lanes `lanes` until each lane meets the tolerance or has made the largest number of sweeps.

@@ -17,7 +17,7 @@ by_kind! {
         /// kinetic energy is |w|^2 / 2.
         pub w: Vec<R>,
         /// Multiplier of the friction disc of each contact (slip velocity divided by friction impulse, 1/kg), from which its next local
-        /// solution starts; 0 while the contact sticks.
+        /// solution starts; 0 while the contact sticks or is open.
         pub(crate) multipliers: Multipliers<R>,
         /// History of Anderson's acceleration.
         pub(crate) history: History<R>,

@@ -19,9 +19,9 @@
 //! No solve changes the [`Problem`]. Each row has a target for the velocity solve and one for the position solve.
 //! A solve reads a [`System`], that of the problem or that of [`PositionRows`].
 //!
-//! All code is generic over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. Each kind of constraint has one file in
-//! `constraints/`. The file has the operations of the kind in a sweep, in the residual, in lane compaction (unsolved lanes move to a
-//! smaller register), in Newton's method and in the position solve.
+//! The interface is generic over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. Newton's method computes one lane at
+//! a time, in f64. Each kind of constraint has one file in `constraints/`. The file has the operations of the kind in a sweep, in the
+//! residual, in lane compaction (unsolved lanes move to a smaller register), in Newton's method and in the position solve.
 
 mod admissible_set;
 mod capacity;

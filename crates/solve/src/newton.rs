@@ -91,13 +91,13 @@ struct LaneOutcome {
     residual: f64,
     /// Number of Newton steps.
     steps: u32,
-    /// Whether the residual of any island has become smaller.
+    /// Whether the residual of any island has become smaller or meets the tolerance.
     better: bool,
 }
 
 impl Newton {
     /// Improves the impulses of the lanes `lanes`, one lane after the other. Lanes whose residual meets the tolerance are skipped, except
-    /// with [`Terms::LeastNorm`].
+    /// with [`Terms::LeastNorm`]. Lanes whose residual is not finite are always skipped.
     ///
     /// `residual` has the residual of each lane, m/s, and gets the new one. `step_counts` has numbers of Newton steps, which increase by
     /// the steps of this call. A residual may increase, but then remains within the tolerance. If many impulses are possible, the solver

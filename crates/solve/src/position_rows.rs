@@ -95,14 +95,14 @@ impl<R: Real> PositionRows<R> {
     ///
     /// The correction of a row is the difference between its position target and its velocity target. Rows without correction remain hard.
     /// The compliance of a scalar row with a correction is the damping ratio times the row's mobility. For a contact the ratio grows with
-    /// the correction, and its number in `floors`, 1/kg, is added to the mobility. The list `floors` has one number for each constraint.
+    /// the correction, and its number in `added_mobilities`, 1/kg, is added to the mobility. This list has one number for each constraint.
     #[inline(always)]
     pub fn damp(
         &mut self,
         problem: &Problem<R>,
         iterate: &Iterate<R>,
         damping: Damping<R>,
-        mut floors: &[R],
+        mut added_mobilities: &[R],
         reference: &mut Reference<R>,
     ) {
         let Reference { w, lambda, g, .. } = reference;
@@ -110,8 +110,8 @@ impl<R: Real> PositionRows<R> {
         lambda.clear();
         g.clear();
         each_kind!([own: &mut self] [set: &problem] [impulses: &iterate] => {
-            let floors = take(&mut floors, own.items.len());
-            set.damp(own, impulses, damping, floors, [&mut *lambda, &mut *g]);
+            let added_mobilities = take(&mut added_mobilities, own.items.len());
+            set.damp(own, impulses, damping, added_mobilities, [&mut *lambda, &mut *g]);
         });
     }
 }

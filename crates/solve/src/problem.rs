@@ -187,8 +187,8 @@ impl<R: Real> System<'_, R> {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
     }
 
-    /// Calls `f` for each row or contact that exists in a lane. `f` gets an iterator over the coordinates (columns of the Jacobian)
-    /// at which this row or contact has entries in the lane, ascending.
+    /// Calls `f` for each row or contact that is active in a lane: it exists, an impulse can move it, and it is not deferred. `f` gets an
+    /// iterator over the coordinates (columns of the Jacobian) at which this row or contact has entries in the lane, ascending.
     pub fn for_each_column_set(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
         each_kind!([set: &self.problem] [rows: self] => set.for_each_column_set(rows, lane, &mut f));
     }

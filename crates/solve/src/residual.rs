@@ -8,10 +8,10 @@ use stepper_real::{Real, kernel};
 
 /// Natural-map residual of the exact Coulomb problem in each lane, m/s (rad/s for angular rows).
 ///
-/// The residual is `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` over all constraints i. Here lambda_i is the impulse, and P_K the
-/// projection on the admissible impulses. The vector u_i is the velocity v of the rows. For a contact, De Saxce's term is added to the
-/// normal velocity: `u = v + (mu |v_t|, 0, 0)`. The step is `rho_i = n / trace(G_ii)` for n rows, where G_ii is the block of the Delassus
-/// matrix before elimination of equality rows.
+/// The residual is `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` over all active constraints i. Here lambda_i is the impulse, and
+/// P_K the projection on the admissible impulses. The vector u_i is the velocity v of the rows. For a contact, De Saxce's term is added to
+/// the normal velocity: `u = v + (mu |v_t|, 0, 0)`. The step is `rho_i = n / trace(G_ii)` for n rows, where G_ii is the block of the
+/// Delassus matrix before elimination of equality rows.
 #[inline(always)]
 pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>) -> R {
     let (system, mut worst) = (system.into(), R::zero());
@@ -60,10 +60,10 @@ pub fn max_residual_for_energy<'a, R: Real>(system: impl Into<System<'a, R>>, it
 
 /// Lanes in which the impulses do not determine the kinetic energy, because of their residual.
 ///
-/// An error of `residual` in all rows has the work `residual sum_i |lambda_i|`; residuals above 1e-6 m/s count as 1e-6 m/s. The energy is
-/// ambiguous if this work exceeds the kinetic energy |w|^2 / 2 of the velocity change plus `negligible`, J. This occurs in a jam with
-/// almost no lever arm, where impulses a million times the load cancel. `negligible` excludes unloaded contacts, whose impulses and
-/// velocities are both rounding error.
+/// An error of `residual` in all scalar and normal rows i has the work `residual sum_i |lambda_i|`. Residuals above 1e-6 m/s count as 1e-6
+/// m/s. The energy is ambiguous if this work exceeds the kinetic energy |w|^2 / 2 of the velocity change plus `negligible`, J. This occurs
+/// in a jam with almost no lever arm, where impulses a million times the load cancel. `negligible` excludes unloaded contacts, whose
+/// impulses and velocities are both rounding error.
 #[inline(always)]
 pub fn energy_is_ambiguous<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R, negligible: R) -> R::Mask {
     let (system, mut impulse) = (system.into(), R::zero());

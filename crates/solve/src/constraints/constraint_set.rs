@@ -256,9 +256,9 @@ pub trait Row<R: Real>: Copy + Debug {
     fn undamped_offset(&self) -> R;
 
     /// Adds a compliance that damps the position targets of the rows. It acts on the difference from the impulse `lambda`: this impulse
-    /// itself causes no additional velocity. For a contact, `floor`, 1/kg, is added to the mobility that scales the compliance. Scalar rows
-    /// ignore `floor`.
-    fn damp(&mut self, lambda: Self::Impulse, damping: Damping<R>, floor: R);
+    /// itself causes no additional velocity. For a contact, `added_mobility`, 1/kg, is added to the mobility that scales the compliance.
+    /// Scalar rows ignore it.
+    fn damp(&mut self, lambda: Self::Impulse, damping: Damping<R>, added_mobility: R);
 
     /// Velocity by which damping prevents the normal row from meeting its target, m/s or rad/s. `change` is the change of the row's
     /// impulse since the reference solution, and zero for an eliminated row.
@@ -517,8 +517,8 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         }
     }
 
-    /// Calls `f` for each constraint that exists in a lane. `f` gets an iterator over the coordinates at which this constraint has entries
-    /// in the lane, ascending.
+    /// Calls `f` for each constraint that is active in a lane ([`Row::active`]). `f` gets an iterator over the coordinates at which this
+    /// constraint has entries in the lane, ascending.
     pub(crate) fn for_each_column_set(&self, rows: &Rows<T>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
         for row in rows.items.iter().filter(|row| has_lane::<R>(row.active(), lane)) {
             f(&mut self.columns_in(row, lane));
@@ -532,7 +532,7 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         columns.iter().zip(y).filter(move |(_, y)| touches(y)).map(|(c, _)| *c)
     }
 
-    /// Constraints of a lane, with their impulses, as a file stores them.
+    /// Constraints of a lane, with their impulses, as a file stores them. Deferred contacts are left out.
     pub(crate) fn save(&self, rows: &Rows<T>, impulses: &[T::Impulse], lane: usize) -> Vec<SavedConstraint> {
         let exists = |row: &T| has_lane::<R>(row.active(), lane) || has_lane::<R>(row.immovable(), lane);
         let there = rows.items.iter().zip(impulses).enumerate().filter(|(_, (row, _))| exists(row));
@@ -598,8 +598,8 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         out.extend(rows.items.iter().flat_map(|row| std::iter::repeat_n(row.uniform_compliance(), T::Impulse::ROWS)));
     }
 
-    /// Calls `f` with the natural-map residual |lambda - P_K(lambda - rho u)| / rho of each constraint in turn, m/s, see
-    /// [`residual`](crate::residual()).
+    /// Calls `f` with the natural-map residual |lambda - P_K(lambda - rho u)| / rho of each constraint in turn, m/s; 0 for constraints that
+    /// are not active. See [`residual`](crate::residual()).
     #[inline(always)]
     pub(crate) fn for_each_residual(&self, rows: &Rows<T>, impulses: &[T::Impulse], w: &[R], mut f: impl FnMut(R)) {
         for (row, &lambda) in rows.items.iter().zip(impulses) {
@@ -641,23 +641,23 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
     /// [`PositionRows::damp`](crate::PositionRows::damp). The compliance acts on the difference from `impulses`. These impulses therefore
     /// cause no additional velocity.
     ///
-    /// `floors` has a number for each constraint, 1/kg, which is added to the mobility of a contact. The function appends the normal
-    /// impulse of each constraint to `reference_lambda`, and the undamped offset of each normal row to `reference_g`.
+    /// `added_mobilities` has a number for each constraint, 1/kg, which is added to the mobility of a contact. The function appends the
+    /// normal impulse of each constraint to `reference_lambda`, and the undamped offset of each normal row to `reference_g`.
     #[inline(always)]
     pub(crate) fn damp(
         &self,
         rows: &mut Rows<T>,
         impulses: &[T::Impulse],
         damping: Damping<R>,
-        floors: &[R],
+        added_mobilities: &[R],
         [reference_lambda, reference_g]: [&mut Vec<R>; 2],
     ) {
-        for (k, ((row, &lambda), &floor)) in rows.items.iter_mut().zip(impulses).zip(floors).enumerate() {
+        for (k, ((row, &lambda), &added)) in rows.items.iter_mut().zip(impulses).zip(added_mobilities).enumerate() {
             reference_lambda.push(lambda.normal());
             reference_g.push(row.undamped_offset());
             // Eliminated rows are damped at assembly, because other rows are combined with them.
             if k >= self.eliminated {
-                row.damp(lambda, damping, floor);
+                row.damp(lambda, damping, added);
             }
         }
         rows.compliant = true;

@@ -22,10 +22,11 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Solver of the same kind in half of the lanes.
     type Half: LocalSolver<R::Half, N>;
 
-    /// Solver of a contact whose block of the Delassus matrix is `gram`, in the lanes `exists`. Only the upper triangle is read.
+    /// Solver of a contact whose block of the Delassus matrix is `gram`, in the lanes `active`. The solver of other lanes is a placeholder.
+    /// Only the upper triangle is read.
     ///
     /// Also returns the trace of the block, 1/kg.
-    fn new(gram: &[[R; N]; N], exists: R::Mask) -> (Self, R);
+    fn new(gram: &[[R; N]; N], active: R::Mask) -> (Self, R);
 
     /// Impulse that solves this contact, and the multiplier s of its friction disc (slip velocity divided by friction impulse, 1/kg), which
     /// is 0 for a contact that sticks or opens.
@@ -34,8 +35,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// coefficient. The search for s starts at `guess`. Outside the lanes `lanes`, the impulse and s are 0.
     fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
 
-    /// Impulse by the weaker update, in the lanes `active` in which the contact exists. The weaker update changes the impulse less than
-    /// [`LocalSolver::solve`], so that sweeps (Gauss-Seidel iterations) cycle less.
+    /// Impulse by the weaker update, in the lanes `active`. The result has no meaning in other lanes. The weaker update changes the impulse
+    /// less than [`LocalSolver::solve`], so that sweeps (Gauss-Seidel iterations) cycle less.
     ///
     /// It updates the normal impulse at constant tangential impulse. Then it projects the tangential impulse on the disc of the new normal
     /// impulse.
@@ -149,8 +150,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Appends a contact whose rows have the entries `y` at the coordinates `columns`, ascending.
     ///
     /// The contact exists in the lanes `exists`, and `mu` is its friction coefficient. `g` has the offset of each row, m/s: the row's
-    /// velocity before any impulse, plus its bias (minus the target velocity). A contact whose normal mobility is below `least`, 1/kg, is
-    /// immovable.
+    /// velocity before any impulse, plus its bias (minus the target velocity). A contact is immovable if its normal mobility is below
+    /// `least`, 1/kg, or a tiny fraction of its mobility in all directions.
     #[inline(always)]
     pub(crate) fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> [R; N], exists: R::Mask, mu: R, g: [R; N], least: R) {
         let mut gram = [[R::zero(); N]; N];
@@ -569,8 +570,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row<R> for FrictionContact<R
     }
 
     #[inline(always)]
-    fn damp(&mut self, lambda: [R; N], damping: Damping<R>, floor: R) {
-        let mobility = self.local.mobility(&self.step) + floor;
+    fn damp(&mut self, lambda: [R; N], damping: Damping<R>, added_mobility: R) {
+        let mobility = self.local.mobility(&self.step) + added_mobility;
         let correction = self.position_g[0] - self.g[0];
         let compliance = masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility);
         self.damping += compliance;
@@ -618,12 +619,12 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
     trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e3))
 }
 
-/// Largest number of iterations for the friction multiplier of a sliding contact. Each is a Newton step, or a bisection where a Newton step
-/// would leave the interval that contains the solution. One to three iterations are usual; bisections from a poor start take more.
+/// Largest number of iterations for the friction multiplier of a slipping contact. Each is a Newton step, or a bisection where a Newton
+/// step would leave the interval that contains the solution. One to three iterations are usual; bisections from a poor start take more.
 const MAX_NEWTON: usize = 24;
 
-/// Relative error below which the Newton search for a sliding impulse makes its last step. The error is the distance of the tangential
-/// impulse from the edge of the friction disc, divided by the tangential impulse.
+/// Relative error below which the Newton search for the impulse of a slipping contact makes its last step. The error is the distance of the
+/// tangential impulse from the edge of the friction disc, divided by the tangential impulse.
 ///
 /// A Newton step squares this distance. An accuracy of about the square root of the rounding error is therefore enough before the last
 /// step.
@@ -635,9 +636,10 @@ fn near<R: Real>() -> R {
 /// Multiplier s > 0 of the friction disc of a slipping contact, for which |x(s)| = mu n(s). Here x is the tangential and n the normal
 /// impulse.
 ///
-/// Newton's method solves mu n / |x| = 1 in the lanes `todo`, inside a bracket and from `guess`. Where the bracket has no upper end, it
-/// grows by `widening`. Once the relative error is below [`near`], the method makes one more step and does not test the error again. The
-/// function `sliding` of s returns |x|^2, n, and the derivative of mu n / |x| with respect to s, times |x|^3 / mu.
+/// Newton's method solves mu n / |x| = 1 in the lanes `todo`, inside a bracket and from `guess`. A bisection replaces a Newton step that
+/// leaves the bracket; while the bracket has no upper end, 2 s + `widening` replaces it. Once the relative error is below [`near`], the
+/// method makes one more step and does not test the error again. The function `sliding` of s returns |x|^2, n, and the derivative of mu n /
+/// |x| with respect to s, times |x|^3 / mu.
 #[inline(always)]
 pub(super) fn slip_multiplier<R: Real>(mu: R, guess: R, widening: R, mut todo: R::Mask, sliding: impl Fn(R) -> [R; 3]) -> R {
     let near = near::<R>();

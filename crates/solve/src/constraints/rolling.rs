@@ -63,7 +63,8 @@ impl<R: Real> RollingSolver<R> {
         out
     }
 
-    /// Solution for a sliding contact in the lanes `todo`.
+    /// Impulse of a slipping contact in the lanes `todo`, at the multiplier s > 0 for which the friction impulse is mu times the normal
+    /// impulse.
     ///
     /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
     /// The search for the multiplier starts at `guess`. The function returns the tangential impulse in the principal axes, the normal
@@ -93,7 +94,7 @@ impl<R: Real> RollingSolver<R> {
         (x, n, s)
     }
 
-    /// Impulses of a sliding contact at the multiplier s of its friction disc. Returns minus the derivative of the tangential impulse with
+    /// Impulses of a slipping contact at the multiplier s of its friction disc. Returns minus the derivative of the tangential impulse with
     /// respect to s, the tangential impulse, and the normal impulse.
     ///
     /// `push` is the normal impulse, N s, and `p` the tangential velocity in the principal axes, m/s, both without any tangential impulse.
@@ -136,17 +137,17 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     type Half = RollingSolver<R::Half>;
 
     #[inline(always)]
-    fn new(gram: &[[R; 6]; 6], exists: R::Mask) -> (Self, R) {
-        let nn = R::select(exists, gram[0][0], R::one());
+    fn new(gram: &[[R; 6]; 6], active: R::Mask) -> (Self, R) {
+        let nn = R::select(active, gram[0][0], R::one());
         let inv_gnn = R::one() / nn;
         let (mut trace, mut k, mut matrix) = (nn, [R::zero(); T], [[R::zero(); T]; T]);
         for i in 0..T {
-            k[i] = masked(exists, gram[0][i + 1]) * inv_gnn;
-            trace += masked(exists, gram[i + 1][i + 1]);
+            k[i] = masked(active, gram[0][i + 1]) * inv_gnn;
+            trace += masked(active, gram[i + 1][i + 1]);
         }
         for i in 0..T {
             for j in i..T {
-                matrix[i][j] = masked(exists, gram[i + 1][j + 1]) - k[i] * k[j] * nn;
+                matrix[i][j] = masked(active, gram[i + 1][j + 1]) - k[i] * k[j] * nn;
                 matrix[j][i] = matrix[i][j];
             }
         }

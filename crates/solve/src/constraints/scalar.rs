@@ -17,7 +17,7 @@ use stepper_real::{Mask, Real};
 pub struct ScalarRow<R: Real> {
     /// Place of the row's coordinates and Jacobian entries in the lists of its set.
     pub(super) span: Span,
-    /// Lanes in which the row exists.
+    /// Lanes in which the solver reads the row: it exists there, and an impulse can move it.
     pub active: R::Mask,
     /// Velocity g of the row before any impulse, plus its bias (the negated velocity target), m/s or rad/s. This value is for the velocity
     /// solve; `position_g` is for the position solve.
@@ -97,22 +97,22 @@ pub type ScalarRows<R> = ConstraintSet<R, ScalarRow<R>>;
 impl<R: Real> ScalarRows<R> {
     /// Appends a row with the entries `y` at the coordinates `columns`, ascending.
     ///
-    /// `sign` (1 or -1 per lane) multiplies the entries, but not `g`. The row exists in the lanes `active`. `g` is the velocity of the row
+    /// `sign` (1 or -1 per lane) multiplies the entries, but not `g`. The row exists in the lanes `exists`. `g` is the velocity of the row
     /// before any impulse, plus its bias (minus the target velocity), m/s or rad/s. `bounds` are the least and the largest impulse.
     #[inline(always)]
-    pub fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
+    pub fn push(&mut self, columns: &[u32], y: impl Fn(usize) -> R, sign: R, exists: R::Mask, g: R, bounds: [R; 2]) {
         let mut diagonal = R::zero();
         let span = self.push_entries(
             columns,
             #[inline(always)]
-            |c| R::select(active, y(c) * sign, R::zero()),
+            |c| R::select(exists, y(c) * sign, R::zero()),
             #[inline(always)]
             |value| diagonal += value * value,
         );
         let movable = diagonal.gt(R::zero());
         self.rows.items.push(ScalarRow {
             span,
-            active: active.and(movable),
+            active: exists.and(movable),
             g,
             position_g: g,
             lo: bounds[0],
@@ -123,7 +123,7 @@ impl<R: Real> ScalarRows<R> {
             mobility_ratio: R::one(),
             mobility: diagonal,
             damping_deficit: R::zero(),
-            immovable: active.and_not(movable),
+            immovable: exists.and_not(movable),
         });
     }
 
@@ -143,7 +143,7 @@ impl<R: Real> ScalarRows<R> {
             row.mobility = R::select(compliance.gt(R::zero()), R::zero(), row.mobility);
             row.diagonal += compliance;
             row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
-            // A row with a compliance can move.
+            // A row with a compliance does not count as immovable.
             row.immovable = row.immovable.and_not(compliance.gt(R::zero()));
         }
     }
@@ -384,7 +384,7 @@ impl<R: Real> Row<R> for ScalarRow<R> {
     }
 
     #[inline(always)]
-    fn damp(&mut self, lambda: R, damping: Damping<R>, _floor: R) {
+    fn damp(&mut self, lambda: R, damping: Damping<R>, _added_mobility: R) {
         // The negated comparison counts a NaN as a correction.
         let corrects = (self.g - self.position_g).abs().le(damping.negligible).not();
         let compliance = masked(corrects, damping.ratio * self.mobility);

@@ -152,13 +152,13 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     type Half = SlidingSolver<R::Half>;
 
     #[inline(always)]
-    fn new(gram: &[[R; 3]; 3], exists: R::Mask) -> (Self, R) {
-        // Lanes without this contact get the identity as a block, so that nothing below divides by zero.
+    fn new(gram: &[[R; 3]; 3], active: R::Mask) -> (Self, R) {
+        // Other lanes get the identity as a block, so that nothing below divides by zero.
         let [[nn, na, nb], [_, aa, ab], [_, _, bb]] = *gram;
         let (gram, identity) = ([nn, na, nb, aa, ab, bb], [R::one(), R::zero(), R::zero(), R::one(), R::zero(), R::one()]);
         let mut block = identity;
         for i in 0..6 {
-            block[i] = R::select(exists, gram[i], identity[i]);
+            block[i] = R::select(active, gram[i], identity[i]);
         }
         let mut solver = Self {
             gram: block,
@@ -257,7 +257,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 }
 
-/// Impulse of a sliding contact at a multiplier s of the friction disc, times det(A + s), so that no division is needed. A is the matrix
+/// Impulse of a slipping contact at a multiplier s of the friction disc, times det(A + s), so that no division is needed. A is the matrix
 /// that relates the tangential impulse to the tangential velocity.
 struct Sliding<R: Real> {
     /// Tangential impulse in the principal axes of the tangential matrix A, times det(A + s). Its derivative with respect to the multiplier

@@ -1,14 +1,15 @@
-//! Approaching contacts. Their rows are deferred: the solver leaves them out until the solved motion closes their gap.
+//! Approaching contacts. Their rows are deferred: the solver leaves them out until the geoms collide in the predicted or solved motion.
 //!
 //! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide, and wrong for surfaces that pass each
 //! other: their nearest points approach, but never touch. Stage 4 therefore assembles the rows of an approaching contact and marks them as
 //! deferred, so that the solver leaves them out. The solution without these rows gives the motion of the step. After the solve,
 //! [`crate::integrators::contact_activation`] activates the rows of the pairs that collide in this motion, and the solver solves the lanes
-//! of these pairs again.
+//! of these pairs again. Before the solve, it does the same with the predicted motion.
 //!
-//! Contacts that rest, slide or roll are never deferred. Nor are contacts whose normal cannot change. These are contacts with a half space,
-//! and contacts of a ball that stays over one flat face of the other geom during two steps. On a surface of triangles, a face is a triangle
-//! together with its neighbours across flat or concave edges, because a ball cannot hit such an edge.
+//! Contacts that rest, slide or roll are never deferred. Nor are contacts with soft surfaces, those of two round geoms that certainly
+//! collide, and those whose normal cannot change. The normal cannot change at a plane, and where a ball stays over one flat face of the
+//! other geom during two steps. On a surface of triangles, a face is a triangle together with its neighbours across flat or concave edges,
+//! because a ball cannot hit such an edge.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
@@ -95,8 +96,8 @@ impl<R: Real> ConstraintProblem<R> {
         self.deferred.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1)
     }
 
-    /// Largest overlap in lane `lane` among the active contacts of either of two bodies, m. `frames` are the frames of the two bodies.
-    /// `frames_of` returns the two frames of the pair of geoms with a given index.
+    /// Largest overlap in lane `lane` among the contacts of either of two bodies that are not deferred, m. `frames` are the frames of the
+    /// two bodies. `frames_of` returns the two frames of the pair of geoms with a given index.
     pub(crate) fn resting_overlap(
         &self,
         contacts: &Contacts<R>,

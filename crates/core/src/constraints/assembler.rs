@@ -53,7 +53,8 @@ pub(crate) struct RowInput<'a, R: Real> {
     pub in_the_middle: bool,
     /// Fraction of a contact gap that may close in the step.
     pub closing_fraction: R,
-    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are very fast.
+    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are very fast. Lanes in which
+    /// the search for impacts set the evaluation point are not among them.
     pub at_start: R::Mask,
     /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. These overlaps determine
     /// which rows correct an overlap, so that the same rows do so at all displaced states.
@@ -88,8 +89,8 @@ impl<R: Real> RowInput<'_, R> {
     }
 }
 
-/// Relative displacement of the two geoms in slot `k` above which they may pass through each other, m. It is infinite outside the lanes
-/// `lanes` (bits).
+/// Relative displacement above which the two geoms of the contact in slot `k` may pass through each other, m, in each lane. It is infinite
+/// outside the lanes `lanes` (bits).
 #[inline(always)]
 pub(crate) fn tunnelling_distance<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
     let mut distance = R::of(f64::INFINITY);

@@ -22,23 +22,23 @@ pub struct ConstraintProblem<R: Real> {
     ///
     /// [`VelocitySolution::scalar_impulse`]: crate::constraints::velocity_solution::VelocitySolution::scalar_impulse
     pub impulse_indices: Vec<usize>,
-    /// Contacts with three rows (sliding friction): index of the slot in the contact set, and lanes in which the contact exists. A slot has
-    /// up to one contact per lane.
+    /// Contacts with three rows (sliding friction, or none): index of the slot in the contact set, and lanes of the slot with such a
+    /// contact. An elastic contact that neither bounces nor rests has no rows in its lane.
     pub sliding_slots: Vec<(usize, R::Mask)>,
-    /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes in which the contact exists.
-    /// The third element has the lengths, m, that scale the three rotation rows.
+    /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes of the slot with such a
+    /// contact. The third element has the lengths, m, that scale the three rotation rows.
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
-    /// Lanes with at least one active row (deferred rows do not count).
+    /// Lanes with at least one row. Rows of deferred contacts do not count, nor do those that a doubtful collision activated.
     pub constrained: R::Mask,
-    /// Lanes that need the position solve of stage 8 because of position errors, or because of an impact with Euler's rule. With the
-    /// midpoint rule, lanes with an impact need the position solve too, but this mask leaves them out: [`Self::midpoint_impact_lanes`]
-    /// returns them.
+    /// Lanes that need the position solve of stage 8 because of position errors, or because of an impact with Euler's rule or the implicit
+    /// rule. With the midpoint rule, lanes with an impact need the position solve too, but this mask leaves them out:
+    /// [`Self::midpoint_impact_lanes`] returns them.
     pub needs_position_solve: R::Mask,
     /// Lanes whose velocities contain a Baumgarte position correction.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces, if the integrator is Euler's rule. In them the fastest motion in the step bounds the speed of
-    /// the position correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`] returns such
-    /// lanes.
+    /// Lanes in which a contact bounces, if the integrator is Euler's rule or the implicit rule. There the largest speed in the step bounds
+    /// the speed of the position correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`]
+    /// returns such lanes.
     pub euler_rebounding: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
@@ -48,7 +48,7 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) elastic: bool,
     /// Whether the step determines the times of impacts: the integrator is the midpoint rule, and some contact is elastic.
     pub(crate) resolves_impacts: bool,
-    /// Approaching contacts, whose rows the solver leaves out (defers) until the solved motion closes their gap.
+    /// Approaching contacts, whose rows the solver leaves out (defers) until their geoms collide in the predicted or solved motion.
     pub(crate) deferred: Vec<DeferredContact<R>>,
     /// Curvature terms that the offsets of friction rows contain.
     pub(crate) curvature_terms: Vec<CurvatureTerms<R>>,
@@ -65,13 +65,13 @@ pub struct ConstraintProblem<R: Real> {
 pub(crate) struct Impact<R: Real> {
     /// Lanes in which the contact bounces.
     pub(crate) lanes: R::Mask,
-    /// Time of the impact after the beginning of the step, as a fraction of the step. 1 with Euler's rule.
+    /// Time of the impact after the beginning of the step, as a fraction of the step. 1 with Euler's rule and the implicit rule.
     pub(crate) time_fraction: R,
     /// Factor 1 + e of the normal velocity, e being the coefficient of restitution. 1 after [`ConstraintProblem::drop_restitution`] made
     /// the impact inelastic.
     pub(crate) normal_factor: R,
-    /// Bias of the normal row by Euler's rule, m/s: e times the free normal velocity, which is that after the elimination of equalities.
-    /// Unused with the midpoint rule, which multiplies the whole offset by `normal_factor`.
+    /// Bias of the normal row by Euler's or the implicit rule, m/s: e times the free normal velocity, which is that after the elimination
+    /// of equalities. Unused with the midpoint rule, which multiplies the whole offset by `normal_factor`.
     pub(crate) rebound: R,
 }
 
@@ -87,8 +87,8 @@ pub(crate) struct DeferredContact<R: Real> {
     /// Lanes in which a doubtful collision of the predicted motion activated the rows. A collision is doubtful if the error of the
     /// prediction can cause its overlap.
     pub(crate) doubtful: R::Mask,
-    /// Lanes in which the contact bounces by the midpoint rule. There `bias` follows from Newton's law of restitution. With Euler's rule
-    /// there are no such lanes.
+    /// Lanes in which the contact bounces by the midpoint rule. There `bias` follows from Newton's law of restitution. With the other
+    /// integrators there are no such lanes.
     pub(crate) bounces: R::Mask,
     /// Bias of the normal row, m/s: the row's offset g minus the normal velocity without impulses.
     pub(crate) bias: R,
@@ -137,7 +137,7 @@ impl<R: Real> ConstraintProblem<R> {
         }
     }
 
-    /// Slots of all contacts, in their order in the problem: index in the contact set, and lanes in which the contact exists.
+    /// Slots of all contacts, in their order in the problem: index in the contact set, and lanes of the slot with such a contact.
     #[inline(always)]
     pub(crate) fn slots(&self) -> impl Iterator<Item = (usize, R::Mask)> {
         self.sliding_slots.iter().copied().chain(self.rolling_slots.iter().map(|&(k, lanes, _)| (k, lanes)))
@@ -150,9 +150,9 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`, evenly over the step.
     ///
-    /// The rows of an impact contain the free velocity at the time t of the impact. The velocity at this time changes by t / h times the
-    /// sum of `change` and `extra_before_impacts`. Callers pass `extra_before_impacts` if the forces before the impact changed by other
-    /// amounts than the forces after it. The function overwrites both arrays.
+    /// With the midpoint rule, the rows of an impact contain the free velocity at the time t of the impact. The velocity at this time
+    /// changes by t / h times the sum of `change` and `extra_before_impacts`. Callers pass `extra_before_impacts` if the forces before the
+    /// impact changed by other amounts than the forces after it. The function overwrites both arrays.
     pub fn shift(
         &mut self,
         compiled: &LaneModel<R>,
@@ -210,8 +210,8 @@ pub(crate) fn shift_impacts<R: Real>(impacts: &[Impact<R>], lanes: R::Mask, adde
 
 /// Capacity of the solver for all rows that a compiled model can have.
 ///
-/// A contact involves the ancestors of two frames in each of its lanes. Every row also involves the degrees of freedom that equalities
-/// couple to it.
+/// A contact involves the ancestors of two frames in each of its lanes. Every row also involves the degrees of freedom that eliminated
+/// equalities couple to it.
 pub(crate) fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
     let coupled = compiled.equalities.iter().filter(|b| b.eliminated).map(|b| b.dofs.len()).sum::<usize>();
     let with_coupled = |entries: usize| (entries + coupled).min(compiled.nv);

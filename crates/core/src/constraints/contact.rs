@@ -76,7 +76,8 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) lengths: Option<[[R; 3]; 2]>,
     /// Lanes in which the contact has rows, including lanes in which the solver leaves them out.
     pub(crate) exists: R::Mask,
-    /// Lanes in which the solver leaves out the rows (a deferred contact). The caller sets the fields `contact` and `impulse`.
+    /// Deferred contact, with the lanes in which the solver leaves out the rows. The caller sets the fields `contact` and `impulse`, and
+    /// removes lanes in which the contact is immovable.
     pub(crate) deferred: DeferredContact<R>,
     /// Compliance of the normal row, 1/kg; `None` if no surface of the model is soft (has a contact spring).
     pub(crate) compliance: Option<R>,
@@ -127,7 +128,7 @@ impl<R: Real> Assembler<'_, R> {
         // The solver has no rows for an immovable contact, and could not activate them.
         let immovable = self.problem.rows.contacts.last_is_immovable();
         let deferred_lanes = deferred.lanes.and_not(immovable);
-        let active_lanes = exists.and_not(deferred_lanes);
+        let not_deferred = exists.and_not(deferred_lanes);
         if deferred_lanes.any() {
             self.problem.rows.contacts.defer(deferred_lanes);
             let [n, a, b] = slot.impulse;
@@ -135,9 +136,9 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: deferred_lanes, impulse, ..deferred });
         }
         // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
-        self.velocity.impulses.contacts.push(select(active_lanes.and_not(immovable), slot.impulse, zero()));
+        self.velocity.impulses.contacts.push(select(not_deferred.and_not(immovable), slot.impulse, zero()));
         self.problem.sliding_slots.push((k, R::Mask::from_bits(lanes)));
-        self.problem.constrained = self.problem.constrained.or(active_lanes);
+        self.problem.constrained = self.problem.constrained.or(not_deferred);
     }
 
     /// Finds the lanes in which the contact in slot `k` can move along its normal, although the solver counts it as immovable. The second
@@ -201,7 +202,7 @@ impl<R: Real> Assembler<'_, R> {
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
         let has_curvature = input.in_the_middle && self.builder.both_move != 0;
         let change = if self.problem.resolves_impacts || has_curvature { self.builder.change_by_free_motion(input) } else { zero() };
-        // Half of a solve with the mass matrix L^T D L: `column` becomes L^-T J^T. `add_contact` multiplies by D^-1/2.
+        // Half of a solve with the mass matrix L^T D L: `column` becomes L^-T J^T. The callers multiply by D^-1/2.
         self.builder.half_solve::<3>(compiled, mass);
         // Normal rows of contacts with soft surfaces, which have a spring and a damper.
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));

@@ -44,9 +44,9 @@ impl<R: Real> RowBuilder<R> {
         for (pair, lanes) in contacts.pairs(k, lanes) {
             let Some(spring) = compiled.pair(pair).spring else { continue };
             let there = R::Mask::from_bits(lanes);
-            let RowLaw { g, compliance, active, .. } = spring_law(input, &spring, SpringRow { error, before, free, gram, taut: there });
+            let RowLaw { g, compliance, exists, .. } = spring_law(input, &spring, SpringRow { error, before, free, gram, taut: there });
             let bias = R::select(apart, input.closing_part(error) / input.h, g[0] - free);
-            let there = there.and(active);
+            let there = there.and(exists);
             row.lanes = row.lanes.or(there);
             row.bias = R::select(there, bias, row.bias);
             if let Some(compliance) = compliance {

@@ -13,9 +13,9 @@
 //! step and gain energy, as with Euler's explicit rule.
 //!
 //! The velocity c' of the contact point depends on the shapes. A round geom (sphere, capsule end) touches at the point one radius from its
-//! centre, along the normal. This point moves with the centre, and rotates about it as the normal does. On a flat surface the normal
-//! rotates with the surface; between two round geoms it rotates with the line between their centres. Between two other geoms a corner of
-//! the second body touches, and the point moves with that body.
+//! centre, along the normal. This point moves with the centre, and rotates about it as the normal does. Between two round geoms, the normal
+//! rotates with the line between their centres. Between a round geom and another geom, it rotates with the other geom, as on a flat face.
+//! Between two geoms that are not round, a corner of the second body touches, and the point moves with that body.
 
 use stepper_real::{Mask, Real, kernel};
 

@@ -18,7 +18,7 @@ impl<R: Real> Assembler<'_, R> {
                 let [forwards, backwards] = input.losses[i];
                 bounds = [bounds[0] - forwards * h, bounds[1] + backwards * h];
             }
-            let law = RowLaw { g: [input.v_free[friction.dof]; 2], compliance: None, active: alive, bounds };
+            let law = RowLaw { g: [input.v_free[friction.dof]; 2], compliance: None, exists: alive, bounds };
             self.add_dof_row(input, friction.dof, compiled.limits.len() + i, R::one(), law);
         }
     }

@@ -377,14 +377,14 @@ impl<R: Real> Assembler<'_, R> {
             self.builder.couple(self.problem, input.compiled);
         }
         let correction = self.correct(input, rows, alive);
-        let mut laws = [RowLaw { g: [R::zero(); 2], compliance: None, active: alive, bounds: unbounded() }; N];
+        let mut laws = [RowLaw { g: [R::zero(); 2], compliance: None, exists: alive, bounds: unbounded() }; N];
         let mut g = [[R::zero(); 2]; N];
         for k in 0..N {
             laws[k].g = [free[k]; 2];
             if let Some(spring) = &equality.spring {
                 let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.builder.gram(input.mass, k));
                 laws[k] = spring_law(input, spring, SpringRow { error, before, free, gram, taut: alive });
-                laws[k].active = laws[k].active.and(acts);
+                laws[k].exists = laws[k].exists.and(acts);
             }
             g[k] = laws[k].g;
         }
@@ -479,9 +479,9 @@ pub(crate) fn spring_law<R: Real>(input: &RowInput<'_, R>, spring: &Spring<R::Sc
     }
     let q = quarter * (R::one() + R::of(3.0) * late) + half * (R::one() + late) + a;
     let p = k * row.error + ((half - quarter) * early - a) * row.before;
-    let active = alive.and(q.gt(R::zero()));
-    let compliance = R::one() / R::select(active, q, R::one());
-    RowLaw { g: [row.free + p * compliance; 2], compliance: Some(compliance), active, bounds: unbounded() }
+    let exists = alive.and(q.gt(R::zero()));
+    let compliance = R::one() / R::select(exists, q, R::one());
+    RowLaw { g: [row.free + p * compliance; 2], compliance: Some(compliance), exists, bounds: unbounded() }
 }
 
 /// Whether the degree of freedom `dof` moves the frame `frame`.

@@ -75,9 +75,10 @@ impl<R: Real> RowBuilder<R> {
     }
 
     /// Sets `dofs` to the degrees of freedom, ascending, that move a geom of the contacts in slot `k` (one contact per lane). Degrees of
-    /// freedom that equalities couple to them are included.
+    /// freedom that eliminated equalities couple to them are included.
     ///
-    /// For each degree of freedom, `signs` gets the lanes in which it moves the second geom, and the lanes in which it moves the first.
+    /// For each degree of freedom, `signs` gets the lanes in which it moves the second geom, and the lanes in which it moves the first. The
+    /// function also sets `both_move`, `flat` and `coupled`.
     #[inline(always)]
     pub(crate) fn gather_dofs(
         &mut self,

@@ -51,15 +51,15 @@ impl<R: Real> Assembler<'_, R> {
     ) -> Option<RowLaw<R>> {
         let RowInput { options, h, .. } = *input;
         let closing = (-free).max(R::zero()) * (h + h);
-        let active = input.alive.and(phi.le(closing + R::of(LIMIT_LOOK_AHEAD)));
-        if active.none() {
+        let exists = input.alive.and(phi.le(closing + R::of(LIMIT_LOOK_AHEAD)));
+        if exists.none() {
             self.velocity.scalar_impulse[impulse_index] = R::zero();
             return None;
         }
         let split = options.stabilization == Stabilization::Split;
         let fastest = options.max_correction_speed * if split { LIMIT_RETURN } else { 1.0 };
-        let [velocity, position] = self.biases(input, fastest, phi, solved, active);
-        Some(RowLaw { g: [free + velocity, free + position], compliance: None, active, bounds: [R::zero(), R::of(f64::INFINITY)] })
+        let [velocity, position] = self.biases(input, fastest, phi, solved, exists);
+        Some(RowLaw { g: [free + velocity, free + position], compliance: None, exists, bounds: [R::zero(), R::of(f64::INFINITY)] })
     }
 
     /// Adds the rows of the limits of hinge and slide joints: one row for the nearer end of each range.

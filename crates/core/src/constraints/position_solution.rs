@@ -21,7 +21,7 @@ pub struct PositionSolution<R: Real> {
     /// One number per constraint, scalar rows first. For a contact it is the inverse mass of its two bodies, as if no joint held them,
     /// 1/kg. For a scalar row (equality, limit, dry friction) it is 0.
     pub(crate) unconstrained_mobility: Vec<R>,
-    /// Impulses of the velocity solution. The impulses of the position solve are relative to them.
+    /// Impulses of the velocity solution. The damping of the position solve acts on the difference from them.
     pub(crate) reference: Reference<R>,
     /// Islands: sets of kinematic trees that constraint rows connect.
     pub(crate) islands: Islands,

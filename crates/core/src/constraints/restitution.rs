@@ -1,8 +1,8 @@
 //! Contacts that bounce: restitution by Newton's law.
 //!
-//! Euler's rule applies Newton's law to the free velocity (after the step, without constraints), as in textbooks. The midpoint rule applies
-//! it at the time t of the impact (see [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the
-//! rows are
+//! Euler's rule applies Newton's law to the free velocity (after the step, without constraints), as in textbooks. In this file, "Euler's
+//! rule" includes the implicit rule. The midpoint rule applies Newton's law at the time t of the impact (see
+//! [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the rows are
 //!
 //! ```text
 //! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-(t)
@@ -48,10 +48,10 @@ impl<R: Real> Assembler<'_, R> {
     /// Bias of a contact's normal row by Euler's rule, m/s, and the lanes of `exists` in which the row is needed. With the midpoint rule
     /// the function returns `bias` and `exists` unchanged.
     ///
-    /// In contacts that bounce, the result is e v-, where v- is the free normal velocity; in the others it is `bias`. All elastic
-    /// contacts whose gap is closed, or closes in the free motion, take part in an impact: 0 <= lambda, complementary to v+ + e v- >= 0.
-    /// A closed contact that the free velocity opens takes part too. A contact that is slower than the threshold before the step rests,
-    /// even if gravity makes it faster within the step.
+    /// In contacts that bounce, the result is e v-, where v- is the free normal velocity; in the others it is `bias`. An elastic contact
+    /// bounces if its gap is closed, or closes in the free motion, and |v-| exceeds the threshold: 0 <= lambda, complementary to v+ + e v-
+    /// >= 0. A closed contact that the free velocity opens bounces too. A contact rests, and does not bounce, if its speed before the step
+    /// is below the threshold and its gap is small. It rests even if gravity makes it faster within the step.
     #[inline(always)]
     pub(crate) fn bounce_euler(
         &mut self,
@@ -101,9 +101,10 @@ impl<R: Real> Assembler<'_, R> {
     /// Replaces the `offsets` of the velocity solve for a contact that bounces within the step, by the midpoint rule. Returns the lanes of
     /// `exists` in which the rows are needed.
     ///
-    /// Only steps by the midpoint rule call this function. `free` are the velocities of the rows without constraints, before equalities are
-    /// eliminated. `change` is the change of these velocities by the free motion in the step. After the elimination, the free velocity is
-    /// `offsets` minus the normal's `bias`. The function is compiled separately, as [`Assembler::add_curvature`] is.
+    /// Only steps by the midpoint rule with an elastic contact call this function. `free` are the velocities of the rows without
+    /// constraints, before equalities are eliminated. `change` is the change of these velocities by the free motion in the step. After the
+    /// elimination, the free velocity is `offsets` minus the normal's `bias`. The function is compiled separately, as
+    /// [`Assembler::add_curvature`] is.
     #[inline(never)]
     pub(crate) fn bounce_midpoint(
         &mut self,

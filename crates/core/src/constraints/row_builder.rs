@@ -20,11 +20,12 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) linear: Vec<V3<R>>,
     /// Workspace of the half solve: entries of a column along a chain of degrees of freedom.
     pub(crate) path: Vec<R>,
-    /// Lanes (bits) in which each degree of freedom moves the second geom of a contact, and lanes in which it moves the first.
+    /// For each degree of freedom, lanes (bits) in which it moves the second geom of a contact, and lanes in which it moves the first.
     pub(crate) signs: Vec<[u32; 2]>,
     /// Set of degrees of freedom, as bits of 64-bit words.
     pub(crate) words: Vec<u64>,
-    /// Lanes (bits) in which both surfaces of the contact can move.
+    /// Lanes (bits) in which both surfaces of the contact may move. In models with moving surfaces (conveyors, mocap bodies), these are all
+    /// lanes of the contact.
     pub(crate) both_move: u32,
     /// Lanes (bits) in which the first surface of the contact is a plane.
     pub(crate) flat: u32,

@@ -15,7 +15,7 @@ pub(crate) struct RowLaw<R: Real> {
     /// Compliance of the row, 1/kg; `None` for a rigid row.
     pub(crate) compliance: Option<R>,
     /// Lanes in which the row exists.
-    pub(crate) active: R::Mask,
+    pub(crate) exists: R::Mask,
     /// Lowest and highest impulse, N s.
     pub(crate) bounds: [R; 2],
 }
@@ -27,7 +27,7 @@ pub(crate) fn unbounded<R: Real>() -> [R; 2] {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the row of the degree of freedom `dof`, times `sign` (1 or -1).
+    /// Adds the row of the degree of freedom `dof`, times `sign` (1 or -1), to the problem.
     #[inline(always)]
     pub(crate) fn add_dof_row(&mut self, input: &RowInput<'_, R>, dof: usize, impulse_index: usize, sign: R, law: RowLaw<R>) {
         self.builder.unit_column(input.compiled, input.mass, dof);
@@ -69,7 +69,7 @@ impl<R: Real> Assembler<'_, R> {
             #[inline(always)]
             |d| column[d][k] * mass.sqrt_inv_d[d],
             sign,
-            law.active,
+            law.exists,
             law.g[0],
             law.bounds,
         );
@@ -81,9 +81,9 @@ impl<R: Real> Assembler<'_, R> {
             rows.set_mobility_ratio(mobility_ratio(&[before, compliance], &[after, compliance]));
         }
         let impulse = &mut self.velocity.scalar_impulse[impulse_index];
-        *impulse = R::select(law.active, *impulse, R::zero());
+        *impulse = R::select(law.exists, *impulse, R::zero());
         self.velocity.impulses.scalars.push(*impulse);
         self.problem.impulse_indices.push(impulse_index);
-        self.problem.constrained = self.problem.constrained.or(law.active);
+        self.problem.constrained = self.problem.constrained.or(law.exists);
     }
 }

@@ -1,7 +1,8 @@
 //! Target velocities of rows, computed from their distance or overlap.
 //!
-//! A row is Y^T w + g >= 0 (for equalities = 0), where w is the velocity change by the impulses in scaled coordinates. Its offset g is its
-//! free velocity (without impulses) plus its bias. The bias is minus the target velocity at the end of the step.
+//! A row of a contact, limit or equality is y . w + g >= 0 (for equalities = 0), where w is the velocity change by the impulses in scaled
+//! coordinates. Its offset g is its free velocity (without impulses) plus its bias. The bias is minus the target velocity at the end of the
+//! step.
 
 use stepper_real::{Mask, Real};
 

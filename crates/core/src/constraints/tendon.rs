@@ -41,7 +41,7 @@ impl<R: Real> Assembler<'_, R> {
                 if tendon.friction > <R::Scalar as Default>::default() {
                     let most = R::splat(tendon.friction) * input.h;
                     self.tendon_columns(input, tendon, R::one());
-                    let law = RowLaw { g: [free; 2], compliance: None, active: input.alive, bounds: [-most, most] };
+                    let law = RowLaw { g: [free; 2], compliance: None, exists: input.alive, bounds: [-most, most] };
                     self.add_row(input.mass, tendon.impulse_index + 1, R::one(), law);
                 }
                 if let Some([low, high]) = tendon.range {

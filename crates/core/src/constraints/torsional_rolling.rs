@@ -1,4 +1,4 @@
-//! Rows of contacts with torsional and rolling friction: in addition to the three sliding rows, three for the rotation about the contact's
+//! Rows of contacts with torsional or rolling friction: in addition to the three sliding rows, three for the rotation about the contact's
 //! axes.
 
 use stepper_real::{Mask, Real, kernel};
@@ -122,7 +122,7 @@ impl<R: Real> Assembler<'_, R> {
             // The solver has no rows for an immovable contact, and could not activate them.
             let immovable = self.problem.rows.rolling_contacts.last_is_immovable();
             let deferred_lanes = deferred.lanes.and_not(immovable);
-            let active_lanes = exists.and_not(deferred_lanes);
+            let not_deferred = exists.and_not(deferred_lanes);
             if deferred_lanes.any() {
                 self.problem.rows.rolling_contacts.defer(deferred_lanes);
                 self.problem.deferred.push(DeferredContact {
@@ -134,9 +134,9 @@ impl<R: Real> Assembler<'_, R> {
                 });
             }
             // An immovable contact starts with zero impulse, because the solver could not remove the impulse of the last step.
-            self.velocity.impulses.rolling_contacts.push(select(active_lanes.and_not(immovable), initial_impulse, zero()));
+            self.velocity.impulses.rolling_contacts.push(select(not_deferred.and_not(immovable), initial_impulse, zero()));
             self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
-            self.problem.constrained = self.problem.constrained.or(active_lanes);
+            self.problem.constrained = self.problem.constrained.or(not_deferred);
         })
     }
 }
@@ -188,7 +188,7 @@ pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contact
     rolling
 }
 
-/// Scales the two tangential entries of a row by `sliding_factor`, and leaves the normal entry unchanged.
+/// Multiplies the numbers of a contact's two tangential rows by `sliding_factor`, and leaves that of the normal row unchanged.
 #[inline(always)]
 fn scale_tangents<R: Real>([n, a, b]: V3<R>, sliding_factor: R) -> V3<R> {
     [n, a * sliding_factor, b * sliding_factor]

@@ -21,9 +21,9 @@ use crate::stages::s10_record::Record;
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
 ///
-/// Stages 1 to 10 run in order, and the next state is accepted between stages 8 and 9. Each stage is a kernel: a function that is compiled
-/// once for every lane type and CPU level. This function is a kernel too, because it has lane masks, which are vectors. Outside a kernel
-/// every operation on a vector is a function call.
+/// Stages 1 to 10 run in order, except that loops repeat some of them. The next state is accepted between stages 8 and 9. Each stage is a
+/// kernel: a function that is compiled once for every lane type and CPU level. This function is a kernel too, because it has lane masks,
+/// which are vectors. Outside a kernel every operation on a vector is a function call.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -87,14 +87,16 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     probe.count(Counter::Contacts, || evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     let input = StepInput { compiled, options, state, inputs, alive };
     let context = StepContext { input, evaluation };
-    // 4 assemble, 5 solve, 6 integrate velocity. A loop in `solve_velocities` repeats them until the solution satisfies the assumptions of
-    // the assembly. After an assembly, stages 1 and 2 recompute the forces that depend on the predicted velocity.
+    // 4 assemble, 5 solve, 6 integrate velocity. A loop in `solve_velocities` repeats stages 5 and 6, and sometimes stage 4, until the
+    // solution satisfies the assumptions of the assembly or a limit is reached. After an assembly, stages 1 and 2 recompute the forces that
+    // depend on the predicted velocity. With Euler's rule there is no prediction.
     let mut velocity_loop = VelocityLoop { context, free, problem, velocity, builder, collisions };
     let (solver, energy_unresolved) = velocity_loop.solve_velocities(probe);
-    // Velocities are bounded in lanes whose solution cannot be right.
+    // Velocities are limited in lanes whose motion is too fast for the time step, whose energy is ambiguous, or whose Baumgarte correction
+    // is very large.
     let mut outcome = velocity_loop.bound_velocities(position, solver, probe);
-    // With the Runge-Kutta method, `replace_step` below replaces the solution of lanes without constraints. Their energy is not checked
-    // here.
+    // With the Runge-Kutta method, the energy of lanes without constraints is not checked here, because `replace_step` below replaces their
+    // solution.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved =
         span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(energy_unresolved);
@@ -124,7 +126,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     }
     let context = StepContext { input, evaluation };
     span!(probe, GuardEnergy, || resolution.limit_energy(context, &free.v, velocity, &position.q, outcome.limited));
-    // The impulse of this step replaces that of the last step, which the stages above read.
+    // The generalized impulse of this step replaces that of the last step, which `compute_free_motion` has read.
     std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
     outcome
 }

@@ -25,15 +25,15 @@ pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 /// Largest error that the impulse prediction may cause in the free velocity (the velocity without constraint impulses), m/s. The step
 /// divides it by `StepSettings::accuracy_factor`, which is 1 at the default tolerance.
 ///
-/// An error d of the predicted velocity v changes the effect of inertial forces by about h |v| d in a step of h seconds. The iterations
-/// therefore stop at `ESTIMATE_ERROR / (h |v|)`.
+/// Let v be the velocity before a step of h seconds. An error d of the predicted velocity changes the effect of inertial forces by about h
+/// |v| d. The iterations therefore stop at `ESTIMATE_ERROR / (h |v|)`.
 pub(crate) const ESTIMATE_ERROR: f64 = 1e-5;
 
 /// Displacement within a step below which inertial forces are negligible, rad or m. Lanes with less motion count as at rest, and use the
 /// impulses of the last step as prediction.
 pub(crate) const REST_MOTION: f64 = 1e-6;
 
-/// Upper bound of the change of contact velocities in an iteration at which an impulse prediction stops, m/s. Rough predictions make a
+/// Upper bound of the change of the rows' velocities in an iteration at which an impulse prediction stops, m/s. Rough predictions make a
 /// fixed number of iterations instead.
 pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 
@@ -43,15 +43,14 @@ pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 /// r (ants at rest). With 1e-3 the speed at which a robot at rest creeps decreases in every step.
 pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-3;
 
-/// Lower bound of the residual at which the solver stops, m/s, in lanes where redundant supports share a load. It holds in double
-/// precision; the bound in single precision is larger.
+/// Lower bound of the residual at which the solver stops, m/s, in double precision. Single precision has larger bounds (`tolerance` in
+/// `stages/s05_solve.rs`).
 pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 
-/// Smallest value of `Options::iterations` at which lanes whose solve fails are solved a second time, without the terms of surface
-/// curvature.
+/// Smallest limit of Newton steps at which lanes whose solve fails are solved a second time, without curvature terms.
 ///
 /// With a smaller limit, lanes may be unsolved only because they lack iterations. They keep the residual of the problem with curvature
-/// terms. The default limit is 50.
+/// terms. The limit is the option `iterations`, by default 50; without Newton's method it is 0.
 pub(crate) const MIN_NEWTON_STEPS_FOR_RETRY: u32 = 50;
 
 /// Time by which contact detection looks ahead when finite differences compute a derivative, s. Contacts that open in a displaced state are
@@ -65,8 +64,8 @@ pub(crate) const SATURATION_PASSES: usize = 4;
 
 // Contacts that approach each other within the step.
 
-/// Approach speed below which a touching contact counts as resting, as a multiple of the solver tolerance. A solved contact at rest moves
-/// by at most one tolerance.
+/// Approach speed below which a touching contact counts as resting, as a multiple of the solver tolerance. The speed of a solved contact at
+/// rest is at most the tolerance.
 pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
 
 /// Cosine above which two contacts of a pair of geoms count as coplanar. It is the cosine of the angle between their normals; 0.9999
@@ -86,7 +85,8 @@ pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 pub(crate) const WIDE_GAP_RATIO: f64 = 3.0;
 
 /// Number of solves that activate only the earliest collision of each kinematic tree. Later solves activate all pairs that collide within
-/// the step. The count starts from zero when the problem is assembled again or an impact changes it or becomes inelastic.
+/// the step. The count of a lane starts from zero again after a new assembly, after a check for impacts, and after impacts became
+/// inelastic.
 pub(crate) const EARLIEST_ONLY_PASSES: f64 = 6.0;
 
 /// Largest number of times that a step repeats its impulse prediction because geoms collide in the predicted motion. The solves of stage 5
@@ -242,8 +242,8 @@ pub(crate) const MAX_SPEED_RATIO: f64 = 5.0;
 /// invalid for larger rotations.
 pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 
-/// Largest velocity change that Baumgarte's correction may cause, as a multiple of the largest speeds of a position correction. By default
-/// the limits are 20 m/s and 200 rad/s.
+/// Largest velocity change by constraints that is plausible with Baumgarte's method, as a multiple of the largest speeds of a position
+/// correction. By default the limits are 20 m/s and 200 rad/s.
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
 /// Unmet part of a target velocity above which stage 8 tries to prove that the target positions are infeasible, m/s. A part is unmet if the

@@ -58,7 +58,8 @@ struct PackedPath<S> {
 struct CandidatePair<R: Real> {
     /// Index of the pair in the compiled model.
     pair: usize,
-    /// Lanes in which the linearised gap closes. The search reduces them to those in which the pair collides.
+    /// Lanes in which the linearised gap closes. The search reduces them to those in which the pair collides. Outside `finds_all`, it also
+    /// removes lanes in which another pair of the same trees collides earlier.
     lanes: R::Mask,
     /// Overlap up to which the pair counts as not colliding, m: that of resting contacts plus the touch tolerance. In the predicted
     /// motion, the overlap must also exceed the fraction [`CollisionQuery::margin`] of the linearised overlap.
@@ -319,8 +320,8 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Narrows the times of first touch in the lanes `several` until the order of the collisions is certain. Times that differ by less than
-    /// `window` (s) count as equal.
+    /// Narrows the times of first touch in the lanes `several` until the order of the collisions is certain, or after [`MAX_EVALUATIONS`]
+    /// evaluations of a pair's distance. Times that differ by less than `window` (s) count as equal.
     #[inline(always)]
     fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, window: R) {
         let compiled = query.compiled;
@@ -447,8 +448,8 @@ fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnM
     }
 }
 
-/// Linearised gap of a candidate pair, and its [`touch_tolerance`], m. Of the pair's deferred contacts, the one with the largest overlap at
-/// the end of the path determines both.
+/// Linearised gap of a candidate pair, and the [`touch_tolerance`] of a contact, m. Of the pair's deferred contacts, the one with the
+/// largest overlap at the end of the path determines both.
 #[inline(always)]
 fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::Mask)], candidate: &CandidatePair<R>) -> (Gap<R>, R) {
     let problem = query.problem;
@@ -470,7 +471,7 @@ fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::
     (gap, tolerance)
 }
 
-/// Largest overlap of the resting contacts of either body of a candidate pair, at most the slop (the overlap that position
+/// Largest overlap of the contacts of either body of a candidate pair that are not deferred, at most the slop (the overlap that position
 /// correction leaves), m. A body that slides to a support of the same height has this overlap there too.
 #[inline(always)]
 fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &CandidatePair<R>) -> R {

@@ -1,4 +1,4 @@
-//! Activation of deferred contacts, which the solver leaves out until the motion closes their gap.
+//! Activation of deferred contacts, which the solver leaves out until their geoms collide in the predicted or solved motion.
 //!
 //! [`crate::constraints::approaching`] defines which contacts are deferred. The pairs that touch first are activated first, because their
 //! impact may prevent later collisions. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
@@ -21,7 +21,7 @@ use crate::tuning::{MAX_PREDICTIONS, PREDICTED_ERROR_RATIO, PREDICTED_MARGIN};
 /// Motion of a step in which the collision search looks for colliding pairs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum SweptMotion<R: Real> {
-    /// Motion with the predicted impulses, before the solve.
+    /// Motion with the predicted impulses, before the solve. Only the earliest collision of each kinematic tree counts.
     Predicted,
     /// Motion of the solver's solution. In the lanes `finds_all`, every colliding pair counts. In the others, only the earliest collision
     /// of each kinematic tree counts.
@@ -30,7 +30,7 @@ pub(crate) enum SweptMotion<R: Real> {
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Activates the deferred contacts that collide in the predicted motion, and repeats the prediction of the impulses with them, in the
-    /// lanes `lanes`.
+    /// lanes `lanes`. A new prediction may cause new collisions; there are at most [`MAX_PREDICTIONS`] repetitions.
     #[inline(always)]
     pub(crate) fn predict_collisions(&mut self, predictor: &ImpulsePredictor<R>, lanes: R::Mask) {
         for _ in 0..MAX_PREDICTIONS {

@@ -17,10 +17,11 @@ use crate::tuning::MAX_IMPACT_MOTION;
 
 impl<R: Real> VelocityLoop<'_, R> {
     /// Predicts the velocity after the step with approximate constraint impulses, and recomputes the forces that depend on this velocity.
+    /// With Euler's rule the function does nothing.
     ///
     /// The prediction includes impulses, because a robot that stands would fall without them, and its forces would be those of a fall.
     /// Lanes whose bodies move predict new impulses, from zero or from the impulses of the last step (`ImpulsePredictor` in stage 5). In
-    /// lanes at rest, the impulses of the last step are the prediction.
+    /// lanes at rest, the impulses of the last step are the prediction. Only the impulses of eliminated equalities are recomputed there.
     #[inline(always)]
     pub(crate) fn predict(&mut self, probe: impl Probe) {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
@@ -31,7 +32,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         let predictor = ImpulsePredictor::new(compiled, options, &state.v, scheme.h, self.velocity);
         if constrained.any() {
             span!(probe, EstimateImpulses, || {
-                // Impulses of the active contacts first, then of deferred contacts that collide in the predicted motion.
+                // First the impulses without deferred contacts, then those with the deferred contacts that collide in the predicted motion.
                 predictor.make(options, constrained, self.problem, self.velocity);
                 self.predict_collisions(&predictor, constrained);
             });
@@ -92,10 +93,11 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 }
 
-/// Sets `change`, the velocity change by the predicted impulses, to zero in the lanes in which this change makes the motion too fast. A
-/// motion is too fast if the time step does not resolve it.
+/// Sets `change`, the velocity change by the predicted impulses, to zero in lanes in which this change is too large for the time step.
+/// There the change moves some degree of freedom by more than [`MAX_IMPACT_MOTION`] per step, and increases the speed of the fastest degree
+/// of freedom.
 ///
-/// Inertial forces at such a velocity would add energy to the motion.
+/// Inertial forces at the changed velocity would add energy to the motion.
 fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
     kernel!(R, || {
         let (mut largest_change, mut fastest_free, mut fastest_with_impulses) = (R::zero(), R::zero(), R::zero());
@@ -114,7 +116,7 @@ fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut 
 }
 
 /// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) in the lanes whose motion is
-/// too fast for the time step.
+/// too fast for the time step. There servos use the velocity before the step.
 fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;

@@ -19,15 +19,15 @@ use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{EARLIEST_ONLY_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
 impl<R: Real> VelocityLoop<'_, R> {
-    /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled
-    /// problem. [`VelocityLoop`] lists the files of its methods.
+    /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem
+    /// or a limit is reached. [`VelocityLoop`] lists the files of its methods.
     ///
     /// There are four assumptions:
     ///
     /// * Deferred contacts, which the solver leaves out, do not collide in the solved motion. A deferred contact that collides becomes
     ///   active.
-    /// * The velocity after the step is the predicted one, with which inertial forces were evaluated. If an impact changed the velocity,
-    ///   inertial forces are recomputed, at most three times.
+    /// * The velocity after the step is the predicted velocity, with which inertial forces were evaluated. With the midpoint rule, if an
+    ///   impact changed the velocity, inertial forces are recomputed, at most three times.
     /// * Newton's law of impact has a solution in which friction adds no energy. If not, the impact becomes inelastic.
     /// * The active bounds of stiff servos (with Euler's rule, of all servos with actuator dynamics) are those of the solution. If not, the
     ///   mass matrix changes, so that the problem is assembled and solved again, at most four times.
@@ -39,8 +39,9 @@ impl<R: Real> VelocityLoop<'_, R> {
         let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let none = R::Mask::splat(false);
         let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-        // Each assembly resets the variables of the next two lines. `unchecked` are the lanes that were solved after their last check for
-        // impacts. Numbers of passes are counted per lane, so that no result depends on how often other lanes are solved.
+        // Each assembly resets the variables of the next two lines. `lanes` are the lanes to solve next, `unchecked` those that were solved
+        // after their last check for impacts, and `inelastic` those in which impacts became inelastic. Numbers of passes are counted per
+        // lane, so that no result depends on how often other lanes are solved.
         let (mut lanes, mut unchecked, mut inelastic) = (none, none, none);
         let (mut passes, mut impact_passes) = (R::zero(), R::zero());
         let (mut must_assemble, mut reassemblies) = (true, 0);
@@ -116,11 +117,11 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 
     /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature
-    /// terms.
+    /// terms, if the iteration limit is at least [`MIN_NEWTON_STEPS_FOR_RETRY`].
     ///
     /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), the body may not
-    /// be able to reach these velocities, and the impulses of the first solve diverge. The second solve therefore starts from zero
-    /// impulses.
+    /// be able to reach these velocities, and the impulses of the first solve diverge. The second solve therefore does not start from these
+    /// impulses, but from the result of [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero.
     #[inline(always)]
     fn solve_lanes(&mut self, lanes: R::Mask) -> Outcome<R> {
         let StepContext { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = self.context;
@@ -181,7 +182,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 }
 
-/// Reports the number of rows and of solver iterations to the probe.
+/// Reports the numbers of scalar rows, contacts and solver iterations to the probe.
 #[inline(always)]
 fn count_iterations<R: Real>(outcome: &Outcome<R>, problem: &ConstraintProblem<R>, probe: impl Probe) {
     probe.count(Counter::ScalarRows, || problem.impulse_indices.len() as f64);

@@ -32,8 +32,8 @@ pub(crate) struct VelocityLoop<'a, R: Real> {
 }
 
 impl<R: Real> VelocityLoop<'_, R> {
-    /// Assembles the constraint problem at the evaluation point of the step (the time at which contacts are found). Also sets the impulses
-    /// from which the solver starts.
+    /// Assembles the constraint problem at the evaluation point of the step (the time at which contacts are found). Also sets the initial
+    /// impulses to those of the last step. `predict` may replace them before the solve.
     #[inline(always)]
     pub(crate) fn assemble_problem(&mut self, probe: impl Probe) {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = self.context;

@@ -1,8 +1,8 @@
-//! Stage 4: assembles the constraint problem, with rows of contacts, equalities, limits, tendon springs and dry friction.
+//! Stage 4: assembles the constraint problem, with rows of contacts, limits, dry friction, equalities and tendons.
 //!
 //! With the mass matrix M = L^T D L, each row of the Jacobian J is scaled to y = D^-1/2 L^-T J^T. A scaled row has entries only for the
-//! degrees of freedom that move its bodies. The Delassus matrix is Y^T Y. The bias of a row sets its target velocity v_n+ at the end of the
-//! step:
+//! degrees of freedom that move its bodies. The Delassus matrix is Y^T Y. The bias of a row sets its target velocity at the end of the
+//! step, which for contacts is the normal velocity v_n+:
 //!
 //! ```text
 //! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `RowInput::closing_fraction`)
@@ -12,11 +12,12 @@
 //! ```
 //!
 //! Here phi is the gap, h the time step, v_n- the normal velocity before the impact, and e the coefficient of restitution. The options set
-//! beta (`baumgarte`), the slop, and the cap (`max_correction_speed`).
+//! beta (`baumgarte`), the slop, and the cap (`max_correction_speed`). With split stabilisation, the position solve of stage 8 has the
+//! target of the third line, with a smooth bound instead of the minimum.
 //!
 //! For v_n-, Euler's rule takes the velocity after the step without constraints, the midpoint rule that at the time of the impact
-//! (`constraints/restitution.rs`). A contact with e > 0 that neither bounces nor comes to rest in this step has no row. A row would stop it
-//! at the surface and remove the energy of its later bounce.
+//! (`constraints/restitution.rs`). A contact with e > 0 that neither bounces nor rests in this step has no row. A row would stop the bodies
+//! at the surface and remove the energy of their later bounce.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -73,7 +74,7 @@ pub(crate) fn assemble<R: Real>(input: &RowInput<'_, R>, contacts: &Contacts<R>,
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Resets the problem: removes the rows of the last step, and sets the numbers that do not depend on rows.
+    /// Resets the problem: removes the rows of the last assembly, and sets the numbers that do not depend on rows.
     #[inline(always)]
     fn clear(&mut self, input: &RowInput<'_, R>) {
         let (compiled, none) = (input.compiled, R::Mask::splat(false));

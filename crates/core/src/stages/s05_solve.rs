@@ -112,22 +112,23 @@ fn share_loads<R: Real>(
 /// Predictor of this step's constraint impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpulsePredictor<R: Real> {
-    /// Lanes that move. Lanes at rest keep the previous impulses as their prediction.
+    /// Lanes that move. Lanes at rest keep the impulses of the last step as their prediction.
     moving: R::Mask,
     /// Moving lanes in which [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero impulses predict accurately enough. The other moving
-    /// lanes iterate from the previous impulses to `tolerance`.
+    /// lanes iterate from the impulses of the last step to `tolerance`.
     rough: R::Mask,
-    /// Change of the contact velocities in an iteration below which lanes outside `rough` stop iterating, m/s.
+    /// Change of the rows' velocities in an iteration at which moving lanes outside `rough` stop iterating, m/s.
     tolerance: R,
 }
 
 impl<R: Real> ImpulsePredictor<R> {
     /// Creates the predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// Rough predictions are accurate enough for the default tolerance, at which the free velocity may have an error of
-    /// [`ESTIMATE_ERROR`]. If the user's tolerance is smaller, the predictor iterates to a tolerance in all moving lanes. It also does so
-    /// with the option [`Solver::Newton`], and in lanes with a contact group: three or more contacts between two bodies, one of which
-    /// floats freely.
+    /// Rough predictions are accurate enough for the default tolerance, at which the free velocity may have an error of [`ESTIMATE_ERROR`].
+    /// If the user's tolerance is smaller, the predictor iterates to a tolerance in all moving lanes. The option [`Solver::Newton`] has the
+    /// same effect. Otherwise the predictor iterates to a tolerance in lanes that move too little or too far for a rough prediction
+    /// ([`MIN_ROUGH_MOTION_OF_SEVERAL_TREES`], [`MAX_ROUGH_MOTION`]), and in lanes with a contact group. A contact group has three or more
+    /// contacts between two bodies, one of which floats freely.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.accuracy_factor();
@@ -144,7 +145,7 @@ impl<R: Real> ImpulsePredictor<R> {
         })
     }
 
-    /// Predicts the impulses in the lanes `lanes`, into `velocity.impulses`.
+    /// Predicts the impulses in the lanes `lanes`, into `velocity.impulses`. Before the call, these are the impulses of the last step.
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = &mut *velocity;
@@ -153,8 +154,8 @@ impl<R: Real> ImpulsePredictor<R> {
         self.repeat(options, lanes, problem, velocity);
     }
 
-    /// Repeats the prediction in the lanes `lanes`, after more contacts have become active. It starts from the impulses of the previous
-    /// prediction or, in rough lanes, from zero.
+    /// Repeats the prediction in the lanes `lanes`, after more contacts have become active. It starts from the present impulses or, in
+    /// rough lanes, from zero.
     #[inline(always)]
     pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let (rows, impulses) = (&problem.rows, &mut velocity.impulses);
@@ -171,10 +172,10 @@ impl<R: Real> ImpulsePredictor<R> {
         }
     }
 
-    /// Selects the impulses from which the solve of the lanes `lanes` starts: the predicted or the previous ones.
+    /// Selects the impulses from which the solve of the lanes `lanes` starts: those of the prediction or of the last step.
     ///
-    /// Lanes with a contact group start from the previous impulses, so that the load of the group stays distributed as in the last step. So
-    /// do lanes in which the previous impulses are at least as close to the solution as the rough prediction.
+    /// Lanes with a contact group start from the impulses of the last step, so that the load of the group stays distributed as then. So do
+    /// lanes with a rough prediction that is no closer to the solution than the impulses of the last step.
     #[inline(always)]
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, saved_impulses, contact_groups, .. } = velocity;

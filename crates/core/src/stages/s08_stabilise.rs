@@ -2,12 +2,13 @@
 //!
 //! A second solve of the same rows, without restitution, finds the velocity that just closes every gap and removes a part of every overlap.
 //! Only the positions use this velocity, so it adds no kinetic energy. [`stabilise`] implements this split form. Baumgarte's method instead
-//! corrects positions through a bias of the velocity solve. [`limit_baumgarte`] runs after stage 6. In lanes with absurd velocities because
-//! of this bias, it computes the solution without the bias and adds a bounded correction.
+//! corrects positions through a bias of the velocity solve. After stage 6, [`limit_baumgarte`] finds lanes with implausible velocities
+//! because of this bias. There it computes the solution without the bias and adds a bounded correction.
 //!
 //! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal goes through the axis of a
 //! hinge. The targets are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is
-//! marked infeasible if the impulses of the correction prove that no motion within the bounds meets its targets (Farkas' lemma).
+//! marked infeasible if the impulses of the correction prove that no motion within the bounds meets its targets (Farkas' lemma). It is also
+//! marked if no impulse can move a row with a target above 1 cm/s.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
@@ -47,7 +48,7 @@ impl<R: Real> Bounds<R> {
     /// Bounds of a plausible velocity change by constraints, independent of the time step. A larger change is attributed to Baumgarte's
     /// correction.
     #[inline(always)]
-    fn absurd(options: &StepSettings) -> Self {
+    fn plausible(options: &StepSettings) -> Self {
         let shift = R::of((BAUMGARTE_LIMIT * MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
         Self { shift, turn: shift * R::of(1.0 / CORRECTION_ARM) }
     }
@@ -73,7 +74,7 @@ pub struct PositionInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
     /// Lanes whose positions are corrected.
     pub lanes: R::Mask,
-    /// Lanes in which a contact bounces. Their corrected position is the one after the rebound. The speeds of the step bound their
+    /// Lanes in which a contact bounces. Their corrected position is the one after the rebound. [`MAX_REBOUND_SPEED_RATIO`] bounds their
     /// correction, instead of `Bounds`.
     pub rebounding: R::Mask,
     /// Time step, s.
@@ -114,7 +115,7 @@ pub fn limit_baumgarte<R: Real>(
     if biased.none() {
         return never;
     }
-    let bounds = Bounds::absurd(options);
+    let bounds = Bounds::plausible(options);
     let lanes = kernel!(R, || {
         let correction = &mut position.correction;
         for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(v_free)) {
@@ -132,7 +133,7 @@ pub fn limit_baumgarte<R: Real>(
     let tolerance = R::of(options.tolerance);
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
     kernel!(R, || {
-        // With Baumgarte's method, the offsets of the position solve have no bias. `correct` exchanges the offsets back.
+        // With Baumgarte's method, the offsets of the position solve contain no position correction. `correct` exchanges the offsets back.
         position.rows.copy(rows);
         position.rows.exchange_offsets();
     });
@@ -171,8 +172,8 @@ pub fn limit_baumgarte<R: Real>(
 
 /// Solves the position rows for the velocity that, added to `velocity.v`, removes position errors.
 ///
-/// The function limits the speed of this correction and writes it to `position.correction`. It returns the lanes in which a proof shows
-/// that the position targets contradict each other.
+/// The function limits the speed of this correction and writes it to `position.correction`. It returns the lanes whose position targets are
+/// proven infeasible.
 #[inline(always)]
 fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> R::Mask {
     let PositionInput { compiled, options, lanes, .. } = *input;
@@ -216,7 +217,8 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
 
 /// Converts the rows in `position`, copies of those of the velocity solve, to the rows of the position solve.
 ///
-/// Position rows are damped, and have position errors as targets. Their impulses are relative to those of the velocity solution.
+/// Position rows are damped, and have position errors as targets. The damping acts on the difference from the impulses of the velocity
+/// solution.
 #[inline(always)]
 pub(crate) fn damp_rows<R: Real>(input: &PositionInput<'_, R>, impulses: &Iterate<R>, position: &mut PositionSolution<R>) {
     let damping =
@@ -351,20 +353,20 @@ fn prove_infeasible<R: Real>(
     })
 }
 
-/// Computes for every contact the sum of the inverse masses of its two bodies, as if they were free, 1/kg; 0 for scalar rows. The result is
-/// the lower bound of the inverse inertia that scales the damping of the contact.
+/// Computes for every contact the sum of the inverse masses of its two bodies, as if they were free, 1/kg; 0 for scalar rows. The solver
+/// adds this number to the contact's mobility, which scales the damping of the contact.
 #[inline(always)]
 fn find_unconstrained_mobility<R: Real>(input: &PositionInput<'_, R>, unconstrained_mobility: &mut Vec<R>) {
     let compiled = input.compiled;
     unconstrained_mobility.clear();
     unconstrained_mobility.resize(input.problem.rows.scalars.len(), R::zero());
     for (k, lanes) in input.problem.slots() {
-        let mut floor = R::zero();
+        let mut mobility = R::zero();
         for (pair, lanes) in input.contacts.pairs(k, lanes.bits()) {
             let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
             let free = compiled.mobility(compiled.geoms[geoms[0]].frame) + compiled.mobility(compiled.geoms[geoms[1]].frame);
-            floor = R::select(R::Mask::from_bits(lanes), free, floor);
+            mobility = R::select(R::Mask::from_bits(lanes), free, mobility);
         }
-        unconstrained_mobility.push(floor);
+        unconstrained_mobility.push(mobility);
     }
 }

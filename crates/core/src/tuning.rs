@@ -291,8 +291,8 @@ pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 // Constraint rows.
 
 /// Additional distance from a joint or tendon limit within which the limit has a constraint row, rad or m. The whole distance is this
-/// number plus the motion towards the limit at the velocity without constraints. The reason is that impulses of contacts can rotate a joint
-/// towards its limit in the same step.
+/// number plus the motion towards the limit in two steps at the velocity without constraints. The reason is that impulses of contacts can
+/// rotate a joint towards its limit in the same step.
 pub(crate) const LIMIT_LOOK_AHEAD: f64 = 0.01;
 
 /// Ratio of a constraint row's squared lengths after and before the elimination of the equalities, below which the equalities may block the

@@ -63,7 +63,8 @@ pub struct ConstraintProblem<R: Real> {
 /// Impact of a contact that bounces within the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Impact<R: Real> {
-    /// Lanes in which the contact bounces.
+    /// Lanes in which the contact bounces. They include lanes in which its surfaces touch and separate: an impact elsewhere may push them
+    /// together again.
     pub(crate) lanes: R::Mask,
     /// Time of the impact after the beginning of the step, as a fraction of the step. 1 with Euler's rule and the implicit rule.
     pub(crate) time_fraction: R,
@@ -71,7 +72,7 @@ pub(crate) struct Impact<R: Real> {
     /// the impact inelastic.
     pub(crate) normal_factor: R,
     /// Bias of the normal row by Euler's or the implicit rule, m/s: e times the free normal velocity, which is that after the elimination
-    /// of equalities. Unused with the midpoint rule, which multiplies the whole offset by `normal_factor`.
+    /// of equalities and before the corrector. Unused with the midpoint rule, which multiplies the whole offset by `normal_factor`.
     pub(crate) rebound: R,
 }
 

@@ -64,8 +64,8 @@ struct ContactGroup {
 }
 
 impl ContactGroup {
-    /// Indices of the group's contacts in the problem. The iterator leaves out contacts with six rows and immovable contacts, which other
-    /// lanes may have in the same slot.
+    /// Indices of the group's contacts in the problem. The iterator leaves out contacts that have six rows, are immovable, or are deferred
+    /// in the group's lane.
     fn contacts<'a, R: Real>(
         &self,
         slots: &'a [usize],
@@ -158,8 +158,8 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(self.groups.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
-    /// Newly loaded lanes: those with a contact group that has no normal impulses yet, and one of whose contacts has a negative normal
-    /// velocity. Lanes with more than [`MAX_NEW_CONTACTS`] contacts are left out.
+    /// Newly loaded lanes: those with a contact group that has no normal impulses yet, and one of whose contacts has a normal velocity
+    /// below its target. Lanes with more than [`MAX_NEW_CONTACTS`] contacts are left out.
     ///
     /// The first impulses of such a group must have the least norm. Gauss-Seidel iterations would load the contacts that they visit first.
     #[inline(always)]

@@ -28,7 +28,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     ///   active.
     /// * The velocity after the step is the predicted velocity, with which inertial forces were evaluated. With the midpoint rule, if an
     ///   impact changed the velocity, inertial forces are recomputed, at most three times.
-    /// * Newton's law of impact has a solution in which friction adds no energy. If not, the impact becomes inelastic.
+    /// * Newton's law of impact has a plausible solution, in which friction adds no more energy than the free motion has. If not, the
+    ///   impact becomes inelastic.
     /// * The active bounds of stiff servos (with Euler's rule, of all servos with actuator dynamics) are those of the solution. If not, the
     ///   mass matrix changes, so that the problem is assembled and solved again, at most four times.
     ///

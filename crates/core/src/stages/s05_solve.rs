@@ -45,7 +45,7 @@ pub fn solve_to<R: Real>(
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
     let rows = &problem.rows;
     let VelocitySolution { impulses, newton, capture, .. } = velocity;
-    // If the user requested the problem of a lane as bytes, it is stored before the solver changes it.
+    // If the user requested the problem of a lane as bytes, it is stored with the impulses from which the solve starts.
     if let Some(lane) = capture.lane.take() {
         capture.bytes = System::from(rows).to_bytes(impulses, &settings, lane);
     }

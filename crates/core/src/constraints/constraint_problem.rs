@@ -71,8 +71,9 @@ pub(crate) struct Impact<R: Real> {
     /// Factor 1 + e of the normal velocity, e being the coefficient of restitution. 1 after [`ConstraintProblem::drop_restitution`] made
     /// the impact inelastic.
     pub(crate) normal_factor: R,
-    /// Bias of the normal row by Euler's or the implicit rule, m/s: e times the free normal velocity, which is that after the elimination
-    /// of equalities and before the corrector. Unused with the midpoint rule, which multiplies the whole offset by `normal_factor`.
+    /// Bias of the normal row by Euler's or the implicit rule, m/s: e times the free normal velocity. This free velocity is that after the
+    /// elimination of equalities and before the corrector. Unused with the midpoint rule, which multiplies the whole offset by
+    /// `normal_factor`.
     pub(crate) rebound: R,
 }
 

@@ -18,8 +18,8 @@ pub struct PositionSolution<R: Real> {
     pub act: Vec<R>,
     /// Constraint rows of the position solve in stage 8.
     pub(crate) rows: PositionRows<R>,
-    /// One number per constraint, scalar rows first. For a contact it is the inverse mass of its two bodies, as if no joint held them,
-    /// 1/kg. For a scalar row (equality, limit, dry friction) it is 0.
+    /// One number per constraint, scalar rows first. For a contact it is the sum of the inverse masses of its two bodies, 1/kg, which adds
+    /// to the mobility that scales damping. For a scalar row (equality, limit, dry friction) it is 0.
     pub(crate) unconstrained_mobility: Vec<R>,
     /// Impulses of the velocity solution. The damping of the position solve acts on the difference from them.
     pub(crate) reference: Reference<R>,

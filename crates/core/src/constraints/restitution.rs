@@ -49,9 +49,9 @@ impl<R: Real> Assembler<'_, R> {
     /// the function returns `bias` and `exists` unchanged.
     ///
     /// In contacts that bounce, the result is e v-, where v- is the free normal velocity; in the others it is `bias`. An elastic contact
-    /// bounces if its gap is closed, or closes in the free motion, and |v-| exceeds the threshold: 0 <= lambda, complementary to v+ + e v-
-    /// >= 0. A closed contact that the free velocity opens bounces too. A contact rests, and does not bounce, if its speed before the step
-    /// is below the threshold and its gap is small. It rests even if gravity makes it faster within the step.
+    /// bounces if its gap is closed, or closes in the free motion, and |v-| exceeds the threshold. Its row is then `v+ + e v- >= 0`,
+    /// complementary to the impulse. A closed contact that the free velocity opens bounces too. A contact rests, and does not bounce, if
+    /// its speed before the step is below the threshold and its gap is small. It rests even if gravity makes it faster within the step.
     #[inline(always)]
     pub(crate) fn bounce_euler(
         &mut self,

@@ -19,7 +19,8 @@ use crate::tuning::SIMULTANEOUS_FRACTION;
 /// Number of secant steps that approximate the time of first touch. Bisections follow, because secants can stall where the path is curved.
 const SECANTS: usize = 4;
 
-/// Largest number of evaluations of a pair's distance along its path. Secants need two or three, and ten bisections give 1e-3 of the path.
+/// Largest number of evaluations of a pair's distance that narrow the time of its first touch. Secants need two or three, and ten
+/// bisections give 1e-3 of the path.
 const MAX_EVALUATIONS: usize = SECANTS + 10;
 
 /// Collision search: pairs with deferred contacts, and the lanes in which they collide in the motion of the step.

@@ -150,8 +150,8 @@ pub(crate) fn prepare_position_solve<R: Real>(
 }
 
 impl<R: Real> VelocityLoop<'_, R> {
-    /// Makes those impacts inelastic for which Newton's law of restitution has no plausible solution: friction would add more energy than
-    /// the free motion has, for example. Returns the lanes with such an impact, which must be solved again.
+    /// Makes those impacts inelastic for which Newton's law of restitution has no plausible solution. For example, friction would add more
+    /// energy than the free motion has. Returns the lanes with such an impact, which must be solved again.
     ///
     /// See [`ConstraintProblem::drop_restitution`]. `residual` is the residual of the last solve. In the lanes `inelastic`, an earlier call
     /// already made some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual exceeds the

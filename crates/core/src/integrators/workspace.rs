@@ -52,7 +52,7 @@ pub struct Workspace<R: Real> {
     pub(crate) velocity: VelocitySolution<R>,
     pub(crate) position: PositionSolution<R>,
     pub(crate) sensors: Sensors<R>,
-    /// Search for the deferred contacts (left out of the solve) whose gap the solved motion closes.
+    /// Search for the deferred contacts (left out of the solve) that collide in the predicted or solved motion.
     pub(crate) collisions: CollisionSearch<R>,
     /// Energy balance and limits of motions that are too fast for the time step.
     pub(crate) step_resolution: StepResolution<R>,

@@ -11,7 +11,7 @@ use crate::iterate::Iterate;
 use crate::problem::Problem;
 use stepper_real::{Mask, Real};
 
-/// Clears the stored sweeps of all lanes, from which the acceleration extrapolates.
+/// Clears the stored differences between sweeps of all lanes, from which the acceleration extrapolates.
 #[inline(always)]
 pub(super) fn reset_history<R: Real>(iterate: &mut Iterate<R>) {
     let mut n = iterate.w.len();
@@ -45,7 +45,7 @@ pub(super) fn recompute_w<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R
 pub(super) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) -> R::Mask {
     let Iterate { w, history, .. } = iterate;
     history.shift();
-    let change = match history.stored_changes() {
+    let change = match history.stored_differences() {
         0 => history.record_change::<0>(w),
         1 => history.record_change::<1>(w),
         2 => history.record_change::<2>(w),

@@ -113,7 +113,7 @@ impl<R: Real> History<R> {
 
     /// Number of differences between sweeps that are stored in any lane, including that of the current sweep.
     #[inline(always)]
-    pub(super) fn stored_changes(&self) -> usize {
+    pub(super) fn stored_differences(&self) -> usize {
         if self.swept.any() { 1 + self.stored[1..].iter().take_while(|stored| stored.any()).count() } else { 0 }
     }
 
@@ -171,7 +171,7 @@ impl<R: Real> History<R> {
         for (i, x) in part.iter_mut().enumerate() {
             let now = *x;
             if N > 0 {
-                // Lanes without this change get zero, and never NaN.
+                // Lanes without this difference get zero, and never NaN.
                 newest[i] = masked(stored, now - image[i]);
                 // The sum starts from +0 and is never -0, so that a longer history of another lane changes nothing.
                 let mut sum = R::zero();
@@ -194,9 +194,9 @@ impl<R: Real> History<R> {
         let mut c = [R::zero(); N];
         c.copy_from_slice(&change.with_f[..N]);
         gram[0][..N].copy_from_slice(&change.with_newest[..N]);
-        // Elimination starts with the newest change. A change that is nearly a sum of newer ones is left out, because its large c would
-        // magnify rounding. A change whose square underflows (1e-19 in 32 bits) is left out too: sweeps stall above the tolerance there,
-        // and the inverse is not finite.
+        // Elimination starts with the newest difference. A difference that is nearly a linear combination of newer ones is left out,
+        // because its large c would magnify rounding. A difference whose square underflows (1e-19 in 32 bits) is left out too: sweeps stall
+        // above the tolerance there, and the inverse is not finite.
         let mut a = *gram;
         let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
         let least = if epsilon > 1e-12 { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };

@@ -25,8 +25,8 @@ pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 /// Largest error that the impulse prediction may cause in the free velocity (the velocity without constraint impulses), m/s. The step
 /// divides it by `StepSettings::accuracy_factor`, which is 1 at the default tolerance.
 ///
-/// Let v be the velocity before a step of h seconds. An error d of the predicted velocity changes the effect of inertial forces by about h
-/// |v| d. The iterations therefore stop at `ESTIMATE_ERROR / (h |v|)`.
+/// Let v be the velocity before a step of h seconds. An error d of the predicted velocity changes the velocity by inertial forces by about
+/// `h |v| d`. The iterations therefore stop at `ESTIMATE_ERROR / (h |v|)`.
 pub(crate) const ESTIMATE_ERROR: f64 = 1e-5;
 
 /// Displacement within a step below which inertial forces are negligible, rad or m. Lanes with less motion count as at rest, and use the

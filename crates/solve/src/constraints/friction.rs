@@ -638,8 +638,8 @@ fn near<R: Real>() -> R {
 ///
 /// Newton's method solves mu n / |x| = 1 in the lanes `todo`, inside a bracket and from `guess`. A bisection replaces a Newton step that
 /// leaves the bracket; while the bracket has no upper end, 2 s + `widening` replaces it. Once the relative error is below [`near`], the
-/// method makes one more step and does not test the error again. The function `sliding` of s returns |x|^2, n, and the derivative of mu n /
-/// |x| with respect to s, times |x|^3 / mu.
+/// method makes one more step and does not test the error again. The function `sliding` of s returns |x|^2, n, and `|x|^3 / mu` times the
+/// derivative of `mu n / |x|` with respect to s.
 #[inline(always)]
 pub(super) fn slip_multiplier<R: Real>(mu: R, guess: R, widening: R, mut todo: R::Mask, sliding: impl Fn(R) -> [R; 3]) -> R {
     let near = near::<R>();

@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! w = sum_i y_i lambda_i             the change of the scaled velocity
-//! v_i = y_i . w + R_i lambda_i + g_i the velocity in row i; g_i = J_i v_free + bias; R_i >= 0 is its compliance, 0 when it is hard
+//! v_i = y_i . w + R_i lambda_i + g_i the velocity in row i; g_i = J_i v_free + bias; R_i >= 0 is its compliance, 0 for a hard row
 //!
 //! scalar rows:   lo <= lambda <= hi, complementary to v (equalities, limits, dry friction)
 //! contacts:      K contains lambda, K* contains u, lambda . u = 0   with u = v + (mu |v_t|, 0, 0)

@@ -16,8 +16,8 @@ use stepper_real::{Mask, Real, Scalar, kernel};
 /// Limits of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<R> {
-    /// Largest number of sweeps (Gauss-Seidel iterations) in each pass. A pass is a number of sweeps followed by Newton steps. At least one
-    /// sweep is made in lanes that sweep.
+    /// Largest number of sweeps (Gauss-Seidel iterations) in each pass. A pass is a number of sweeps followed by Newton steps. A lane that
+    /// sweeps makes at least one sweep.
     pub sweeps: u32,
     /// Largest number of Newton steps in each pass, per island; [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many for the exact
     /// friction law. A pass is a number of sweeps followed by Newton steps. With 0, Newton's method is not used.

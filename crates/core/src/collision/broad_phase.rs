@@ -1,11 +1,13 @@
 //! Broad phase of the dynamic pairs. Dynamic pairs are pairs of geoms that are too numerous to list: their number grows with the square of
-//! the number of free bodies. The search finds the pairs whose bounding balls overlap.
+//! the number of free bodies. The search finds the pairs of two moving geoms whose bounding balls overlap. `static_search.rs` finds the
+//! pairs of a moving and a static geom.
 //!
 //! The search has no memory of earlier steps, and runs lane by lane in scalar code. The centres of the balls are sorted into cells: cubes
-//! that are at least as wide as each of these balls. Geoms that can touch are therefore in neighbouring cells (Ericson, 2005, section 7.1).
-//! The keys of the cells are sorted, so that a row of cells along z is a range of the sorted list. The search visits the cells in this
-//! order. For each neighbouring row it stores where its range starts, and this start only moves forward. Very fast geoms, whose balls are
-//! more than twice as large as any geom, have no cell and are compared with all geoms.
+//! that are at least as wide as each of these balls. Geoms that can touch are therefore in the same cell or in neighbouring cells (Ericson,
+//! 2005, section 7.1). The balls are sorted by the keys of their cells, so that a row of cells along z is a range of the sorted list. The
+//! search visits the balls in this order. For each of four neighbouring rows, it stores the index of the first ball to test, which only
+//! increases. Very fast geoms, whose balls are more than twice as large as any geom with its margin, have no cell. The search compares
+//! them with all geoms.
 
 use stepper_real::{Real, Scalar};
 
@@ -29,7 +31,7 @@ struct Ball {
     member: u32,
 }
 
-/// Broad phase of the dynamic pairs: the pairs that can touch, and the workspace of the search.
+/// Broad phase of the dynamic pairs: near pairs, and the workspace of the search.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Broad {
     /// Bounding balls of the moving geoms in the present lane.
@@ -40,15 +42,16 @@ pub(crate) struct Broad {
     without_cell: Vec<u32>,
     /// Pairs of members whose balls overlap in one lane. Each integer encodes the lane and the two members.
     found_pairs: Vec<u64>,
-    /// Dynamic pairs that can touch, ascending: index of the pair in the compiled model, and lanes (bits) in which it can touch.
+    /// Dynamic pairs that can touch, ascending: index of the pair in the compiled model, and lanes (bits) in which it can touch. They
+    /// include those with a static geom after [`Broad::add`].
     pub(crate) pairs: Vec<(u32, u32)>,
 }
 
 impl Broad {
-    /// Finds the dynamic pairs that can touch in the lanes `alive` (bits), and stores them in `pairs`.
+    /// Finds the dynamic pairs of two moving geoms that can touch in the lanes `alive` (bits), and stores them in `pairs`.
     ///
-    /// `pos` has the centres of all geoms, m. `displacement` has the upper bounds of their displacements during the time of the search, m:
-    /// two steps in stage 3, one step in the tunnelling check. The function adds `slack`, m, to each bound.
+    /// `pos` has the centres of all geoms, m. `displacement` has the upper bounds of their displacements, m: during two steps in stage 3,
+    /// and during the tested motion in the tunnelling check. The function adds `slack`, m, to each bound.
     pub(crate) fn find<R: Real>(
         &mut self,
         compiled: &LaneModel<R>,
@@ -67,7 +70,7 @@ impl Broad {
                 let centre = of_lane(&pos[g], lane);
                 let reach = (compiled.params.bounding_radius(g).lane(lane).to_f64() + member.margin)
                     + (displacement[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
-                // Slightly more than the limit of `Scene::can_touch`, also in single precision.
+                // The sum of two radii is slightly larger than in `Scene::can_touch`, also in single precision.
                 let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
                 Ball { centre, radius: reach + rounding, member: i }
             }));

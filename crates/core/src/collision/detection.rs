@@ -1,4 +1,4 @@
-//! Collision detection of a step: poses of the geoms, candidate pairs, and the contacts of a pair.
+//! Collision detection of a step: poses of the geoms, near pairs, and the contacts of a pair.
 
 use std::ops::Range;
 
@@ -26,18 +26,18 @@ pub struct CollisionWorkspace<R: Real> {
     /// Ranges of consecutive listed pairs with the same first geom and margin, as indices in the compiled model's list of pairs. Static
     /// pairs are not included.
     pub(crate) runs: Vec<Range<usize>>,
-    /// Listed pairs whose bounding volumes overlap, ascending: index of the pair, and lanes (bits). Only the first `near_count` entries are
-    /// in use.
+    /// Near listed pairs, ascending: index of the pair, and lanes (bits) in which its bounding volumes overlap. Only the first `near_count`
+    /// entries are in use.
     pub(crate) near: Vec<(u32, u32)>,
     /// Number of used entries of `near`.
     pub(crate) near_count: usize,
     /// Broad phase of the dynamic pairs.
     pub(crate) broad: Broad,
-    /// Broad phase of the static pairs.
+    /// Broad phase of the static pairs, which are listed or dynamic pairs.
     pub(crate) statics: StaticSearch<R>,
     /// For each geom, whether it may have passed through the thinnest static geom since the beginning of the step, in any lane.
     may_tunnel: Vec<bool>,
-    /// Dynamic pairs whose bounding balls overlap: index of the pair in the compiled model, lanes, and the pair.
+    /// Near dynamic pairs: index of the pair in the compiled model, lanes in which its bounding balls overlap, and the pair.
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
     /// Packed pairs: near pairs of a ball or capsule with a box, of which several share a SIMD register.
     pub(crate) packed: PackedPairs<R::Scalar>,
@@ -63,23 +63,24 @@ fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
 #[derive(Clone, Debug)]
 pub(crate) struct GeomPoses<R: Real> {
     pub(crate) pos: Vec<V3<R>>,
-    /// Orientation matrix of each geom. For geoms of which only the axis is used (balls, capsules, planes), only the z axis is current.
+    /// Orientation matrix of each geom. Without [`full_orientation`](crate::compile::CompiledGeom::full_orientation), only the z axis of a
+    /// moving geom is current.
     pub(crate) mat: Vec<M3<R>>,
-    /// Upper bound of the displacement of any point of each geom during two time steps at the free velocity, m. The searches for contacts
-    /// use it.
+    /// Upper bound of the displacement of any point of each geom during two time steps at `search_velocity`, m. The searches for contacts
+    /// use it. On a path ([`SweptPair`](crate::collision::swept_pair::SweptPair)), two durations of the path replace the two time steps.
     pub(crate) search_displacement: Vec<R>,
     /// Upper bound of the displacement of any point of each geom during [`Scene::passing_time`], m. The tests whether geoms passed through
     /// each other use it.
     pub(crate) passing_displacement: Vec<R>,
-    /// For each geom, a flag of the tunnelling check: whether the geom moves within the step by more than half of its inscribed radius,
-    /// in any lane. The inscribed radius is half of the geom's least width.
+    /// For each geom, a flag of the tunnelling check: whether the geom moves by more than half of its inscribed radius, in any lane.
     pub(crate) moved_far: Vec<bool>,
-    /// Spatial velocity of each link from which `passing_displacement` is computed.
+    /// Spatial velocities of the links, from which `passing_displacement` is computed.
     pub(crate) passing_velocity: Vec<V6<R>>,
     /// Bounding ball of each geom over two time steps: centre in world axes and radius, m. For a plane, the radius is the bound of its
     /// displacement.
     pub(crate) balls: Vec<[R; 4]>,
-    /// Spatial velocity of each link from which `search_displacement` is computed: the free velocity of the step.
+    /// Spatial velocities of the links, from which `search_displacement` is computed: in stage 3 the free velocity of the step, on a path
+    /// the velocity of the tested motion.
     pub(crate) search_velocity: Vec<V6<R>>,
 }
 
@@ -105,7 +106,7 @@ impl NarrowWorkspace {
 
     /// Begins a step: exchanges `last_planes` and `new_planes`. The planes that the last step stored are then in `last_planes`.
     pub(crate) fn begin_step(&mut self) {
-        if !self.last_planes.is_empty() {
+        if !self.last_planes.is_unused() {
             std::mem::swap(&mut self.last_planes, &mut self.new_planes);
         }
     }
@@ -134,7 +135,7 @@ impl<R: Real> CollisionWorkspace<R> {
 
     /// Swaps the separating planes of the workspace with those in the state of a group, before and after the group's steps.
     pub(crate) fn swap_separation_cache(&mut self, separation_cache: &mut SeparationCache) {
-        if !separation_cache.is_empty() {
+        if !separation_cache.is_unused() {
             std::mem::swap(&mut self.narrow_phase.new_planes, separation_cache);
         }
     }
@@ -144,7 +145,8 @@ impl<R: Real> CollisionWorkspace<R> {
         self.narrow_phase.begin_step();
     }
 
-    /// Updates the poses of geoms that are fixed to the world, which may differ between environments.
+    /// Updates the positions of geoms that are fixed to the world, which may differ between environments. Also updates their bounding
+    /// balls, and the tree over the static geoms.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
             self.poses.pos[i] = compiled.params.geom_pos(i);
@@ -154,11 +156,11 @@ impl<R: Real> CollisionWorkspace<R> {
     }
 
     /// Finds the static pairs (a moving geom and one fixed to the world, both bounded and convex) whose bounding boxes overlap in any of
-    /// the lanes `alive`.
+    /// the lanes `alive`. The boxes of moving geoms are enlarged by their displacements.
     ///
     /// `displacements` returns the upper bound of the displacement of every geom, m. If `checks_passing` is true, the function also finds
-    /// pairs whose bounding balls overlap, for geoms that may have passed through a static geom. Such geoms can be apart again now, on
-    /// the other side, so that their boxes need not overlap.
+    /// pairs of geoms that may have passed through a static geom, if their bounding balls overlap. Such a geom may be on the other side of
+    /// the static geom now, so that their boxes need not overlap.
     pub(crate) fn find_static(
         &mut self,
         compiled: &LaneModel<R>,
@@ -177,8 +179,8 @@ impl<R: Real> CollisionWorkspace<R> {
                 });
             }
             statics.find(compiled, alive.bits(), (&poses.pos, &poses.mat), |g| (displacements(poses)[g] + *slack, may_tunnel[g]));
-            // The boxes of geoms that may tunnel are enlarged, so that the search has also found pairs whose bounding balls do not
-            // overlap. Such pairs are removed here if they are listed, and in `find_contacts` of stage 3 if they are dynamic.
+            // For geoms that may tunnel, the search has used larger boxes. It has also found pairs whose bounding balls do not overlap.
+            // Such pairs are removed here if they are listed, and in `find_contacts` of stage 3 if they are dynamic.
             if checks_passing {
                 statics.pairs.retain_mut(|(index, lanes)| {
                     let pair = compiled.pairs.get(*index as usize).filter(|pair| pair.geoms.iter().any(|&g| may_tunnel[g]));
@@ -196,8 +198,8 @@ impl<R: Real> CollisionWorkspace<R> {
         self.near_count += listed.len();
     }
 
-    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in the workspace of the broad phase. They
-    /// include those from [`CollisionWorkspace::find_static`].
+    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in `broad`. They include the static pairs that
+    /// [`CollisionWorkspace::find_static`] found, as far as these are dynamic.
     ///
     /// `displacements` returns the upper bound of the displacement of every geom, m.
     pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, displacements: impl Fn(&GeomPoses<R>) -> &[R]) {
@@ -209,8 +211,9 @@ impl<R: Real> CollisionWorkspace<R> {
     }
 
     /// Finds the listed pairs whose bounding balls overlap in any of the lanes `alive`, and writes them to `near` in ascending order.
+    /// Static pairs are not among them ([`CollisionWorkspace::add_static`] adds these).
     ///
-    /// A robot has hundreds of pairs, and most cannot touch. The loop therefore has no branches, and values that the pairs of a geom share
+    /// A robot has hundreds of listed pairs. To be fast, the loop over pairs has no branches, and values that the pairs of a geom share
     /// stay in registers.
     #[inline(always)]
     pub(crate) fn find_near(&mut self, compiled: &LaneModel<R>, alive: R::Mask) {
@@ -295,8 +298,8 @@ impl<R: Real> GeomPoses<R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Updates `passing_displacement` and `passing_velocity`, for motion at the generalized velocity `v` during `time` seconds. The stored
-    /// poses are at the beginning or at the end of this time.
+    /// Updates `passing_displacement` and `passing_velocity`, for motion at the generalized velocity `v` during `time` seconds. The motion
+    /// begins or ends at the stored poses.
     #[inline(always)]
     pub(crate) fn update_passing_displacement(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.passing_velocity);
@@ -342,14 +345,14 @@ pub(crate) struct Scene<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a GeomPoses<R>,
-    /// Time step, s.
+    /// Time step, s. If a motion is tested, the duration of this motion.
     pub(crate) h: R,
     /// Distance by which every search distance is increased, m ([`slack`]).
     pub(crate) slack: R,
-    /// Duration of the motion that `poses.passing_displacement` bounds, s: in stage 3 the time since the beginning of the step, in the
-    /// tunnelling check the whole step.
+    /// Duration of the motion that `poses.passing_displacement` bounds, s. In stage 3 it is the time since the beginning of the step, in
+    /// the tunnelling check the duration of the tested motion.
     pub(crate) passing_time: R,
-    /// Whether to find the lanes in which geoms may have passed each other within `passing_time`.
+    /// Whether [`Scene::collide`] finds the lanes in which geoms may have passed through each other within `passing_time`.
     pub(crate) checks_passing: bool,
 }
 
@@ -357,7 +360,8 @@ impl<R: Real> Scene<'_, R> {
     /// Finds the contacts of a pair in the lanes `near`, and adds them to `contacts`. The contact points of packed pairs were computed
     /// before ([`Scene::test_packed`]); here they are only added.
     ///
-    /// Returns the lanes in which the contacts are unreliable, because the geoms have moved too far since the beginning of the step.
+    /// With `checks_passing`, returns the lanes in which the contacts are unreliable, because the geoms have moved too far since the
+    /// beginning of the step.
     #[inline(always)]
     pub(crate) fn collide(
         &self,
@@ -387,11 +391,12 @@ impl<R: Real> Scene<'_, R> {
         dot(apart, apart).lt(reach * reach)
     }
 
-    /// Lanes of `near` in which the contacts of a pair are unreliable, because a geom may have passed through the other one (tunnelled)
-    /// since the beginning of the step.
+    /// Lanes of `near` in which the contacts of a pair are unreliable, because one geom may have passed through the other (tunnelled) since
+    /// the beginning of the step.
     ///
     /// In these lanes, the geoms have moved farther relative to each other than the tunnelling distance of the pair
-    /// ([`LaneModel::tunnelling_distance`]). In addition, they overlap, may have passed through each other, or hit a surface of triangles.
+    /// ([`LaneModel::tunnelling_distance`]). In addition, they overlap, may have passed through each other, or one is a surface of
+    /// triangles that the other hits.
     #[inline(always)]
     fn may_have_tunnelled(
         &self,
@@ -411,8 +416,8 @@ impl<R: Real> Scene<'_, R> {
         // each other.
         let displacement = self.relative_displacement(a, b).min(self.relative_displacement(b, a));
         let far = far.and(displacement.gt(distance));
-        // If the geoms passed through each other, their gap now is at most the displacement minus the path inside. The test assumes that
-        // the path inside is two tunnelling distances long, and misses grazing hits with a shorter path.
+        // If the geoms passed through each other, their gap now is at most their displacement minus the part of it during which they
+        // overlapped. The test assumes that this part is two tunnelling distances long, and misses grazing hits, for which it is shorter.
         let most = (displacement - (distance + distance)).max(R::zero());
         let passed = self.gap(pair, far, most, narrow).lt(most);
         far.and(passed.or(self.hits_surface(index, pair, far, contacts)))
@@ -442,8 +447,8 @@ impl<R: Real> Scene<'_, R> {
         (norm(sub(motion_of_b[1], motion_of_a[1])) + spin * self.compiled.params.bounding_radius(b)) * self.passing_time
     }
 
-    /// Velocity of geom `b` relative to geom `a` at the free velocity of the step, world axes: angular, rad/s, and linear at the point `p`,
-    /// m/s.
+    /// Velocity of geom `b` relative to geom `a` at the velocity of the searches (`poses.search_velocity`), world axes: angular, rad/s, and
+    /// linear at the point `p`, m/s.
     #[inline(always)]
     pub(crate) fn relative_motion(&self, [a, b]: [usize; 2], p: V3<R>) -> [V3<R>; 2] {
         let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.search_velocity, a, p), self.motion_at(&self.poses.search_velocity, b, p));

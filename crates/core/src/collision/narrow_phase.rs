@@ -1,5 +1,5 @@
-//! Narrow phase in SIMD lanes: computes the contact points of pairs of geoms, and adds them to the contacts. `packed_phase.rs` does so for
-//! packed pairs.
+//! Narrow phase: computes the contact points of pairs of geoms, and adds them to the contacts. Pairs of simple shapes are computed in SIMD
+//! lanes, others one lane after the other. `packed_phase.rs` computes packed pairs.
 
 use std::borrow::Cow;
 
@@ -97,10 +97,10 @@ impl<R: Real> Scene<'_, R> {
         self.store_point(index, 0, pair, near, over_face, point, contacts);
     }
 
-    /// Lanes in which the ball, the first geom of the pair, stays over one face of the other geom during two steps. There the normal of the
-    /// contact `point` cannot change.
+    /// Lanes in which the ball, the first geom of the pair, stays over one face of the box, the second geom, during two steps. In these
+    /// lanes the normal of the contact `point` stays that of the face.
     ///
-    /// `clearance` is the distance of the ball's centre from the border of the face, m.
+    /// `clearance` is the distance of the ball's centre from the border of the face, m, see [`face_clearance`].
     #[inline(always)]
     pub(crate) fn stays_over_face(&self, pair: &CompiledPair<R::Scalar>, point: &ContactPoint<R>, clearance: R) -> R::Mask {
         let [_, velocity] = self.relative_motion(pair.geoms, self.poses.pos[pair.geoms[0]]);
@@ -144,8 +144,7 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Finds the contacts of a pair of solids (convex shapes, hulls) in the lanes `near`, one lane after the other, in f64. A lane's result
-    /// does not depend on other lanes.
+    /// Finds the contacts of a pair of solids (convex shapes, surfaces, half spaces) in the lanes `near`, one lane after the other, in f64.
     #[inline(always)]
     fn convex(
         &self,
@@ -230,7 +229,8 @@ impl<R: Real> Scene<'_, R> {
     }
 
     /// Lanes of `near` in which the separating plane of the last step proves that the two hulls of a pair have no contact that stage 3
-    /// would add. The head of `approach.rs` in the geometry crate has the criterion. The function stores these planes for the next step.
+    /// would add. The head of `approach.rs` in the geometry crate has the criterion. The function stores the planes of these lanes for the
+    /// next step.
     ///
     /// `size` is the sum of the bounding radii of the two hulls, m.
     #[inline(always)]
@@ -332,7 +332,7 @@ impl<R: Real> Scene<'_, R> {
     ) {
         kernel!(R, || {
             point.distance -= R::splat(pair.margin);
-            // `search_displacement` is an upper bound of a geom's displacement in two steps. A contact beyond this reach cannot touch.
+            // `search_displacement` is an upper bound of a geom's displacement in two steps. A larger gap than the sum below cannot close.
             let [a, b] = pair.geoms;
             let near = near.and(point.distance.lt(self.poses.search_displacement[a] + self.poses.search_displacement[b] + self.slack));
             if near.none() {
@@ -346,7 +346,8 @@ impl<R: Real> Scene<'_, R> {
         })
     }
 
-    /// Speed at which the gap of a contact decreases at the free velocity of the step, m/s. It is zero where the gap grows.
+    /// Speed at which the gap of a contact decreases at the velocity of the searches (`poses.search_velocity`), m/s. It is zero where the
+    /// gap grows.
     #[inline(always)]
     pub(crate) fn closing_speed(&self, geoms: [usize; 2], point: &ContactPoint<R>) -> R {
         let [_, velocity] = self.relative_motion(geoms, point.pos);

@@ -2,7 +2,7 @@
 //!
 //! On stairs or stones, the robots of different environments are near different boxes. A kernel over lanes would then compute a pair in
 //! all lanes although its geoms are near each other in only one lane. In this module an item is a pair in one lane, and a register holds
-//! as many items as it has lanes. Lanes of a register do not affect each other, so that the contacts have the same bits.
+//! as many items as it has lanes. Lanes of a register do not affect each other, so that packing does not change the bits of the contacts.
 
 use stepper_geometry::pairs::{ContactPoint, Cuboid};
 use stepper_real::{Real, Scalar};
@@ -25,7 +25,7 @@ pub(crate) struct Item<S> {
     pub(crate) lane: usize,
 }
 
-/// Contact point of an item (a packed pair in one lane) that can touch within two steps.
+/// Contact point of an item (a packed pair in one lane) whose gap is small enough to close within two steps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found<S> {
     /// Index of the pair in the compiled model.
@@ -34,8 +34,8 @@ pub(super) struct Found<S> {
     pub(super) feature: u32,
     pub(super) lane: usize,
     pub(super) point: ContactPoint<S>,
-    /// Distance of the ball's centre from the border of the box face that it is over, m. Zero or negative if the centre is over no face.
-    /// Zero for a capsule.
+    /// Distance of the ball's centre from the border of the box face that the ball is over, m. Zero or negative if the centre is over no
+    /// face. Zero for a capsule.
     pub(super) clearance: S,
 }
 

@@ -1,4 +1,4 @@
-//! Narrow phase of packed pairs: balls and capsules that are near boxes in few lanes, see [`PackedPairs`].
+//! Narrow phase of packed pairs: pairs of a ball or capsule with a box that are near in few lanes, see [`PackedPairs`].
 
 use stepper_geometry::pairs::{ContactPoint, Segment, capsule_box, face_clearance, sphere_box};
 use stepper_real::{Mask, Real, kernel};
@@ -11,7 +11,7 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 impl<R: Real> Scene<'_, R> {
-    /// Finds the contact points of all packed pairs, and stores them in `packed`.
+    /// Computes the contact points of all packed pairs, and stores them in `packed`.
     #[inline(never)]
     pub(crate) fn test_packed(&self, packed: &mut PackedPairs<R::Scalar>) {
         kernel!(R, || {
@@ -75,8 +75,8 @@ impl<R: Real> Scene<'_, R> {
         true
     }
 
-    /// Appends the contact points of `items` that can touch within two steps to `found`. Items without a contact point add nothing.
-    /// `clearance` is [`Found::clearance`] of each item, m.
+    /// Appends to `found` those contact points of `items` whose gap is small enough to close within two steps. `exist` has the items that
+    /// have each point. `clearance` is [`Found::clearance`] of each item, m.
     #[inline(always)]
     fn keep<const N: usize>(
         &self,

@@ -1,4 +1,4 @@
-//! Distances of balls and capsules to static boxes along the motion of a step, for pairs that are near each other in few lanes.
+//! Distances of balls and capsules to static boxes along the motion of a step, for pairs that are tested in few lanes.
 //!
 //! Several such pairs share a register, as in [`PackedPairs`](crate::collision::packed_pairs::PackedPairs). The numbers equal those of
 //! [`SweptPair`].
@@ -41,8 +41,8 @@ pub(crate) struct PackedSweep<R> {
     time: R,
 }
 
-/// Whether a pair that is near in the lanes `lanes` (bits) can be packed. These are pairs of a moving ball or capsule and a static box,
-/// near in at most half of the lanes.
+/// Whether a pair that is tested in the lanes `lanes` (bits) can be packed. It must be a pair of a moving ball or capsule and a static box,
+/// and tested in at most half of the lanes.
 pub(crate) fn can_be_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>, lanes: u32) -> bool {
     let [first, second] = pair.geoms.map(|g| compiled.geoms[g].frame);
     matches!(pair.kernel, Kernel::SphereBox | Kernel::CapsuleBox)
@@ -89,8 +89,8 @@ impl<R: Real> PackedSweep<R> {
         }
     }
 
-    /// Touch of each of the items `items` on its path, if there is one, see [`find_touch`]. `gap` has the distances at the start of the
-    /// paths. An overlap up to `tolerance`, m, is no touch.
+    /// Touch of each of the items `items` on its path, if there is one, see [`find_touch`]. `gap` has the distances and their rates at the
+    /// start of the paths. An overlap up to `tolerance`, m, is no touch.
     #[inline(always)]
     pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> Touch<R> {
         // Items in which a body rotates too far, so that the search is invalid.
@@ -106,7 +106,8 @@ impl<R: Real> PackedSweep<R> {
         )
     }
 
-    /// Smallest distance between the geoms of each of the items `items`, and its time derivative, at `time` seconds along the path.
+    /// Smallest distance between the geoms of each of the items `items`, and its time derivative, at `time` seconds along the path. The
+    /// distance is infinite where no contact point can touch within two path durations, and for other items.
     #[inline(always)]
     pub(crate) fn gap_at(&self, time: R, items: R::Mask) -> Gap<R> {
         let rotation = quat_to_mat(quat_exp(scale(self.angular_velocity, time)));

@@ -1,9 +1,9 @@
 //! Cache of separating planes: results for pairs of hulls that one step stores for the next. An entry is the normal at which the next
 //! search starts, and a separating plane that remains valid for some motion.
 //!
-//! The cache saves time and changes no contact, see [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and
-//! [`SeparatingPlane`]. It is nevertheless part of the saved state: a search that starts elsewhere may round differently, and a step must
-//! depend on the state alone.
+//! The cache saves time and changes no contact by more than rounding errors, see
+//! [`SearchLimits::cached`](stepper_geometry::SearchLimits::cached) and [`SeparatingPlane`]. It is nevertheless part of the saved state: a
+//! search from another normal may round differently, and a step must depend on the state alone.
 
 use serde::{Deserialize, Serialize};
 use stepper_geometry::{SeparatingPlane, Solid};
@@ -12,7 +12,7 @@ use stepper_real::Scalar;
 use crate::compile::{Kernel, ModelStructure};
 use crate::math::lanes::{DestinationLanes, each_of};
 
-/// Largest number of pairs of one environment in the cache. The cache stores the first pairs that a step tests.
+/// Largest number of pairs of one environment in the cache. If a step stores more pairs, only the first ones are kept.
 const MAX_ENTRIES: usize = 16;
 
 /// Entry of the cache: separating plane of a pair.
@@ -38,7 +38,7 @@ pub struct SeparationCache {
 }
 
 impl SeparationCache {
-    /// Empty cache for `lanes` lanes. It has no entries at all if the scene has no pairs of hulls.
+    /// Empty cache for `lanes` lanes. It has no space for entries if the scene has no pairs of hulls.
     pub fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
         let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
         let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
@@ -50,7 +50,7 @@ impl SeparationCache {
 
     /// Whether the cache has no space for entries, because the scene has no pairs of hulls.
     #[inline(always)]
-    pub(crate) fn is_empty(&self) -> bool {
+    pub(crate) fn is_unused(&self) -> bool {
         self.places == 0
     }
 
@@ -79,7 +79,7 @@ impl SeparationCache {
 
     /// Removes the entries of all lanes.
     pub(crate) fn clear(&mut self) {
-        if !self.is_empty() {
+        if !self.is_unused() {
             (0..self.count.len()).for_each(|lane| self.forget(lane));
         }
     }

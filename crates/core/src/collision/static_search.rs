@@ -1,9 +1,9 @@
 //! Broad phase of the static pairs, which consist of a moving geom and a geom that is fixed to the world, both bounded and convex. The
 //! search uses axis-aligned bounding boxes, and a tree over the static geoms.
 //!
-//! A node of the tree bounds its static geoms in all lanes, because their poses may differ between environments. For each lane and
-//! kinematic tree, the search descends the tree with the box around all geoms of the kinematic tree. At a leaf, it tests the boxes of these
-//! geoms, as many at a time as a register has lanes.
+//! A node of the tree bounds its static geoms in all lanes, because their poses may differ between environments. A mover is a kinematic
+//! tree of bodies or a mocap body. For each lane and mover, the search descends the tree of boxes with the box around all geoms of the
+//! mover. At a leaf, it tests the boxes of these geoms, as many at a time as a register has lanes.
 
 use stepper_geometry::BoundingBox;
 use stepper_real::{Mask, Real, Scalar, kernel};
@@ -23,7 +23,7 @@ type Bounds<T> = [T; 6];
 pub(crate) struct StaticSearch<R: Real> {
     /// Bounding boxes of the nodes of the tree over the static geoms.
     nodes: Vec<Bounds<R::Scalar>>,
-    /// Bounding box of each mover. A mover is a kinematic tree or a mocap body, with all its geoms.
+    /// Bounding box of each mover (kinematic tree or mocap body), around all its geoms of static pairs.
     movers: Vec<Bounds<R>>,
     /// Bounding boxes of the moving geoms: for every lane and each of the six coordinates, a row with one number per geom.
     boxes: Vec<R::Scalar>,
@@ -62,7 +62,8 @@ impl<R: Real> StaticSearch<R> {
         pairs.moving.len() + R::LANES
     }
 
-    /// Updates the bounding boxes of the tree from the parameters of the model and `pos` and `mat`, the poses of the geoms.
+    /// Updates the bounding boxes of the tree, and the largest and smallest radii of the static geoms, from the parameters of the model.
+    /// `pos` and `mat` are the poses of the geoms.
     pub(crate) fn update_tree(&mut self, compiled: &LaneModel<R>, pos: &[V3<R>], mat: &[M3<R>]) {
         let StaticPairs { fixed, nodes, .. } = &compiled.static_pairs;
         let params = &compiled.params;
@@ -92,8 +93,9 @@ impl<R: Real> StaticSearch<R> {
 
     /// Finds the static pairs whose boxes overlap in the lanes `alive` (bits), and stores them in `pairs`.
     ///
-    /// For each geom, `motion` returns two values: the upper bound of its displacement, m, and whether the search must find all static
-    /// geoms whose bounding ball overlaps the geom's. It must if the geom may have passed through one of them, and be beyond it now.
+    /// For each moving geom, `motion` returns the distance by which its box is enlarged, m. Its second result is whether the search must
+    /// find all static geoms whose bounding ball overlaps that of the moving geom. It must if the moving geom may have passed through a
+    /// static geom.
     pub(crate) fn find(&mut self, compiled: &LaneModel<R>, alive: u32, poses: (&[V3<R>], &[M3<R>]), motion: impl Fn(usize) -> (R, bool)) {
         self.found_pairs.clear();
         kernel!(R, || {
@@ -110,8 +112,8 @@ impl<R: Real> StaticSearch<R> {
 
     /// Updates the boxes of the moving geoms and of the movers (kinematic trees and mocap bodies).
     ///
-    /// For each geom, `motion` returns the upper bound of its displacement, m, and whether to enlarge its box. An enlarged box overlaps
-    /// every static geom whose bounding ball overlaps the geom's bounding ball.
+    /// For each moving geom, `motion` returns the distance by which its box is enlarged, m, and whether to enlarge the box further. The
+    /// larger box overlaps every static geom whose bounding ball overlaps the bounding ball of the moving geom.
     #[inline(always)]
     fn update_boxes(&mut self, compiled: &LaneModel<R>, (pos, mat): (&[V3<R>], &[M3<R>]), motion: impl Fn(usize) -> (R, bool)) {
         let StaticPairs { moving, movers, .. } = &compiled.static_pairs;
@@ -120,8 +122,8 @@ impl<R: Real> StaticSearch<R> {
         for (range, whole) in movers.iter().zip(&mut self.movers) {
             for m in range.clone() {
                 let g = moving[m].geom;
-                let (mut reach, enlarges_box) = motion(g);
-                if enlarges_box {
+                let (mut reach, covers_balls) = motion(g);
+                if covers_balls {
                     reach += compiled.params.bounding_radius(g) + R::splat(self.largest);
                 }
                 let own = bounds(compiled, g, pos[g], &mat[g], reach);
@@ -196,14 +198,14 @@ impl<R: Real> StaticSearch<R> {
     }
 }
 
-/// Axis-aligned bounding box of a convex geom, enlarged by `displacement`, m.
+/// Axis-aligned bounding box of a convex geom, enlarged by `enlargement`, m, and by rounding errors.
 #[inline(always)]
-fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>, displacement: R) -> Bounds<R> {
+fn bounds<R: Real>(compiled: &LaneModel<R>, geom: usize, pos: V3<R>, mat: &M3<R>, enlargement: R) -> Bounds<R> {
     let solid = compiled.geoms[geom].solid.as_ref().expect("made for every geom of static pairs");
     let [centre, half] = BoundingBox::along_world(solid, compiled.params.geom_size(geom), mat).expect("convex");
     let centre = add(pos, centre);
     let sum = |v: V3<R>| v[0].abs() + v[1].abs() + v[2].abs();
-    let reach = displacement + R::of(ROUNDING) * (sum(centre) + sum(half) + displacement);
+    let reach = enlargement + R::of(ROUNDING) * (sum(centre) + sum(half) + enlargement);
     array!(|k| if k < 3 { centre[k] - (half[k] + reach) } else { centre[k - 3] + (half[k - 3] + reach) })
 }
 

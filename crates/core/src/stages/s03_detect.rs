@@ -1,17 +1,19 @@
 //! Stage 3: detects contacts from poses.
 //!
-//! Detection lists a contact if its gap can close before the evaluation point of the next step. The gap must be below the distance that the
-//! free velocity covers in two steps, plus the distance that gravity covers in one. Geoms need not overlap.
+//! Detection adds a contact if its gap may close before the evaluation point of the next step. The gap must be below the distance by which
+//! the free velocity closes it in two steps, plus the distance that gravity covers in one. Geoms need not overlap.
 //!
 //! The next evaluation point is up to 1.5 steps later (`ConstraintProblem::closing_time`). The rest of the two steps is a margin for
 //! impulses that make a body faster than its free velocity.
 //!
-//! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] returns lanes in
-//! which the geoms of a fast pair overlap or may have passed through each other. Lanes in which a fast geom hits a surface of triangles
-//! are among them. The step then evaluates these lanes at its beginning, where the wall is still ahead and its contact stops the body.
-//! Bodies can still pass through a geom in two cases. An impulse makes them faster than the search assumed, or they rotate so far that
-//! the contact normal is no longer valid. After the step, [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds these
-//! lanes.
+//! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] therefore checks
+//! pairs that have moved farther than their tunnelling distance since the beginning of the step. It returns lanes in which the geoms of
+//! such a pair overlap or may have passed through each other, and lanes in which one hits a surface of triangles. The step evaluates these
+//! lanes again at its beginning. There the wall is still ahead of the body, and the contact with the wall stops the body.
+//!
+//! Bodies can still pass through a geom if an impulse deflects them or makes them faster than the search assumed. They can also pass if
+//! they rotate so far that the contact normal is no longer valid. [`may_have_passed`](crate::collision::tunnelling::may_have_passed) finds
+//! such lanes after the solve.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -22,7 +24,7 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::probe::{Counter, Probe, span};
 
 /// Finds the contacts of the lanes `alive`, at the poses `time_before` seconds after the beginning of the step. Returns the lanes whose
-/// contacts are unreliable at this time, because geoms may already have passed through each other.
+/// contacts are unreliable at these poses, because geoms have moved too far since the beginning of the step (see the head of the file).
 ///
 /// `v` is the velocity before the step, and `v_free` the velocity after it without constraints. `h` is the time step, s.
 #[expect(clippy::too_many_arguments, reason = "poses, contacts and probe are separate buffers")]
@@ -79,7 +81,7 @@ fn find_pairs<R: Real>(
         }
         collision.find_near(compiled, alive);
     });
-    // A static pair is a listed or a dynamic pair. Each kind is merged with the other pairs of its kind.
+    // Each static pair is also a listed or a dynamic pair. The found static pairs are merged with the other pairs of these two kinds.
     collision.find_static(compiled, alive, checks_static, |poses| &poses.search_displacement);
     collision.add_static(compiled);
     collision.find_dynamic(compiled, alive, |poses| &poses.search_displacement);
@@ -87,8 +89,8 @@ fn find_pairs<R: Real>(
 
 /// Narrow phase: finds the contacts of the pairs from [`find_pairs`].
 ///
-/// With `checks_passing`, returns the lanes whose contacts are unreliable, because geoms may have passed through each other since the
-/// beginning of the step.
+/// With `checks_passing`, returns the lanes whose contacts are unreliable, because geoms have moved too far since the beginning of the
+/// step. Otherwise returns no lanes.
 fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -110,12 +112,12 @@ fn find_contacts<R: Real>(
     kernel!(R, || {
         let scene = Scene { compiled, kinematics, poses, h, slack, passing_time: time_before, checks_passing };
         // Pairs of a ball or capsule with a box that are near in few lanes are packed: several share a SIMD register, in which
-        // `test_packed` computes their contact points. `collide` then adds these points in the order of all pairs.
+        // `test_packed` computes their contact points. `collide` later adds these points, so that contacts are in the order of the pairs.
         packed.clear();
         for &(index, lanes) in near {
             packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);
         }
-        // The broad phase of dynamic pairs has tested bounding balls that are slightly enlarged. `can_touch` tests the balls themselves.
+        // The broad phase has tested dynamic pairs by slightly enlarged bounding balls or by boxes. `can_touch` tests the balls themselves.
         dynamic.clear();
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             for &(index, lanes) in &broad.pairs {

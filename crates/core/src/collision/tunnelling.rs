@@ -1,4 +1,4 @@
-//! Tunnelling check: finds the lanes in which the solved motion of a step may have carried one geom through another.
+//! Tunnelling check: finds the lanes in which the motion of a step may have carried one geom through another.
 
 use stepper_geometry::{Narrow, Pose, Solid, SolidMotion};
 use stepper_real::{Mask, Real, Scalar, kernel};
@@ -10,30 +10,30 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Solved motion of a step, as input of the tunnelling check.
+/// Motion that the tunnelling check tests: motion at a constant velocity, which begins or ends at the poses where stage 3 found contacts.
 #[derive(Clone, Copy, Debug)]
-pub struct TakenStep<'a, R: Real> {
-    /// Generalized velocity at which the geoms move during the step, from the poses at which stage 3 found contacts.
+pub struct TestedMotion<'a, R: Real> {
+    /// Generalized velocity of the motion.
     pub velocity: &'a [R],
     /// Whether `velocity` is the free velocity with which stage 3 found contacts.
     pub is_free: bool,
-    /// Time step, s.
-    pub h: R,
-    /// Whether contacts were found at the end of the step, not at its beginning or in its middle.
+    /// Duration of the motion, s: the time step, or a part of it.
+    pub time: R,
+    /// Whether the poses where stage 3 found contacts are at the end of the motion, and not at its beginning.
     pub contacts_at_end: bool,
 }
 
-/// Lanes in which one geom may have passed through another in the solved motion of a step.
+/// Lanes in which one geom may have passed through another in the tested motion.
 ///
-/// A pair may pass if its relative displacement exceeds its thickness and if the test of its path
+/// A pair may pass if its relative displacement exceeds its tunnelling distance and its gap, and if the test of its path
 /// ([`Narrow::may_pass`](stepper_geometry::Narrow::may_pass)) is positive. Contact rows stop the collisions that stage 3 finds. However, an
-/// impulse may make a body faster than [`detect`](crate::stages::s03_detect::detect) assumed, or deflect it, and a curved path may miss the
-/// contact row.
+/// impulse may make a body faster than [`detect`](crate::stages::s03_detect::detect) assumed, or deflect it, and a body on a curved path
+/// may miss its contact row.
 #[inline(always)]
 pub fn may_have_passed<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    step: TakenStep<'_, R>,
+    motion: TestedMotion<'_, R>,
     alive: R::Mask,
     collision: &mut CollisionWorkspace<R>,
 ) -> R::Mask {
@@ -41,24 +41,24 @@ pub fn may_have_passed<R: Real>(
         return R::Mask::splat(false);
     }
     let slack = collision.slack;
-    if step.is_free && collision.poses.moved_little(compiled, alive) {
+    if motion.is_free && collision.poses.moved_little(compiled, alive) {
         return R::Mask::splat(false);
     }
     let [moved, beyond_search] =
-        kernel!(R, || collision.poses.find_large_displacements(compiled, kinematics, step.velocity, step.h, slack));
+        kernel!(R, || collision.poses.find_large_displacements(compiled, kinematics, motion.velocity, motion.time, slack));
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
-    // If no geom moves farther than stage 3 assumed, the candidate pairs of stage 3 suffice. Otherwise all listed pairs are tested, and the
-    // dynamic ones are searched again.
+    // If no geom moves farther than stage 3 assumed, the near pairs of stage 3 suffice. Otherwise all listed pairs are tested, and the
+    // dynamic pairs are searched again.
     let within_search = beyond_search.and(alive).none();
     if !within_search && compiled.dynamic_pairs.is_some() {
         collision.find_static(compiled, alive, false, |poses| &poses.passing_displacement);
         collision.find_dynamic(compiled, alive, |poses| &poses.passing_displacement);
     }
     let CollisionWorkspace { poses, near, near_count, broad, narrow_phase, .. } = collision;
-    let scene = Scene { compiled, kinematics, poses, h: step.h, slack, passing_time: step.h, checks_passing: false };
-    let paths = PathEnds { scene, contacts_at_end: step.contacts_at_end };
+    let scene = Scene { compiled, kinematics, poses, h: motion.time, slack, passing_time: motion.time, checks_passing: false };
+    let paths = PathEnds { scene, contacts_at_end: motion.contacts_at_end };
     kernel!(R, || {
         let mut passed = R::Mask::splat(false);
         if within_search {
@@ -79,22 +79,22 @@ pub fn may_have_passed<R: Real>(
     })
 }
 
-/// Relative displacement below which one geom of a pair cannot pass through the other, m: the pair's thickness, or four times that for a
-/// height field.
+/// Relative displacement below which neither geom of a pair can pass through the other, m. It is the tunnelling distance of the pair, or
+/// four times this distance for a height field.
 ///
-/// A height field is solid. On a shorter path through a bump, the geom's inscribed ball is in the ground at one end. Contacts then push the
-/// geom out.
+/// A height field is solid. On a shorter path through a bump, the inscribed ball of the other geom is in the ground at one end of the path.
+/// Contacts then push the geom out.
 #[inline(always)]
 fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
     let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
-    let thickness = compiled.tunnelling_distance(pair.geoms);
-    if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
+    let distance = compiled.tunnelling_distance(pair.geoms);
+    if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { distance * R::of(4.0) } else { distance }
 }
 
-/// Geoms at the poses where contacts were found, which are the end or the beginning of their paths in the step.
+/// Geoms at the poses where contacts were found, which are at the beginning or at the end of the tested motion.
 struct PathEnds<'a, R: Real> {
     scene: Scene<'a, R>,
-    /// See [`TakenStep::contacts_at_end`].
+    /// Whether the poses are at the end of the tested motion, see [`TestedMotion::contacts_at_end`].
     contacts_at_end: bool,
 }
 
@@ -110,9 +110,10 @@ impl<R: Real> PathEnds<'_, R> {
         if suspected.any() { passed.or(self.test_path(pair.geoms, suspected, narrow)) } else { passed }
     }
 
-    /// Lanes of `lanes` in which the relative displacement of the pair exceeds its thickness and its gap.
+    /// Lanes in which the relative displacement of the pair exceeds its gap and the displacement that it needs to pass
+    /// ([`min_displacement`]). The result is valid in the lanes `lanes`.
     ///
-    /// Limbs that move in the same direction have a small relative displacement.
+    /// This excludes limbs that move together, which have a small relative displacement.
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>, lanes: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let (scene, [a, b]) = (&self.scene, pair.geoms);
@@ -122,20 +123,21 @@ impl<R: Real> PathEnds<'_, R> {
         displacement.gt(min_displacement(scene.compiled, pair).max(scene.gap(pair, lanes, displacement, narrow)))
     }
 
-    /// Lanes of `suspected` in which geom `a` may pass through geom `b` on its path. The function tests lane after lane, in f64.
+    /// Lanes of `suspected` in which the geoms `a` and `b` may pass through each other on their paths. The function tests lane after lane,
+    /// in f64.
     #[inline(never)]
     fn test_path(&self, [a, b]: [usize; 2], suspected: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let mut passed = R::Mask::splat(false);
         if [a, b].iter().any(|&g| self.scene.compiled.geoms[g].solid.is_none()) {
             return passed;
         }
-        let thickness = self.scene.compiled.tunnelling_distance([a, b]);
+        let distance = self.scene.compiled.tunnelling_distance([a, b]);
         for lane in each_of(suspected.bits()) {
             let (first, second) = (self.scene.solid_in(a, lane), self.scene.solid_in(b, lane));
             let motions = [self.motion_of(a, lane), self.motion_of(b, lane)];
             let h = self.scene.h.lane(lane).to_f64();
             let times = if self.contacts_at_end { [-h, 0.0] } else { [0.0, h] };
-            let thickness = (thickness.lane(lane).to_f64()).max(self.scene.slack.lane(lane).to_f64());
+            let thickness = (distance.lane(lane).to_f64()).max(self.scene.slack.lane(lane).to_f64());
             if narrow.may_pass([&first, &second], motions, times, thickness) {
                 passed = passed.or(R::Mask::from_bits(1 << lane));
             }
@@ -143,13 +145,13 @@ impl<R: Real> PathEnds<'_, R> {
         passed
     }
 
-    /// Motion of a geom in lane `lane` during the step.
+    /// Tested motion of a geom in lane `lane`.
     fn motion_of(&self, geom: usize, lane: usize) -> SolidMotion {
         let Scene { compiled, kinematics, poses, .. } = self.scene;
         let own = &compiled.geoms[geom];
         let (pos, mut mat) = (of_lane(&poses.pos[geom], lane), of_lane(&poses.mat[geom], lane));
         if !own.full_orientation {
-            // The matrix of a round geom has only a current z axis.
+            // Of the matrix, only the z axis is current. The geom is round, so that any two perpendicular axes complete it.
             let [z, x, y] = contact_frame(column(&mat, 2));
             mat = [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
         }
@@ -183,9 +185,9 @@ impl<R: Real> PathEnds<'_, R> {
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Whether in the lanes `alive` no geom moves by more than half its inscribed radius in a step at the free velocity.
+    /// Whether in the lanes `alive` no geom moves by more than half of its inscribed radius in a step at the free velocity.
     ///
-    /// The test compares [`GeomPoses::search_displacement`], the displacement over two steps, with the whole radius.
+    /// The test compares [`GeomPoses::search_displacement`], the displacement over two steps, with the whole inscribed radius.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
         kernel!(R, || {
             let mut moved = R::Mask::splat(false);
@@ -196,20 +198,20 @@ impl<R: Real> GeomPoses<R> {
         })
     }
 
-    /// Updates `passing_displacement` for the solved step, and finds the geoms that move far. Returns two sets of lanes.
+    /// Updates `passing_displacement` for `time` seconds at the velocity `v`, and `moved_far`. Returns two sets of lanes.
     ///
-    /// In the first set, some geom moves by more than half its inscribed radius; in other lanes no pair can pass. In the second set, some
-    /// geom moves farther than stage 3 assumed in its search for pairs.
+    /// In the first set, some geom moves by more than half of its inscribed radius; in other lanes no pair can pass. In the second set,
+    /// some geom moves farther than stage 3 assumed in its search for pairs.
     #[inline(always)]
     fn find_large_displacements(
         &mut self,
         compiled: &LaneModel<R>,
         kinematics: &Kinematics<R>,
-        v_next: &[R],
-        h: R,
+        v: &[R],
+        time: R,
         slack: R,
     ) -> [R::Mask; 2] {
-        self.update_passing_displacement(compiled, kinematics, v_next, h);
+        self.update_passing_displacement(compiled, kinematics, v, time);
         let [mut any, mut beyond_search] = [R::Mask::splat(false); 2];
         let half = R::of(0.5);
         for &g in &compiled.moving_geoms {
@@ -223,7 +225,7 @@ impl<R: Real> GeomPoses<R> {
     }
 
     /// Lanes in which one geom of a pair may pass through the other, by upper bounds of their displacements. The function does not test
-    /// paths.
+    /// their paths.
     #[inline(always)]
     fn may_get_past(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
@@ -240,8 +242,8 @@ impl<R: Real> GeomPoses<R> {
         far.and(dot(offset, offset).lt(reach * reach))
     }
 
-    /// Largest distance of a geom's circular path from its tangent during `h` seconds, m: half the square of the rotation angle, times the
-    /// radius.
+    /// Largest distance of a geom's curved path from its tangent during `h` seconds, m: half the square of the rotation angle, times the
+    /// lever arm of the rotation. Zero for geoms that are fixed to the world or to a mocap body.
     #[inline(always)]
     fn arc_deviation(&self, compiled: &LaneModel<R>, geom: usize, h: R) -> R {
         let g = &compiled.geoms[geom];

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real, kernel};
 
-use crate::collision::tunnelling::{TakenStep, may_have_passed};
+use crate::collision::tunnelling::{TestedMotion, may_have_passed};
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::FreeMotion;
@@ -92,15 +92,15 @@ pub(crate) fn find_tunnelling<R: Real>(
         }
         &*tested_velocity
     };
-    let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
-    let passed = may_have_passed(input.compiled, kinematics, step, input.alive, collision);
+    let motion = TestedMotion { velocity: v, is_free, time: scheme.h, contacts_at_end: false };
+    let passed = may_have_passed(input.compiled, kinematics, motion, input.alive, collision);
     // Each step checks the path from its evaluation point to that of the next step. If an impact moved the evaluation point of this step,
     // the path from the beginning of the step to this point is checked here.
     let moved = impact_lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
     if moved.none() {
         return passed;
     }
-    let flight = TakenStep { velocity: &input.state.v, is_free: false, h: scheme.time_before, contacts_at_end: true };
+    let flight = TestedMotion { velocity: &input.state.v, is_free: false, time: scheme.time_before, contacts_at_end: true };
     passed.or(may_have_passed(input.compiled, kinematics, flight, moved, collision))
 }
 

@@ -19,7 +19,7 @@ pub(crate) mod workspace;
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::tunnelling::{TakenStep, may_have_passed};
+use crate::collision::tunnelling::{TestedMotion, may_have_passed};
 use crate::compile::LaneModel;
 use crate::constraints::PositionSolution;
 use crate::integrators::evaluation::Evaluation;
@@ -61,9 +61,9 @@ pub(crate) fn solve_step<R: Real>(
     let none = R::Mask::splat(false);
     free.unresolved = none;
     let contacts_at_end = options.integrator == Integrator::Rk4;
-    let step = TakenStep { velocity: &velocity.v, is_free: false, h: R::of(options.timestep), contacts_at_end };
+    let motion = TestedMotion { velocity: &velocity.v, is_free: false, time: R::of(options.timestep), contacts_at_end };
     let Evaluation { kinematics, collision, .. } = evaluation;
-    let tunnelled = span!(probe, Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, collision));
+    let tunnelled = span!(probe, Tunnelling, || may_have_passed(compiled, kinematics, motion, *alive, collision));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
     StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, energy_unresolved: none }

@@ -26,17 +26,17 @@ pub struct CompiledGeom<S> {
     pub is_round: bool,
     /// Rotation matrix from the geom's axes to the frame's, row-major.
     pub mat: [S; 9],
-    /// Whether collision of some pair needs the geom's whole orientation, and not only its z axis.
+    /// Whether detection needs the geom's whole orientation, and not only its z axis.
     pub full_orientation: bool,
-    /// Collision shape for [`Kernel::Convex`] and the tunnelling check; `None` if no pair needs it.
+    /// Collision shape for [`Kernel::Convex`], [`Kernel::Surface`], bounding boxes and the tunnelling check; `None` if no pair needs it.
     pub solid: Option<Solid>,
     /// Bounding and inscribed radius of a mesh or height field, which are equal in all environments; `None` for other shapes.
     pub(super) fixed_radii: Option<Radii>,
 }
 
 impl<S: Scalar> CompiledGeom<S> {
-    /// Sets the geom's solid (collision shape), which the tunnelling check needs. `collides` is true if [`Kernel::Convex`] or
-    /// [`Kernel::Surface`] uses the solid; collision then needs the geom's whole orientation.
+    /// Sets the geom's solid (collision shape). `collides` is true if [`Kernel::Convex`] or [`Kernel::Surface`] uses the solid; detection
+    /// then needs the geom's whole orientation.
     fn set_solid(&mut self, model: &Model, shape: &Shape, collides: bool) {
         self.solid.get_or_insert_with(|| solid(model, shape));
         self.full_orientation |= collides;
@@ -69,10 +69,10 @@ impl<S> CompiledPair<S> {
 /// pairs are called members.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
-    /// Geoms that form the dynamic pairs, ascending.
+    /// Geoms that form the dynamic pairs, ascending by their index in the model.
     pub members: Vec<Member>,
-    /// Indices in `members` of the geoms between which the broad phase searches: all that are not fixed to the world. It is empty if only
-    /// pairs of a moving and a static geom are dynamic.
+    /// Indices in `members` of the geoms that are not fixed to the world, if the broad phase searches for pairs of two such geoms. Empty if
+    /// these pairs are listed, so that only pairs of a moving and a static geom are dynamic.
     pub moving: Vec<u32>,
     /// Largest bounding radius of a geom in `members` plus its margin, m.
     pub widest: f64,
@@ -110,7 +110,7 @@ impl<S: Scalar> DynamicPairs<S> {
         Some([self.members.get(k / n)?, &self.members[k % n]])
     }
 
-    /// Geoms of the dynamic pair `index`, as indices in the compiled model. The simpler shape is first.
+    /// Geoms of the dynamic pair `index`, as indices in the compiled model. The simpler shape is first. `None` if there is no such pair.
     pub fn geoms(&self, index: usize) -> Option<[usize; 2]> {
         let [a, b] = self.members_of(index)?;
         let swap = self.filter.ordered([a.model_geom, b.model_geom])[0] != a.model_geom;
@@ -157,8 +157,8 @@ impl<S: Scalar> DynamicPairs<S> {
         }
     }
 
-    /// Upper bound of the number of contacts of dynamic pairs. Only a limited number of geoms of similar size fits around each geom of the
-    /// pairs.
+    /// Number of contacts of dynamic pairs, per environment, for which memory is reserved. Only a limited number of geoms of similar size
+    /// fits around each geom.
     pub fn contact_points(&self) -> usize {
         self.members.len() * NEIGHBOUR_POINTS
     }
@@ -167,12 +167,12 @@ impl<S: Scalar> DynamicPairs<S> {
 /// Number of contact points per geom for which memory is reserved in scenes with many similar geoms. Twelve neighbours fit around a ball
 /// (the kissing number), with eight points each. A contact belongs to two geoms, so the number is half of the product.
 const NEIGHBOUR_POINTS: usize = 48;
-/// Largest number of pairs of geoms of ordinary size for which the compiled model lists all pairs. With more pairs, those of a moving and a
-/// static geom become dynamic pairs. If the pairs of two moving geoms alone are more than this number, they become dynamic pairs too.
+/// Largest number of pairs of bounded convex geoms, without those of [`LARGE`] geoms, for which the compiled model lists all pairs. With
+/// more pairs, those of a moving and a static geom become dynamic pairs. If the pairs of two moving geoms alone are more than this number,
+/// they become dynamic pairs too.
 const LISTED_PAIRS: usize = 3000;
-/// Ratio of a geom's size to the median size of geoms above which the geom counts as large. Pairs of large geoms are in the compiled
-/// model's list of pairs, and not among the dynamic pairs. In the broad phase, a cell as wide as a large geom would contain all other
-/// geoms.
+/// Ratio of a geom's bounding radius to the median radius of bounded convex geoms above which the geom counts as large. Pairs with a large
+/// geom are listed. In the broad phase of dynamic pairs, a cell as wide as a large geom would contain very many other geoms.
 const LARGE: f64 = 8.0;
 
 /// Compiled collision geometry: geoms, listed pairs and dynamic pairs.
@@ -231,7 +231,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
 pub const NO_PAIR_GROUP: u32 = u32::MAX;
 
 /// Number of the pair group of each pair in `pairs`; [`NO_PAIR_GROUP`] for a pair without a group. A pair group has all listed pairs that
-/// join the same two frames, and at least two.
+/// join the same two frames in the same order, and at least two pairs.
 ///
 /// Pairs with torsional or rolling friction or with contact springs have no group. The list is empty if no pair has a group.
 pub(super) fn pair_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
@@ -247,7 +247,8 @@ pub(super) fn pair_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>
     pair_groups
 }
 
-/// For each geom, whether its pairs are dynamic (found by the broad phase in every step). All are false if there are few pairs.
+/// For each geom, whether it is a member of the dynamic pairs, which the broad phase finds in every step. No geom is a member if the number
+/// of pairs of such geoms is at most [`LISTED_PAIRS`], or too large for indices of 32 bits.
 fn geoms_with_dynamic_pairs(model: &Model) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
     let size = |g: &Geom| bounding_radius(model, &g.shape);
@@ -265,11 +266,11 @@ fn number_of_pairs(n: usize) -> usize {
 }
 
 /// Makes the listed pairs of the model: all pairs that can collide and are not dynamic pairs. Pairs with torsional or rolling friction come
-/// first; otherwise the order is that of the geoms.
+/// first; otherwise the order is that of the geoms. Contacts are stored in the order of the pairs. Contacts with torsional or rolling
+/// friction therefore fill the first slots of every lane.
 ///
-/// `has_dynamic_pairs` marks the geoms whose pairs with each other are dynamic. Pairs of two geoms in `listed_moving` are listed even if
-/// `has_dynamic_pairs` marks both. Contacts are stored in the order of the pairs. Contacts with six constraint rows therefore fill the
-/// first slots of every lane.
+/// `has_dynamic_pairs` marks the members of the dynamic pairs. Two members are nevertheless a listed pair if both are in `listed_moving`,
+/// or if they are an explicit pair.
 fn listed_pairs(model: &Model, filter: &Filter, has_dynamic_pairs: &[bool], listed_moving: &[usize]) -> Vec<Pair> {
     let all = 0..model.geoms.len();
     let one_outside = all
@@ -285,7 +286,7 @@ fn listed_pairs(model: &Model, filter: &Filter, has_dynamic_pairs: &[bool], list
 }
 
 /// Bounding radius and inscribed radius of a geom, m. The bounding ball about the geom's origin contains the geom, and the geom contains a
-/// ball of the inscribed radius.
+/// ball of the inscribed radius. The inscribed radius of a surface is 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Radii {
     pub(super) bounding_radius: f64,
@@ -322,7 +323,7 @@ fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom
     }
 }
 
-/// Size of a shape, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid).
+/// Size of a shape, m: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid). Zeros for other shapes.
 pub(super) fn size(shape: &Shape) -> [f64; 3] {
     match *shape {
         Shape::Sphere { radius } => [radius, 0.0, 0.0],
@@ -333,8 +334,8 @@ pub(super) fn size(shape: &Shape) -> [f64; 3] {
     }
 }
 
-/// Inscribed radius of a shape, m: half of its least width. Infinite for a plane; 0 for a height field and for a mesh that collides as its
-/// triangles.
+/// Inscribed radius of a shape, m: radius of the largest ball about the shape's centre that is inside the shape. Infinite for a plane; 0
+/// for a height field and for a mesh that collides as its triangles.
 fn inscribed_radius(model: &Model, shape: &Shape) -> f64 {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     match *shape {

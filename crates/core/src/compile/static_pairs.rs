@@ -1,5 +1,5 @@
-//! Static pairs: pairs of a moving geom and a geom that is fixed to the world, both convex. The broad phase finds them with a tree of
-//! bounding boxes.
+//! Static pairs: pairs of a moving geom and a geom that is fixed to the world, both bounded and convex. The broad phase finds them with a
+//! tree of bounding boxes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -9,10 +9,10 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 
-/// Mark for a missing index: of a row of pair indices, of a member of the dynamic pairs, or of a leaf of the tree of static geoms.
+/// Mark for a missing index: of a row of the table of pairs, of a pair in it, of a member of the dynamic pairs, or of a leaf's geom.
 const NONE: u32 = u32::MAX;
 
-/// Geom that is fixed to the world and may collide with a moving geom.
+/// Geom of static pairs that is fixed to the world.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticGeom {
     /// Index of the static geom in the compiled model.
@@ -26,7 +26,7 @@ pub struct StaticGeom {
     member: u32,
 }
 
-/// Moving geom that may collide with a geom that is fixed to the world.
+/// Moving geom of static pairs.
 #[derive(Clone, Copy, Debug)]
 pub struct MovingGeom {
     /// Index of the moving geom in the compiled model.
@@ -158,8 +158,8 @@ impl StaticPairs {
         self.listed[pair]
     }
 
-    /// Index of the pair of a static geom and a moving geom in the compiled model; `None` if the model has no such pair. For a dynamic
-    /// pair, [`DynamicPairs::pair`] returns whether the two geoms can collide.
+    /// Index in the compiled model of the pair of `fixed` and the moving geom `self.moving[moving]`. `None` if they are neither a listed
+    /// pair nor two members of the dynamic pairs. Two members may be unable to collide, see [`DynamicPairs::pair`].
     #[inline(always)]
     pub fn pair_index(&self, fixed: &StaticGeom, moving: usize) -> Option<u32> {
         if fixed.row != NONE {

@@ -33,7 +33,7 @@ pub(crate) struct Path<'a, R: Real> {
     pub(crate) start: &'a GeomPoses<R>,
     /// Duration of the path, s.
     pub(crate) time: R,
-    /// Distance that gravity covers in a step, plus a micrometre, m, see [`super::detection::CollisionWorkspace::slack`].
+    /// Distance by which the searches increase every search distance, m, see [`super::detection::CollisionWorkspace::slack`].
     pub(crate) slack: R,
     /// Index of the pair in the compiled model.
     pub(crate) index: usize,
@@ -52,7 +52,7 @@ pub(crate) struct Gap<R> {
 /// Workspace for computing the distance of a pair along its path.
 #[derive(Clone, Debug)]
 pub(crate) struct SweptPair<R: Real> {
-    /// Poses at the current time of the path. Only the poses of the tested pair are current.
+    /// Poses at the current time of the path, of the tested pair only. `search_velocity` has the velocities that determine the paths.
     pub(super) poses: GeomPoses<R>,
     narrow_phase: NarrowWorkspace,
     contacts: Contacts<R>,
@@ -74,8 +74,8 @@ impl<R: Real> SweptPair<R> {
         kinematics.velocities(compiled, v, &mut self.poses.search_velocity);
     }
 
-    /// Touch of the pair on its path in the lanes `lanes`, if there is one, see [`find_touch`]. `gap` is the distance at the start of the
-    /// path. An overlap up to `tolerance`, m, is no touch.
+    /// Touch of the pair on its path in the lanes `lanes`, if there is one, see [`find_touch`]. `gap` has the distance and its rate at the
+    /// start of the path. An overlap up to `tolerance`, m, is no touch.
     #[inline(always)]
     pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> Touch<R> {
         let rotates = self.exceeds_max_rotation(path);
@@ -102,8 +102,8 @@ impl<R: Real> SweptPair<R> {
         far
     }
 
-    /// Distance of the two geoms, and its time derivative, in their poses at `time` seconds along the path. The distance is infinite in
-    /// lanes in which the pair has no contact points, and outside the lanes `lanes`.
+    /// Distance of the two geoms of `path`, and its time derivative, in their poses at `time` seconds along the path. The distance is
+    /// infinite in lanes in which the pair has no contact points, and outside the lanes `lanes`.
     #[inline(always)]
     pub(crate) fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
         let Path { compiled, kinematics, slack, index, pair, .. } = *path;
@@ -126,7 +126,7 @@ impl<R: Real> SweptPair<R> {
         least
     }
 
-    /// Sets the pose of a geom of the pair at `time` seconds along the path.
+    /// Sets the pose of a geom of the pair at `time` seconds along the path, and its `search_displacement`.
     #[inline(always)]
     fn place(&mut self, path: &Path<'_, R>, geom: usize, time: R) {
         let (start, kinematics) = (path.start, path.kinematics);

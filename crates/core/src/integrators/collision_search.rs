@@ -19,7 +19,7 @@ use crate::tuning::SIMULTANEOUS_FRACTION;
 /// Number of secant steps that approximate the time of first touch. Bisections follow, because secants can stall where the path is curved.
 const SECANTS: usize = 4;
 
-/// Largest number of evaluations of a pair's distance that narrow the time of its first touch. Secants need two or three, and ten
+/// Largest number of evaluations of a pair's distance in the search for the time of first touch. Secants need two or three, and ten
 /// bisections give 1e-3 of the path.
 const MAX_EVALUATIONS: usize = SECANTS + 10;
 
@@ -28,10 +28,11 @@ const MAX_EVALUATIONS: usize = SECANTS + 10;
 pub(crate) struct CollisionSearch<R: Real> {
     /// Workspace for the distance of a pair along its path.
     swept: SweptPair<R>,
-    /// For each deferred contact: normal velocity in the searched motion, m/s, and lanes in which its linearised gap closes (the gap at a
-    /// constant normal velocity). Deferred contacts are those that the solver leaves out.
+    /// For each deferred contact: normal velocity in the searched motion, m/s, and lanes in which the contact may collide. There its
+    /// linearised gap closes (the gap at a constant normal velocity). A contact that bounces may collide where its normal velocity is below
+    /// the target velocity.
     rates: Vec<(R, R::Mask)>,
-    /// Candidate pairs: pairs whose linearised gap closes in some lane.
+    /// Candidate pairs: pairs with a deferred contact that may collide in some lane.
     pairs: Vec<CandidatePair<R>>,
     /// Generalized velocity after the step with the predicted impulses, nv.
     pub(crate) v_predicted: Vec<R>,
@@ -54,18 +55,18 @@ struct PackedPath<S> {
     time: S,
 }
 
-/// Candidate pair: a pair of geoms whose linearised gap closes in some lanes, so that it may collide.
+/// Candidate pair: a pair of geoms with a deferred contact that may collide, see [`CollisionSearch::rates`].
 #[derive(Clone, Copy, Debug)]
 struct CandidatePair<R: Real> {
     /// Index of the pair in the compiled model.
     pair: usize,
-    /// Lanes in which the linearised gap closes. The search reduces them to those in which the pair collides. Outside `finds_all`, it also
-    /// removes lanes in which another pair of the same trees collides earlier.
+    /// Lanes in which a deferred contact of the pair may collide. The search reduces them to those in which the pair collides. Outside
+    /// `finds_all`, it also removes lanes in which another pair of the same trees collides earlier.
     lanes: R::Mask,
-    /// Overlap up to which the pair counts as not colliding, m: that of resting contacts plus the touch tolerance. In the predicted
-    /// motion, the overlap must also exceed the fraction [`CollisionQuery::margin`] of the linearised overlap.
+    /// Overlap up to which the pair counts as not colliding, m: that of the bodies' other contacts plus the touch tolerance. In the
+    /// predicted motion, the overlap must also exceed the fraction [`CollisionQuery::overlap_fraction`] of the linearised overlap.
     tolerance: R,
-    /// Time at which the pair overlaps, s. `before` is an earlier time at which the pair does not touch yet. The first touch is between
+    /// Time at which the pair overlaps, s. `before` is an earlier time at which the pair does not touch yet. There is a first touch between
     /// these two times. The search narrows this bracket where the order of collisions matters.
     time: R,
     before: R,
@@ -81,15 +82,16 @@ struct CandidatePair<R: Real> {
 }
 
 impl<R: Real> CandidatePair<R> {
-    /// Stores the first touch of the pair. If the overlap exceeds the tolerance by at most `error`, m, the collision counts as doubtful.
+    /// Stores the touch of the pair that the search found on its path. If its overlap exceeds the tolerance by at most `error`, m, the
+    /// collision counts as doubtful.
     #[inline(always)]
     fn store_touch(&mut self, touch: &Touch<R>, error: R) {
         (self.lanes, self.time, self.distance_at_time) = (touch.lanes, touch.time, self.tolerance - touch.overlap);
         self.doubtful = touch.lanes.and(touch.overlap.le(self.tolerance + error));
     }
 
-    /// Stores the first touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::store_touch`], but the values are in the
-    /// lane `packed_lane` of `touch`.
+    /// Stores the touch of the pair in lane `lane`. The arguments are as in [`CandidatePair::store_touch`], but the values are in the lane
+    /// `packed_lane` of `touch`.
     #[inline(always)]
     fn store_touch_in_lane(&mut self, touch: &Touch<R>, packed_lane: usize, error: R, lane: usize) {
         let own = R::Mask::from_bits(1 << lane);
@@ -103,9 +105,10 @@ impl<R: Real> CandidatePair<R> {
     }
 
     /// Time of the evaluation with number `evaluation` in the search for the first touch, s. A secant approximates the touch, because the
-    /// distance decreases almost linearly.
+    /// distance decreases almost linearly. After [`SECANTS`] evaluations, the bracket is bisected.
     ///
-    /// Evaluations alternate between a quarter of `window` (s) before and after the approximation, so that two of them bracket the touch.
+    /// Secant evaluations alternate between a quarter of `window` (s) before and after the approximation, so that two of them bracket the
+    /// touch.
     #[inline(always)]
     fn next_time(&self, evaluation: usize, window: R) -> R {
         let half = R::of(0.5);
@@ -158,8 +161,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is the
     /// overlap at the end of the path if the gap closed at its initial rate.
     ///
-    /// The margin is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
-    pub(crate) margin: f64,
+    /// The fraction is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
+    pub(crate) overlap_fraction: f64,
     /// Overlap that the error of the predicted motion may cause, m.
     pub(crate) error: R,
     /// Lanes in which all colliding pairs count. In the others, only the earliest collision of each kinematic tree counts.
@@ -215,8 +218,8 @@ impl<R: Real> CollisionSearch<R> {
         candidate.map_or([R::Mask::splat(false); 2], |candidate| [candidate.lanes, candidate.doubtful])
     }
 
-    /// Lists the candidate pairs, whose linearised gap closes. `w` is the scaled velocity change by the impulses. Returns whether there are
-    /// any.
+    /// Lists the candidate pairs, whose deferred contacts may collide. `w` is the scaled velocity change by the impulses. Returns whether
+    /// there are any.
     pub(crate) fn list_candidates(&mut self, query: &CollisionQuery<'_, R>, w: &[R]) -> bool {
         let (problem, zero, none) = (query.problem, R::zero(), R::Mask::splat(false));
         self.rates.clear();
@@ -264,7 +267,7 @@ impl<R: Real> CollisionSearch<R> {
         for (k, candidate) in pairs.iter_mut().enumerate() {
             let path = query.path(candidate.pair);
             let (gap, tolerance_of_contact) = farthest_closing_gap(query, rates, candidate);
-            let least = -(gap.distance + problem.closing_time * gap.rate) * R::of(query.margin);
+            let least = -(gap.distance + problem.closing_time * gap.rate) * R::of(query.overlap_fraction);
             candidate.tolerance = resting_overlap(query, candidate) + tolerance_of_contact;
             candidate.distance_before = gap.distance + candidate.tolerance;
             let tolerance = candidate.tolerance.max(least);
@@ -472,8 +475,8 @@ fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::
     (gap, tolerance)
 }
 
-/// Largest overlap of the contacts of either body of a candidate pair that are not deferred, at most the slop (the overlap that position
-/// correction leaves), m. A body that slides to a support of the same height has this overlap there too.
+/// Largest overlap of the contacts of either body of a candidate pair that are not deferred, m, but at most the slop (the overlap that
+/// position correction leaves). A body that slides to a support of the same height has this overlap there too.
 #[inline(always)]
 fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
@@ -486,8 +489,8 @@ fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &Candidate
     overlap.min(R::of(query.options.slop))
 }
 
-/// Smallest overlap at the end of the path that counts as a touch, m. It is the displacement of a resting contact during the path, or the
-/// rounding error of positions if that is larger.
+/// Smallest overlap at the end of the path that counts as a touch, m. It is the displacement during the path at the largest speed of a
+/// resting contact, or the rounding error of positions if that is larger.
 #[inline(always)]
 fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, slot: usize) -> R {
     (query.problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())

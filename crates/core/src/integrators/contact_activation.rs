@@ -53,14 +53,15 @@ impl<R: Real> VelocityLoop<'_, R> {
             return R::Mask::splat(false);
         }
         let predicted = matches!(motion, SweptMotion::Predicted);
-        let (margin, error, finds_all) = match motion {
+        let (overlap_fraction, error, finds_all) = match motion {
             SweptMotion::Predicted => {
                 let residual = kernel!(R, || residual(&problem.rows, &velocity.impulses));
                 (PREDICTED_MARGIN, residual * problem.closing_time * R::of(PREDICTED_ERROR_RATIO), R::Mask::splat(false))
             }
             SweptMotion::Solved { finds_all } => (0.0, R::zero(), finds_all),
         };
-        let query = CollisionQuery { problem, compiled, kinematics, collision, contacts, options, lanes, margin, error, finds_all };
+        let query =
+            CollisionQuery { problem, compiled, kinematics, collision, contacts, options, lanes, overlap_fraction, error, finds_all };
         if !collisions.list_candidates(&query, &velocity.impulses.w) {
             return R::Mask::splat(false);
         }

@@ -1,5 +1,4 @@
-//! Evaluation of a step at its evaluation point, with poses and contacts. The evaluation point is the time in the step at which forces,
-//! contacts and rows are evaluated.
+//! Evaluation of a step at its evaluation point, with poses and contacts.
 
 use stepper_real::{Mask, Real};
 
@@ -70,8 +69,8 @@ impl<R: Real> Evaluation<R> {
 
     /// Prepares the contacts of a step.
     ///
-    /// The function chooses their tangents. It copies the impulses of the same contacts from `last`, the contacts of the last step, and
-    /// overwrites `last`. In single precision, it sets gaps to zero that are smaller than the rounding error of positions.
+    /// In single precision, the function sets gaps to zero that are smaller than the rounding error of positions. It chooses the tangents
+    /// of the contacts, and copies the impulses of the same contacts from `last`, the contacts of the last step. It overwrites `last`.
     #[inline(always)]
     pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
         self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);

@@ -4,9 +4,10 @@
 //! pair group with the same normal and coefficient of friction, and without restitution, form a contact area.
 //!
 //! A contact of an area is redundant if its gap is at least the linear interpolation, at its position, of the gaps of other contacts. There
-//! are two reasons. The contact's normal velocity is the same interpolation of the velocities of the other contacts, so that it opens with
-//! them. And any force at the contact, within its friction cone, can be replaced by forces at the other contacts, within their
-//! cones. These have the same sum and moment. A flat contact area therefore needs only the contacts at the corners of its convex hull.
+//! are two reasons. The contact's normal velocity is the same interpolation of the velocities of the other contacts, so that its gap does
+//! not close before theirs. And any force at the contact, within its friction cone, can be replaced by forces at the other contacts, within
+//! their cones. These have the same sum and moment. A flat contact area therefore needs only the contacts at the corners of its convex
+//! hull.
 //!
 //! Rigid-body mechanics does not determine how friction is shared in an area that rotates while it slips, with or without the redundant
 //! contacts.
@@ -23,9 +24,10 @@ const MIN_CONTACTS: usize = 5;
 /// Sine of the angle between two normals below which they count as equal.
 const PARALLEL: f64 = 1e-9;
 
-/// Tolerance of two tests, relative to the size of a contact area: 2 micrometres for a foot. A contact counts as on an edge of the area's
-/// hull if its distance from the edge is below the tolerance. The gaps of the area's contacts count as linear in their positions if a
-/// linear function has an error below the tolerance.
+/// Tolerance of three tests, relative to the size of a contact area: 2 micrometres for a foot. A contact counts as on an edge of the area's
+/// hull if its distance from the edge is below the tolerance. The gaps at the corners of the hull count as linear in their positions if a
+/// linear function has an error of at most the tolerance. The gap of a redundant contact may be smaller than this function by the
+/// tolerance.
 ///
 /// Evidence: files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;
@@ -33,8 +35,8 @@ const FLAT: f64 = 1e-5;
 /// Workspace of the search for redundant contacts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContactReduction {
-    /// Pair group of each contact of the present lane; [`NO_PAIR_GROUP`] for contacts that [`ContactReduction::gather`] has assigned
-    /// to an area.
+    /// Pair group of each contact of the present lane. [`NO_PAIR_GROUP`] for contacts of pairs without a group, and for contacts that
+    /// [`ContactReduction::gather`] has assigned to an area.
     groups: Vec<u32>,
     /// Contacts of the present area.
     points: Vec<Point>,
@@ -135,8 +137,8 @@ impl ContactReduction {
         size.max(place * 64.0 * R::Scalar::EPSILON.to_f64() / FLAT)
     }
 
-    /// Marks the redundant contacts of the gathered area as not kept (`kept`). `size` is the size of the area, m. Returns whether any
-    /// contact was redundant.
+    /// Marks the redundant contacts of the gathered area as not kept (`kept`), if the gaps at the corners of its hull are on a plane.
+    /// `size` is the size of the area, m. Returns whether any contact was redundant.
     fn mark(&mut self, size: f64) -> bool {
         let Self { points, hull, kept, .. } = self;
         let flat = FLAT * size;
@@ -189,7 +191,7 @@ impl Plane {
 }
 
 /// Finds the corners of the convex hull of `points` (monotone chain, Andrew, 1979), and writes them to `hull`. A point outside an edge by
-/// less than `flat`, m, is not a corner. Of several points at one position, the one with the smallest gap is used.
+/// less than `flat`, m, is not a corner.
 fn find_hull(points: &mut [Point], hull: &mut Vec<Point>, flat: f64) {
     let order = |p: &Point, q: &Point| p.x[0].total_cmp(&q.x[0]).then(p.x[1].total_cmp(&q.x[1])).then(p.gap.total_cmp(&q.gap));
     points.sort_unstable_by(|p, q| order(p, q).then(p.slot.cmp(&q.slot)));

@@ -47,13 +47,14 @@ pub struct Slot<R> {
     pub point: ContactPoint<R>,
     /// First tangent, a unit vector in world axes; the second is normal x tangent.
     pub tangent: V3<R>,
-    /// Coefficient of friction.
+    /// Coefficient of sliding friction.
     pub mu: R,
     /// Coefficient of restitution.
     pub restitution: R,
     /// Impulse along normal, first and second tangent, N s.
     pub impulse: V3<R>,
-    /// Lanes (bits) in which the contact's ball stays over one face of the other geom during two steps, so that it hits no edge.
+    /// Lanes (bits) in which a ball has this contact with one face of the other geom, and stays over the face during two steps. It hits no
+    /// edge then. On a surface of triangles, neighbours in or above the plane of the triangle count as the same face.
     pub over_face: u32,
 }
 
@@ -88,7 +89,7 @@ pub struct Contacts<R: Real> {
     /// Angular impulse of torsional and rolling friction in each slot, about normal, first and second tangent, N m s. Empty if the scene
     /// has no such friction.
     pub torque: Vec<V3<R>>,
-    /// Lanes (bits) in which the last step found more contacts than there are slots.
+    /// Lanes (bits) in which detection found more contacts than there are slots.
     pub full: u32,
 }
 
@@ -115,7 +116,7 @@ impl<R: Real> Contacts<R> {
         self
     }
 
-    /// Removes all contacts.
+    /// Removes all contacts, and clears `full`.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.count[..R::LANES].fill(0);
@@ -198,15 +199,15 @@ impl<R: Real> Contacts<R> {
         self.count[l] = to;
     }
 
-    /// Sets gaps to zero that are smaller than their rounding error, in single precision.
+    /// Sets gaps that are smaller than their rounding error to zero, in single precision.
     ///
     /// The rounding of positions can open a gap under a body at rest. In the next step the body would fall through this gap, and its normal
     /// force would be too small. The error, as a fraction of the force, is the ratio of the gap to `drop`. `drop` is the distance that
     /// gravity covers in the step, g h^2, m.
     ///
     /// Joint angles are rounded too: a point 1 m from the joint moves by the rounding error of a coordinate of 1 m. This second error is
-    /// added only where it matters. Both errors are upper bounds of [`DISTANCE_ROUNDINGS`] units in the last place, and a typical error
-    /// is one unit. The second error matters where the typical sum of both exceeds [`FORCE_ERROR`] times `drop`.
+    /// added only where it matters. For both errors, the function uses an upper bound of [`DISTANCE_ROUNDINGS`] units in the last place; a
+    /// typical error is one unit. The second error matters where the typical sum of both exceeds [`FORCE_ERROR`] times `drop`.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
         if !R::Scalar::IS_SINGLE {
             return;
@@ -234,8 +235,8 @@ impl<R: Real> Contacts<R> {
         })
     }
 
-    /// Chooses the tangents of every contact from its normal, and starts each contact from its impulse in `last`, the contacts of the
-    /// previous step.
+    /// Chooses the tangents of every contact from its normal, and copies its impulse from the same contact in `last`, the contacts of the
+    /// previous step. The impulse of a new contact is 0.
     ///
     /// Impulses are copied as vectors in world coordinates, so that they do not depend on the tangents in either set. The function
     /// overwrites `last`.

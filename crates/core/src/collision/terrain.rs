@@ -2,9 +2,9 @@
 //! pairs.
 //!
 //! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Suppose the shape is at least a gap g above every
-//! point of the surface below it. Then d cos(a) >= g for a normal at an angle a from upright. Stage 3 creates the contact only if
-//! d < 2 h c + slack, where c is the speed at which y approaches along n. With the upward speed u and the speed w of y,
-//! 2 c cos(a) <= w - u for every a, and so
+//! point of the surface below it. Then d cos(a) >= g for a normal n at an angle a from upright. Stage 3 creates the contact only if d < 2 h
+//! c + slack, where c is the speed at which y approaches x along n. With the upward speed u and the speed w of y relative to the surface, 2
+//! c cos(a) <= w - u for every a, and so
 //!
 //! ```text
 //! g < h (w - u) + slack,        where the surface is level: g < -2 h u + slack.
@@ -37,7 +37,8 @@ impl<R: Real> Scene<'_, R> {
         })
     }
 
-    /// Lanes of `near` in which a shape may touch a surface within the step, by the height of the surface below the shape.
+    /// Lanes of `near` in which stage 3 may add a contact of a shape with a surface, by the height of the surface below the shape (see the
+    /// head of the file).
     ///
     /// `geoms` are the indices of the surface and of the shape; `margin` is the margin of the pair, m.
     #[inline(always)]
@@ -58,17 +59,17 @@ impl<R: Real> Scene<'_, R> {
             + self.poses.search_displacement[shape]
             + least;
         // Allowance for rounding errors, sufficient in single precision.
-        let hair = R::of(1e-6) * (around + at[0].abs() + at[1].abs() + at[2].abs());
-        let least = least + hair;
-        let anyhow = self.h * (speed - rise) + least;
+        let rounding = R::of(1e-6) * (around + at[0].abs() + at[1].abs() + at[2].abs());
+        let least = least + rounding;
+        let any_slope = self.h * (speed - rise) + least;
         let level = (-(self.h + self.h) * rise).max(R::zero()) + least;
 
         let low = at[up_axis] - depth;
-        let mut near = near.and((low - R::of(surface.highest())).lt(anyhow));
+        let mut near = near.and((low - R::of(surface.highest())).lt(any_slope));
         for lane in each_of(near.bits()) {
             let of = |x: R| x.lane(lane).to_f64();
-            let under = surface.heights_below_disc(at.map(of), of(around + hair));
-            let limit = if under.level { level } else { anyhow };
+            let under = surface.heights_below_disc(at.map(of), of(around + rounding));
+            let limit = if under.level { level } else { any_slope };
             if of(low) - under.highest >= of(limit) {
                 near = near.and_not(R::Mask::from_bits(1 << lane));
             }
@@ -90,7 +91,8 @@ impl<R: Real> Scene<'_, R> {
         self.approach_at([surface, shape], self.poses.pos[shape], radius, margin)
     }
 
-    /// Lanes of `lanes` in which a body hits a surface within a step at the free velocity, at one of its contacts.
+    /// Lanes of `lanes` in which the two geoms of a pair with a surface hit each other within a step at the free velocity, at one of their
+    /// contacts. None for other pairs.
     ///
     /// In these lanes, contacts that stage 3 finds in the middle of the step are unreliable. The body may still be in front of the surface,
     /// and the contacts would brake it too early.
@@ -124,7 +126,8 @@ impl<R: Real> Scene<'_, R> {
         gap
     }
 
-    /// Distance from the origin of a geom to its lowest point along the unit vector `up`, m, and radius of its core, m.
+    /// Distance from the origin of a geom to its lowest point along the unit vector `up`, m, and radius of its core, m. For a hull the
+    /// distance is an upper bound.
     ///
     /// The core is the centre of a ball, the segment of a capsule, and otherwise the bounding ball.
     #[inline(always)]

@@ -2,8 +2,8 @@
 
 use crate::vectors::V;
 
-/// Contact normal of two hulls in the previous step, from which the next search starts. This normal saves time and does not change the
-/// result.
+/// Contact normal of two hulls in the previous step, from which the next search starts. This normal saves time, and changes the result by
+/// rounding errors at most.
 #[derive(Clone, Copy, Debug)]
 pub struct CachedNormal {
     /// Unit normal from the first hull to the second, in the frame of the first.

@@ -24,7 +24,7 @@ impl Narrow {
             let triangle = ConvexShape::Triangle(surface.triangle(t));
             let pair = Pair::between(&triangle, shape, whole.pos, whole.mat);
             let found = separation::nearest(&pair, &least.into(), polytope).found;
-            least = least.min(found.separation - pair.thickness());
+            least = least.min(found.separation - pair.rounding_radii());
             if least < 0.0 {
                 break;
             }

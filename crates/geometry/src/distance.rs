@@ -12,5 +12,5 @@ use crate::vectors::{Pose, V};
 pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
     let pair = Pair::new(a, pose_a, b, pose_b);
     let found = separation::nearest(&pair, &f64::INFINITY.into(), &mut Polytope::default()).found;
-    (found.separation - pair.thickness(), rotate(&pose_a.mat, found.normal))
+    (found.separation - pair.rounding_radii(), rotate(&pose_a.mat, found.normal))
 }

@@ -29,7 +29,7 @@ pub struct Point {
     pub distance: f64,
     /// Identifier of the vertices, edges or faces that touch. It is the same from step to step.
     pub feature: u32,
-    /// Whether the second shape is a ball that meets only one plane of a surface of triangles within the step. The centre of the ball
+    /// Whether the point belongs to a ball that meets only one plane of a surface of triangles within two steps. The centre of the ball
     /// then stays above one triangle, or above this triangle and neighbours that do not fall away from its plane.
     pub stays_over_face: bool,
 }
@@ -40,7 +40,7 @@ pub struct Manifold {
     /// Contact points, ascending by [`Point::feature`].
     pub points: Vec<Point>,
     /// Normal and features of two hulls, from which the next step's search starts, and their separating plane if they are apart. `None` for
-    /// other shapes.
+    /// other shapes, and if the bounding balls of the hulls are farther apart than the largest distance of a contact.
     pub separating_plane: Option<SeparatingPlane>,
 }
 
@@ -118,7 +118,7 @@ impl Clipper {
         let n = found.normal;
         let axes = contact_frame(n);
         let views = views(pair, &axes);
-        let distance = found.separation - pair.thickness();
+        let distance = found.separation - pair.rounding_radii();
         let tilts = pair.flats(n, corners).map(|m| m.map_or(f64::INFINITY, |m| 1.0 - dot(m, n)));
         if tilts.iter().any(|t| *t <= FLAT) {
             self.fill(pair, &views, corners);
@@ -152,9 +152,9 @@ impl Clipper {
     /// Adds the contact points of two edges that cross, if a face next to one of the edges is nearly perpendicular to the contact normal.
     /// Returns whether points were added.
     ///
-    /// Such a face is as close at other points as at the crossing, or will be soon. Points of the whole face at a distance of at most
-    /// `prediction`, m, are therefore added. `tilts` is 1 - cos(angle) between each shape's face normal and the contact normal. Triangles
-    /// of a surface get no points, because their neighbours have these points.
+    /// Such a face is as close to the other shape at other points as at the crossing, or will be soon. Points of the whole face at a
+    /// distance of at most `prediction`, m, are therefore added. `tilts` is 1 - cos(angle) between each shape's face normal and the contact
+    /// normal. Triangles of a surface get no points, because their neighbours have these points.
     fn level_faces(
         &mut self,
         pair: &Pair<'_>,
@@ -176,14 +176,14 @@ impl Clipper {
         self.faces(pair, axes, reference, prediction, out);
         // The closest points, or points of equal depth, must be among the added points. They are not if the edge does not belong to the
         // face.
-        if out.deepest() > facing.found.separation - pair.thickness() + EQUAL_DEPTH * pair.size {
+        if out.deepest() > facing.found.separation - pair.rounding_radii() + EQUAL_DEPTH * pair.size {
             out.points.clear();
         }
         !out.points.is_empty()
     }
 
-    /// Projects the features of both shapes that face each other along the normal. `corners` are the corners of the shapes that are
-    /// farthest along the normal; each feature contains its corner.
+    /// Projects the features of both shapes that face each other along the normal. `corners` are the corners that are farthest towards the
+    /// other shape; each feature contains its corner.
     fn fill(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], corners: [u32; 2]) {
         self.features[0].fill(pair.a, &views[0], corners[0]);
         self.features[1].fill(pair.b, &views[1], corners[1]);
@@ -223,12 +223,12 @@ impl Clipper {
     pub(super) fn half_space(&mut self, pair: &Pair<'_>, prediction: f64, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
-        let patch = &mut self.features[1];
+        let feature = &mut self.features[1];
         let corner = pair.b.corner(view.towards()).1;
-        patch.fill(pair.b, &view, corner);
-        patch.add_neighbours(pair.b, &view, corner);
+        feature.fill(pair.b, &view, corner);
+        feature.add_neighbours(pair.b, &view, corner);
         self.shared.clear();
-        self.shared.extend(patch.corners.iter().map(|c| Shared { x: c.x, y: c.y, h: [0.0, c.h], id: c.id }));
+        self.shared.extend(feature.corners.iter().map(|c| Shared { x: c.x, y: c.y, h: [0.0, c.h], id: c.id }));
         self.emit(pair, &axes, prediction, out);
     }
 
@@ -293,7 +293,9 @@ impl Clipper {
 
     /// Adds the corners of the intersection of the two projected features as contact points, if their distance is at most `prediction`, m.
     ///
-    /// At most four points are added, and the lowest point of a cylinder's rim. `axes` are the normal and the axes of the projection plane.
+    /// If there are more than four points, the function adds four that span nearly the same area. If one feature is the end face of a
+    /// cylinder, it adds up to five, because one is the lowest point of the rim. `axes` are the normal and the axes of the projection
+    /// plane.
     fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], prediction: f64, out: &mut Manifold) {
         let (ra, rb) = (pair.a.radius(), pair.b.radius());
         let distance = |s: &Shared| (s.h[1] - rb) - (s.h[0] + ra);

@@ -42,11 +42,11 @@ impl Narrow {
         narrow
     }
 
-    /// Finds the contact points of two solids. Points at a distance of more than `limits.prediction` are left out. If both solids are
-    /// hulls, the second value is their separating plane, see [`Manifold::separating_plane`].
+    /// Finds the contact points of two solids. Points at a distance of more than `limits.prediction` are left out. If both solids are hulls
+    /// that are near each other, the second value is their separating plane, see [`Manifold::separating_plane`].
     ///
-    /// A half space must be the first solid. If one solid is a surface, `limits.approach` is the motion of the convex shape in the frame of
-    /// the surface.
+    /// A half space must be the first solid. `limits.approach` is the motion of the second solid in the frame of the first. If one solid is
+    /// a surface, it is the motion of the convex shape in the frame of the surface.
     pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], limits: SearchLimits) -> (&[Point], Option<SeparatingPlane>) {
         let Self { workspace, found } = self;
         let prediction = limits.prediction;

@@ -35,11 +35,11 @@ pub(super) struct Pair<'a> {
 /// second.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
-    /// Position x - y in the Minkowski difference of two shapes, m.
+    /// Position x - y in the Minkowski difference of the cores, m.
     pub(super) w: V,
-    /// Point of the first shape from which the vertex w = x - y is made, m.
+    /// Point of the first core from which the vertex w = x - y is made, m.
     pub(super) x: V,
-    /// Point of the second shape from which the vertex w = x - y is made, m.
+    /// Point of the second core from which the vertex w = x - y is made, m.
     pub(super) y: V,
     /// Numbers of the two vertices, one of each shape, from which the vertex w = x - y is made, see [`ConvexShape::corner`].
     pub(super) names: [u32; 2],
@@ -91,7 +91,7 @@ impl<'a> Pair<'a> {
     }
 
     /// Sum of the rounding radii of both shapes, m, see [`ConvexShape::radius`].
-    pub(super) fn thickness(&self) -> f64 {
+    pub(super) fn rounding_radii(&self) -> f64 {
         self.a.radius() + self.b.radius()
     }
 
@@ -147,8 +147,8 @@ impl<'a> Pair<'a> {
         add(self.pos, rotate(&self.mat, p))
     }
 
-    /// Index of the vertex of the first shape that is farthest along `n`, and of the vertex of the second shape that is farthest in the
-    /// opposite direction. The indices are 0 for shapes other than hulls.
+    /// Index of the vertex of the first shape that is farthest along `n`. The second index is that of the vertex of the second shape that
+    /// is farthest in the opposite direction. The indices are 0 for shapes other than hulls.
     pub(super) fn corners(&self, n: V) -> [u32; 2] {
         let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
         [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]

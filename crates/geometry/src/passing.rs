@@ -128,7 +128,7 @@ fn convex_pass(
         let normal = rotate(&first.mat, found.normal);
         // Normal in the frame of the larger shape.
         let normal = rotate_back(if a.bound() > b.bound() { &first.mat } else { &second.mat }, normal);
-        (found.separation - pair.thickness(), normal)
+        (found.separation - pair.rounding_radii(), normal)
     };
     let ((mut distance, start), (last, end)) = (separation_at(from), separation_at(to));
     if distance.is_nan() || last.is_nan() {

@@ -12,8 +12,8 @@ use crate::vectors::V;
 pub struct SearchLimits {
     /// Largest distance of the surfaces at which a contact is added, m.
     pub prediction: f64,
-    /// Contact normal of the pair of hulls in the previous step, from which the search starts. This normal saves time and does not change
-    /// the result.
+    /// Contact normal of the pair of hulls in the previous step, from which the search starts. This normal saves time, and changes the
+    /// result by rounding errors at most.
     pub cached: Option<CachedNormal>,
     /// Relative motion of the two solids within the step. If it is given, contacts that cannot push within the step may be absent.
     pub approach: Option<Approach>,
@@ -24,7 +24,7 @@ pub struct SearchLimits {
 impl SearchLimits {
     /// Whether the separation `found` proves that the pair has no contact within `self.prediction` that can push within the step.
     pub(super) fn excludes(&self, pair: &Pair<'_>, found: &Separation) -> bool {
-        self.excludes_gap(found.normal, found.separation - pair.thickness(), pair.size)
+        self.excludes_gap(found.normal, found.separation - pair.rounding_radii(), pair.size)
     }
 
     /// Whether a separation of `gap`, m, along the unit vector `normal` proves that two shapes have no contact within `self.prediction`
@@ -35,7 +35,7 @@ impl SearchLimits {
 
     /// Whether a contact with the normal and separation of `found` has a distance above `self.prediction`, or cannot push within the step.
     pub(super) fn excludes_contact(&self, pair: &Pair<'_>, found: &Separation) -> bool {
-        let gap = found.separation - pair.thickness();
+        let gap = found.separation - pair.rounding_radii();
         self.excludes(pair, found) || self.approach.is_some_and(|a| a.excludes_normal(found.normal, gap, pair.size))
     }
 

@@ -1,10 +1,10 @@
 //! Separating plane of two hulls that remains valid for many steps. It consists of a half space that contains the first hull, and a ball
 //! that contains the second hull and bulges little towards the first one.
 //!
-//! The half space is fixed to the first hull and the ball to the second. They depend only on the hulls' vertices, and therefore remain
-//! valid when poses or states change. Let `pos` and `mat` be the pose of the second hull in the frame of the first. Let the first hull be
-//! within n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its frame. The separation of the hulls along n
-//! is then at least
+//! The half space is fixed to the first hull and the ball to the second. They contain the hulls at every pose, and therefore remain valid
+//! when poses or states change. Let `pos` and `mat` be the pose of the second hull in the frame of the first. Let the first hull be within
+//! n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its frame. The separation of the hulls along n is then
+//! at least
 //!
 //! ```text
 //! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)
@@ -29,8 +29,8 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 
-/// Bulge of the ball around the second hull towards the first, relative to the part of the gap that the motion of the step cannot close. A
-/// larger bulge allows a smaller ball, but the plane becomes invalid after a smaller motion of the hulls.
+/// Bulge of the ball around the second hull towards the first. It is relative to the part of the gap that the motion of the step cannot
+/// close. A larger bulge allows a smaller ball, but the plane becomes invalid after a smaller motion of the hulls.
 const BULGE: f64 = 0.05;
 /// Smallest gap between two hulls for which a separating plane is computed, relative to the size of the hulls. Only the part of the gap
 /// that the motion of the step cannot close counts. With a smaller gap, the plane would be valid for a step or two only.
@@ -41,8 +41,8 @@ const LEAST: f64 = 5e-5;
 pub struct SeparatingPlane {
     /// Unit normal n from the first to the second hull, in the frame of the first.
     normal: [f32; 3],
-    /// Vertices where the normal was found: the vertex of the first hull that is farthest along it, and that of the second hull in the
-    /// opposite direction.
+    /// Vertices where the normal was found. The vertex of the first hull is farthest along the normal, that of the second hull farthest in
+    /// the opposite direction.
     corners: [u32; 2],
     /// For each vertex in `corners`, the vertex at the other end of the edge that is perpendicular to the normal. Equal to `corners` unless
     /// the normal is perpendicular to an edge of each hull.

@@ -697,7 +697,7 @@ fn touch_any(
     }
     let facing = separation::nearest(pair, &prediction.into(), &mut workspace.polytope);
     let found = &facing.found;
-    if found.separation - pair.thickness() > prediction {
+    if found.separation - pair.rounding_radii() > prediction {
         return None;
     }
     let cos = dot(found.normal, normal);

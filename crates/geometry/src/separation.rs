@@ -51,8 +51,8 @@ pub(super) const SIDEWAYS: f64 = 1e-7;
 /// Largest separation of two shapes without their rounding radii. The normal is that of a face, if the separation along it is equal up to
 /// rounding.
 ///
-/// If `limits` exclude a contact, the search may stop early, and the separation is a lower bound or an estimate. A cached normal saves time
-/// and does not change the result.
+/// If `limits` exclude a contact, the search may stop early, and the separation is a lower bound or an estimate. A cached normal saves
+/// time, and changes the result by rounding errors at most.
 pub(super) fn nearest(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Polytope) -> Facing {
     let from_cache = || limits.cached.and_then(|cached| largest_separation_near(pair, &cached, limits));
     let mut facing = round::nearest(pair).or_else(from_cache).unwrap_or_else(|| search(pair, limits, polytope));

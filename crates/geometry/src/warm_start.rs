@@ -3,7 +3,7 @@
 //! The candidates are the facets of the Minkowski difference A - B of the hulls near the cached normal. First comes the pair of edges of
 //! the previous step. Then come the faces of both hulls and the pair of edges along the cached normal. The last candidate is the facet that
 //! a GJK search finds from the cached normal. A facet is accepted only if it is certainly the one that is nearest to the origin. The result
-//! therefore does not depend on the cached normal: a search without it finds the same.
+//! therefore does not depend on the cached normal: a search without it finds the same facet, up to rounding errors.
 //!
 //! Let n be the facet's normal, s the separation along n, and p the point of the facet that is nearest to the origin. Let m be the distance
 //! of p from the outline of the facet. If the hulls are apart, the facet is certain, because two points of them have the distance s. Let

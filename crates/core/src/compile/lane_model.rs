@@ -61,7 +61,7 @@ impl<R: Real> LaneModel<R> {
         sum
     }
 
-    /// Sum of the bounding radii of two geoms, m. If the first geom is a plane, it is the bounding radius of the second.
+    /// Sum of the bounding radii of two geoms, m. If the first geom is a plane, the bounding radius of the second.
     #[inline(always)]
     pub fn reach(&self, [a, b]: [usize; 2]) -> R {
         let second = self.params.bounding_radius(b);

@@ -60,8 +60,8 @@ parameter_rows! {
         size: [T; 3],
         /// Radius of the ball about the geom's origin that contains the geom, m; infinite for a plane.
         bounding_radius: T,
-        /// Half of the least width of the geom, m. Infinite for a plane; 0 for a height field and for a mesh that collides as its
-        /// triangles.
+        /// Radius of the largest ball about the shape's centre that is inside the geom, m. Infinite for a plane; 0 for a height field and
+        /// for a mesh that collides as its triangles.
         inscribed_radius: T,
         /// Lever arm with which a rotation displaces the geom's surface, m: bounding radius minus inscribed radius.
         ///

@@ -165,7 +165,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) overlap_fraction: f64,
     /// Overlap that the error of the predicted motion may cause, m.
     pub(crate) error: R,
-    /// Lanes in which all colliding pairs count. In the others, only the earliest collision of each kinematic tree counts.
+    /// Lanes in which all colliding pairs count. In the others, only the earliest collision of each kinematic tree counts, and those that
+    /// follow it within [`SIMULTANEOUS_FRACTION`] of the path.
     pub(crate) finds_all: R::Mask,
 }
 
@@ -389,7 +390,7 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Removes each candidate from those of the lanes `lanes` in which another pair of the same kinematic trees touches earlier, by more
+    /// Removes from each candidate those of the lanes `lanes` in which another pair of the same kinematic trees touches earlier, by more
     /// than `window` (s).
     ///
     /// That earlier impact changes the motion of these trees, so that the later collision may not occur.

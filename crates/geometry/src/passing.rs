@@ -2,8 +2,8 @@
 //! straight line.
 //!
 //! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
-//! direction between them reverses, because contact forces would then push them on instead of back. They also pass if they overlap at the
-//! end of the path, and the depth in the direction of motion is smaller than against it. An example is an overlap near the edge of a plate:
+//! direction between them reverses, because contact forces would then push them on instead of back. They also pass if they overlap only at
+//! the end of the path, and are less deep in the direction of motion than against it. An example is an overlap near the edge of a plate:
 //! contact forces would push the shape sideways around the edge.
 //!
 //! The thickness is the relative displacement below which neither shape can pass the other. A collision is an overlap of an eighth of the

@@ -1,7 +1,8 @@
 //! Reduction of contacts: in a flat contact area, the contacts at the corners can carry every load, and the others are redundant.
 //!
-//! Two bodies may touch by several geoms (a foot of seven capsules). The listed pairs of these geoms form a pair group. The contacts of a
-//! pair group with the same normal and coefficient of friction, and without restitution, form a contact area.
+//! Two bodies may touch by several geoms (a foot of seven capsules). The listed pairs of these geoms, without those with springs or with
+//! torsional or rolling friction, form a pair group. The contacts of a pair group with the same normal and coefficient of friction, and
+//! without restitution, form a contact area.
 //!
 //! A contact of an area is redundant if its gap is at least the linear interpolation, at its position, of the gaps of other contacts. There
 //! are two reasons. The contact's normal velocity is the same interpolation of the velocities of the other contacts, so that its gap does

@@ -76,11 +76,11 @@ pub(crate) struct GeomPoses<R: Real> {
     pub(crate) moved_far: Vec<bool>,
     /// Spatial velocities of the links, from which `passing_displacement` is computed.
     pub(crate) passing_velocity: Vec<V6<R>>,
-    /// Bounding ball of each geom over two time steps: centre in world axes and radius, m. For a plane, the radius is the bound of its
+    /// Ball that contains each geom during two time steps: centre in world axes and radius, m. For a plane, the radius is the bound of its
     /// displacement.
     pub(crate) balls: Vec<[R; 4]>,
-    /// Spatial velocities of the links, from which `search_displacement` is computed: in stage 3 the free velocity of the step, on a path
-    /// the velocity of the tested motion.
+    /// Spatial velocities of the links, from which `search_displacement` is computed. In stage 3 they follow from the free velocity of the
+    /// step, on a path from the velocity of the searched motion.
     pub(crate) search_velocity: Vec<V6<R>>,
 }
 
@@ -198,8 +198,8 @@ impl<R: Real> CollisionWorkspace<R> {
         self.near_count += listed.len();
     }
 
-    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in `broad`. They include the static pairs that
-    /// [`CollisionWorkspace::find_static`] found, as far as these are dynamic.
+    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, and stores them in `broad`. [`CollisionWorkspace::find_static`]
+    /// must be called before: the dynamic pairs among the static pairs that it found are added.
     ///
     /// `displacements` returns the upper bound of the displacement of every geom, m.
     pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, displacements: impl Fn(&GeomPoses<R>) -> &[R]) {
@@ -210,8 +210,8 @@ impl<R: Real> CollisionWorkspace<R> {
         }
     }
 
-    /// Finds the listed pairs whose bounding balls overlap in any of the lanes `alive`, and writes them to `near` in ascending order.
-    /// Static pairs are not among them ([`CollisionWorkspace::add_static`] adds these).
+    /// Finds the listed pairs whose bounding balls overlap in any of the lanes `alive`, and writes them to `near` in ascending order. For a
+    /// plane, the half space replaces its ball. Static pairs are not tested here, see [`CollisionWorkspace::add_static`].
     ///
     /// A robot has hundreds of listed pairs. To be fast, the loop over pairs has no branches, and values that the pairs of a geom share
     /// stay in registers.
@@ -345,7 +345,7 @@ pub(crate) struct Scene<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a GeomPoses<R>,
-    /// Time step, s. If a motion is tested, the duration of this motion.
+    /// Time step, s. On a path and in the tunnelling check, the duration of the motion.
     pub(crate) h: R,
     /// Distance by which every search distance is increased, m ([`slack`]).
     pub(crate) slack: R,

@@ -21,7 +21,7 @@ impl<R: Real> Scene<'_, R> {
                 let centre = gather!(items, |item| self.poses.pos[item.geoms[0]]);
                 let cuboid = gather_boxes(self.compiled, &self.poses.pos, &self.poses.mat, items);
                 let point = sphere_box(centre, radius, &cuboid);
-                self.keep(items, &[point], [R::Mask::splat(true)], face_clearance(centre, &cuboid), found);
+                self.append_points(items, &[point], [R::Mask::splat(true)], face_clearance(centre, &cuboid), found);
             }
             let Queue { items, found_points: found, .. } = &mut packed.capsules;
             for items in items.chunks(R::LANES) {
@@ -35,7 +35,7 @@ impl<R: Real> Scene<'_, R> {
                     &Segment { centre, axis, half_length, radius },
                     &gather_boxes(self.compiled, &self.poses.pos, &self.poses.mat, items),
                 );
-                self.keep(items, &points, exist, R::zero(), found);
+                self.append_points(items, &points, exist, R::zero(), found);
             }
         });
     }
@@ -78,7 +78,7 @@ impl<R: Real> Scene<'_, R> {
     /// Appends to `found` those contact points of `items` whose gap is small enough to close within two steps. `exist` has the items that
     /// have each point. `clearance` is [`Found::clearance`] of each item, m.
     #[inline(always)]
-    fn keep<const N: usize>(
+    fn append_points<const N: usize>(
         &self,
         items: &[Item<R::Scalar>],
         points: &[ContactPoint<R>; N],

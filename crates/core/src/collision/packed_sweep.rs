@@ -118,13 +118,13 @@ impl<R: Real> PackedSweep<R> {
         let travel = (norm(self.velocity) + swing) * (self.time + self.time);
         let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
         if self.kernel == Kernel::SphereBox {
-            self.take(&sphere_box(centre, self.radius, &self.cuboid), items, travel, time, &mut least);
+            self.update_least(&sphere_box(centre, self.radius, &self.cuboid), items, travel, time, &mut least);
         } else {
             let Self { half_length, radius, .. } = *self;
             let capsule = Segment { centre, axis: rotate(&rotation, self.axis), half_length, radius };
             let (points, exist) = capsule_box(&capsule, &self.cuboid);
             for (point, exist) in points.iter().zip(exist) {
-                self.take(point, items.and(exist), travel, time, &mut least);
+                self.update_least(point, items.and(exist), travel, time, &mut least);
             }
         }
         least
@@ -135,7 +135,7 @@ impl<R: Real> PackedSweep<R> {
     ///
     /// `travel` is an upper bound of the displacement in twice the path's duration, m. `time` is the time along the path, s.
     #[inline(always)]
-    fn take(&self, point: &ContactPoint<R>, items: R::Mask, travel: R, time: R, least: &mut Gap<R>) {
+    fn update_least(&self, point: &ContactPoint<R>, items: R::Mask, travel: R, time: R, least: &mut Gap<R>) {
         let distance = point.distance - self.margin;
         let near = items.and(distance.lt(travel + self.slack));
         if near.none() {

@@ -25,7 +25,7 @@ const MAX_POSES: usize = 16;
 /// Rotation of a body on its path above which the search is invalid, rad. [`find_touch`] then reports a touch.
 pub(super) const MAX_ROTATION: f64 = 1.0;
 
-/// Path of a pair: motion at constant velocity from the pose where contacts were found.
+/// Path of a pair: motion at constant velocity from the poses where contacts were found.
 pub(crate) struct Path<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
@@ -153,7 +153,8 @@ pub(crate) struct Touch<R: Real> {
     /// Lanes in which the search found such a pose, or in which a body rotates too far for the search. The other fields are meaningless
     /// elsewhere.
     pub(crate) lanes: R::Mask,
-    /// Time along the path at which the geoms overlap, s. They may overlap earlier too.
+    /// Time along the path at which the geoms overlap, s. They may overlap earlier too. Where a body rotates too far for the search, it is
+    /// the end of the path.
     pub(crate) time: R,
     /// Overlap of the geoms at `time`, m. Infinite where a body rotates too far for the search.
     pub(crate) overlap: R,

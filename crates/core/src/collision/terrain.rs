@@ -2,9 +2,9 @@
 //! pairs.
 //!
 //! A contact joins a point x of the surface and a point y of the shape with y - x = d n. Suppose the shape is at least a gap g above every
-//! point of the surface below it. Then d cos(a) >= g for a normal n at an angle a from upright. Stage 3 creates the contact only if d < 2 h
-//! c + slack, where c is the speed at which y approaches x along n. With the upward speed u and the speed w of y relative to the surface, 2
-//! c cos(a) <= w - u for every a, and so
+//! point of the surface below it. Then d cos(a) >= g for a normal n at an angle a from upright. Stage 3 creates the contact only if
+//! d < 2 h c + slack, where c is the speed at which y approaches x along n. With the upward speed u and the speed w of y relative to the
+//! surface, 2 c cos(a) <= w - u for every a, and so
 //!
 //! ```text
 //! g < h (w - u) + slack,        where the surface is level: g < -2 h u + slack.

@@ -242,8 +242,9 @@ impl<R: Real> GeomPoses<R> {
         far.and(dot(offset, offset).lt(reach * reach))
     }
 
-    /// Largest distance of a geom's curved path from its tangent during `h` seconds, m: half the square of the rotation angle, times the
-    /// lever arm of the rotation. Zero for geoms that are fixed to the world or to a mocap body.
+    /// Upper bound of the distance by which rotation about the geom's centre moves points of a geom from the tangents of their paths, m.
+    /// The rotation lasts `h` seconds. The bound is half the square of the rotation angle, times the lever arm. It is zero for geoms that
+    /// are fixed to the world or to a mocap body.
     #[inline(always)]
     fn arc_deviation(&self, compiled: &LaneModel<R>, geom: usize, h: R) -> R {
         let g = &compiled.geoms[geom];

@@ -126,7 +126,7 @@ impl<S: Scalar> DynamicPairs<S> {
         }
         let shapes = geoms.map(|g| &self.shapes[g]);
         let pair = self.filter.pair(geoms)?;
-        Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(index)?))
+        Some(compile_pair(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(index)?))
     }
 
     /// Collision parameters of the dynamic pair `index`, with the geoms as indices in the model. `None` if the two geoms do not
@@ -201,7 +201,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         if collides || !shapes.iter().any(|shape| matches!(shape, Shape::Plane)) {
             places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].set_solid(model, shape, collides));
         }
-        pairs.push(pair_plan(&pair, kernel, places));
+        pairs.push(compile_pair(&pair, kernel, places));
     }
     let mut members = Vec::new();
     for g in (0..model.geoms.len()).filter(|&g| has_dynamic_pairs[g]) {
@@ -247,8 +247,8 @@ pub(super) fn pair_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>
     pair_groups
 }
 
-/// For each geom, whether it is a member of the dynamic pairs, which the broad phase finds in every step. No geom is a member if the number
-/// of pairs of such geoms is at most [`LISTED_PAIRS`], or too large for indices of 32 bits.
+/// For each geom, whether it is a member of the dynamic pairs, which the broad phase finds in every step. There are no members if the
+/// bounded convex geoms, without [`LARGE`] ones, form at most [`LISTED_PAIRS`] pairs, or too many for indices of 32 bits.
 fn geoms_with_dynamic_pairs(model: &Model) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
     let size = |g: &Geom| bounding_radius(model, &g.shape);
@@ -300,7 +300,7 @@ pub(super) fn radii_of(model: &Model, geom: usize) -> Radii {
 }
 
 /// Compiled form of a pair, with the indices `geoms` of its geoms in the compiled model.
-fn pair_plan<S: Scalar>(pair: &Pair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
+fn compile_pair<S: Scalar>(pair: &Pair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
     let ContactSpring { stiffness, damping } = pair.spring;
     let [stiffness, damping, inertia] = [stiffness, damping, 0.0].map(S::from_f64);
     let spring = (!pair.spring.is_rigid()).then_some(Spring { stiffness, damping, inertia });

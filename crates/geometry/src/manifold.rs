@@ -12,7 +12,7 @@ use crate::separating_plane::SeparatingPlane;
 use crate::shape::ConvexShape;
 use crate::vectors::{Pose, V};
 
-/// Largest number of contact points of two convex shapes: four, and the lowest point of a cylinder's rim.
+/// Largest number of contact points of two convex shapes: four, or five with an end face of a cylinder.
 pub const MAX_POINTS: usize = 5;
 
 /// Largest number of contact points of two facing polygons. Further points are dropped.
@@ -250,8 +250,8 @@ impl Clipper {
     /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap. No points are added
     /// for edges that are not parallel. Points at a distance of more than `prediction`, m, are left out.
     ///
-    /// `axes` are the normal and the axes of the projection plane. `corners` are the corners of the shapes that are farthest along the
-    /// normal.
+    /// `axes` are the normal and the axes of the projection plane. `corners` are the corners of the shapes that are farthest towards the
+    /// other shape.
     fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], prediction: f64, out: &mut Manifold) {
         let edges = [edge(pair.a, views[0].towards(), corners[0], ALONG), edge(pair.b, views[1].towards(), corners[1], ALONG)];
         let [Some(p), Some(q)] = edges else { return };
@@ -293,8 +293,8 @@ impl Clipper {
 
     /// Adds the corners of the intersection of the two projected features as contact points, if their distance is at most `prediction`, m.
     ///
-    /// If there are more than four points, the function adds four that span nearly the same area. If one feature is the end face of a
-    /// cylinder, it adds up to five, because one is the lowest point of the rim. `axes` are the normal and the axes of the projection
+    /// If there are more than four points, the function adds four that span nearly the same area. Five points are kept if one feature is
+    /// the end face of a cylinder: four fixed points of the rim and its lowest point. `axes` are the normal and the axes of the projection
     /// plane.
     fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], prediction: f64, out: &mut Manifold) {
         let (ra, rb) = (pair.a.radius(), pair.b.radius());

@@ -13,9 +13,10 @@
 //! distance then falls by at most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of
 //! the thickness long.
 //!
-//! A shape passes a triangle surface if one of its inner points enters the surface and leaves it again. A shape that ends behind the
-//! surface does not pass if contact forces push it back in the next step. They always do for a height field, which is solid down to its
-//! base. For a mesh they do if the normal of the deepest contact opposes the displacement.
+//! A shape passes a triangle surface if one of its inner points enters the surface and leaves it again. On long paths, points next to the
+//! inner points are tested too. A shape that ends behind the surface does not pass if contact forces push it back in the next step. They
+//! always do for a height field, which is solid down to its base. For a mesh they do if the normal of the deepest contact opposes the
+//! displacement.
 
 use crate::expand::Polytope;
 use crate::linear_algebra::*;

@@ -53,8 +53,8 @@ pub struct Slot<R> {
     pub restitution: R,
     /// Impulse along normal, first and second tangent, N s.
     pub impulse: V3<R>,
-    /// Lanes (bits) in which a ball has this contact with one face of the other geom, and stays over the face during two steps. It hits no
-    /// edge then. On a surface of triangles, neighbours in or above the plane of the triangle count as the same face.
+    /// Lanes (bits) in which the contact belongs to a ball that hits no edge, because it stays over one face of the other geom during two
+    /// steps. On a surface of triangles, neighbours in or above the plane of the triangle count as the same face.
     pub over_face: u32,
 }
 

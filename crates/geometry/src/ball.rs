@@ -50,9 +50,9 @@ pub(super) fn ball_over(normal: V, centre: V, height: f64, radius: f64) -> Point
 impl Ball<'_> {
     /// Adds the contact of the ball and the triangle to `out`, if there is one.
     ///
-    /// `is_below` is given for a height field, and returns whether a point is below the field. `is_nearest` gets the corner, edge or face
-    /// of the triangle that is closest to the ball, a corner of this part, and the unit direction from this part to the ball. The
-    /// function `is_nearest` returns whether no neighbouring triangle is closer to the ball.
+    /// `is_below` is given for a height field, and returns whether a point is below the field. `is_nearest` returns whether no neighbouring
+    /// triangle is closer to the ball. It gets the corner, edge or face of the triangle that is closest to the ball. It also gets a corner
+    /// of this part, and the unit direction from the part to the ball.
     pub(super) fn touch(
         &self,
         is_below: Option<impl Fn(V) -> bool>,

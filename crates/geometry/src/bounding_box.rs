@@ -36,7 +36,7 @@ impl<R: Real> BoundingBox<R> {
                     let (centre, half) = between(mesh.extent);
                     return Some(Self { centre, half });
                 }
-                // A height field has no box, because it is solid down to its base.
+                // A height field is solid down to its base, so that a box around its triangles would not contain it.
                 Surface::Grid(_) => return None,
             },
             Solid::HalfSpace => return None,

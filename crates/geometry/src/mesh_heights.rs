@@ -108,7 +108,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
-        /// The result is an upper bound of the heights of all boxes below or above the query, even if the query is infinite or outside the
+        /// The result is an upper bound of the heights of all boxes below or above the query. The query may be infinite or outside the
         /// mesh.
         #[test]
         fn heights_bound_all_boxes_below_a_query(

@@ -39,8 +39,8 @@ pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
 /// does.
 ///
 /// `ends` are the centre of the ball or the ends of the capsule's segment. `reach` is the radius plus the distance within which contacts
-/// count, m. The result is false if one edge excludes all ends: they lie outside the edge by more than `reach`, and by more than their
-/// depth behind the plane of the triangle.
+/// count, m. The result is false if one edge excludes all ends. All ends then lie outside the edge by more than `reach`, and by more than
+/// their depth behind the plane of the triangle.
 pub(super) fn may_touch(corners: &[V; 3], normal: V, ends: &[V], reach: f64) -> bool {
     (0..3).all(|k| {
         let edge = sub(corners[(k + 1) % 3], corners[k]);

@@ -39,8 +39,8 @@ const CLEAR: f64 = 1e-9;
 const CLIMBS: usize = 12;
 /// Smallest reduction of the penetration depth for which a shallower direction is searched for, relative to the size of the pair.
 const SHALLOWER: f64 = 3e-8;
-/// Distance from the outline of a facet of the Minkowski difference to the facet's point that is nearest to the origin, relative to the
-/// size of the pair. Above this distance, the search for a shallower direction starts with the facet's vertices.
+/// Distance of a point from the outline of a facet of the Minkowski difference, relative to the size of the pair. The point is the facet's
+/// nearest one to the origin. Above this distance, the search for a shallower direction starts with the facet's vertices.
 const WIDE: f64 = 0.01;
 /// Sine of the angle between the contact normal and a face's normal below which the face's normal may replace the contact normal.
 pub(super) const NEAR_FACE: f64 = 0.05;

@@ -378,8 +378,8 @@ impl Surface {
         }
     }
 
-    /// Whether a point above triangle `t` remains above this triangle, or above neighbours that do not fall away from its plane, after a
-    /// displacement of up to `sideways`, m, parallel to the plane.
+    /// Whether a point above triangle `t` remains above this triangle, or above neighbours that do not fall away from its plane. The point
+    /// moves by up to `sideways`, m, parallel to the plane.
     fn stays_over(&self, t: u32, corners: &[V; 3], normal: V, point: V, sideways: f64) -> bool {
         let mut facet = None;
         let foot = add_scaled(point, normal, -dot(normal, sub(point, corners[0])));

@@ -40,8 +40,8 @@ enum Candidate {
     FirstFace(usize),
     /// Face of the second hull, by its index.
     SecondFace(usize),
-    /// One edge of each hull, with the separation along the common perpendicular of both, and the distance of the closest points from the
-    /// ends of the edges, m.
+    /// One edge of each hull, with the separation along their common perpendicular. The number is the distance of the closest points from
+    /// the ends of the edges, m.
     Edges(Facing, f64),
 }
 

@@ -5,8 +5,8 @@
 //! root of the slope.
 //!
 //! A segment that enters the box is moved out along the shortest translation. The candidates for its direction are the normals of the
-//! Minkowski difference: normals of the box's faces, and cross products of the box's edges with the segment (separating axes; Ericson,
-//! 2005, section 5.2.1).
+//! Minkowski difference (separating axes; Ericson, 2005, section 5.2.1). These are normals of the box's faces, and cross products of the
+//! box's edges with the segment.
 
 use stepper_real::{Mask, Real, Scalar};
 

@@ -63,8 +63,7 @@ fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
 #[derive(Clone, Debug)]
 pub(crate) struct GeomPoses<R: Real> {
     pub(crate) pos: Vec<V3<R>>,
-    /// Orientation matrix of each geom. Without [`full_orientation`](crate::compile::collision::CompiledGeom::full_orientation), only the z
-    /// axis of a moving geom is current.
+    /// Orientation matrix of each geom. If `full_orientation` of a moving geom is false, only the z axis is current.
     pub(crate) mat: Vec<M3<R>>,
     /// Upper bound of the displacement of any point of each geom during two time steps at `search_velocity`, m. The searches for contacts
     /// use it. On a path ([`SweptPair`](crate::collision::swept_pair::SweptPair)), two durations of the path replace the two time steps.

@@ -21,9 +21,10 @@ use crate::stages::s10_record::Record;
 /// Advances a group of environments by `options.timestep` seconds, and returns the record of the step. The workspace `s` has the state and
 /// the inputs, and receives the next state.
 ///
-/// Stages 1 to 10 run in order, except that loops repeat some of them. The next state is accepted between stages 8 and 9. Each stage is a
-/// kernel: a function that is compiled once for every lane type and CPU level. This function is a kernel too, because it has lane masks,
-/// which are vectors. Outside a kernel every operation on a vector is a function call.
+/// Stages 1 to 10 run in order, except for the loops in `locate` and `solve_velocities`. The next state is accepted between stages 8 and 9.
+///
+/// The stages call kernels: functions that are compiled once for every lane type and CPU level. This function is a kernel too, because it
+/// has lane masks, which are vectors. Outside a kernel every operation on a vector is a function call.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -48,8 +49,7 @@ pub fn step<R: Real>(
         });
         let outcome = match options.contact {
             ContactLaw::Hard => solve_step(compiled, options, s, probe),
-            // Stages 1 to 7 with MuJoCo's contact law. It has no stage 8, because overlaps and errors of closed loops are a part of this
-            // law.
+            // Stages 1 to 7 with MuJoCo's contact law. The law has no stage 8, because it includes overlaps and errors of closed loops.
             ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
         };
         let finite = span!(probe, Accept, || {

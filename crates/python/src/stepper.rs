@@ -111,8 +111,10 @@ impl Stepper {
         Ok(numbers)
     }
 
-    /// Numbers of the array argument `name` with rows for selected environments. If k environments were selected by indices, the shape is
-    /// (k, width), otherwise (num_envs, width). A single row (width,) is valid too.
+    /// Numbers of the array argument `name`, with a row for each environment of the batch, or a single row for all.
+    ///
+    /// The argument has the shape (k, width) if k environments were selected by indices, otherwise (num_envs, width). A single row (width,)
+    /// is valid too. Rows of unselected environments have no meaning.
     fn selected_rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize, selection: &Selection) -> PyResult<Numbers<'py>> {
         if !self.batched && !selection.by_index {
             return self.rows(given, name, width).map(Numbers::Given);
@@ -128,13 +130,13 @@ fn precision_name(precision: Precision) -> &'static str {
     }
 }
 
-/// Borrow of a stepper by a method, which is an error while another thread uses the stepper.
+/// Borrow of a stepper by a method: [`Reading`] or [`Writing`].
 pub(crate) struct Borrowed<B>(B);
 
-/// Shared borrow of a stepper for reading. The borrow fails while another thread steps the stepper.
+/// Shared borrow of a stepper for reading. The borrow fails with an error while another thread has an exclusive borrow, as during a step.
 pub(crate) type Reading<'py> = Borrowed<PyRef<'py, Stepper>>;
 
-/// Exclusive borrow of a stepper for writing. The borrow fails while another thread uses the stepper.
+/// Exclusive borrow of a stepper for writing. The borrow fails with an error while another thread uses the stepper.
 pub(crate) type Writing<'py> = Borrowed<PyRefMut<'py, Stepper>>;
 
 impl<'py> TryFrom<&Bound<'py, Stepper>> for Reading<'py> {

@@ -1,5 +1,5 @@
-//! Affine forces of actuators, f = level + slope * length + rate * velocity. Each is split into an explicit part and an added inertia,
-//! which the mass matrix contains.
+//! Affine forces of actuators, f = level + slope * length + rate * velocity. An implicit force is split into an explicit part and an added
+//! inertia, which the mass matrix contains.
 
 use stepper_real::{Mask, Real};
 
@@ -10,15 +10,15 @@ use crate::math::spatial::*;
 /// the actuator, as MuJoCo's `actuator_force` and `actuator_length`; the joint force is the actuator's force times `gear`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ActuatorDynamics<R> {
-    /// Factor of the length in the force of a continuous servo, N or N m per unit of length.
+    /// Factor of the length in the effort of a continuous servo. The effort is a force (N or N m), or a fraction of the motor's voltage.
     pub slope: R,
-    /// Factor of the velocity in the force of a continuous servo, N s or N m s per unit of length.
+    /// Factor of the velocity in the effort of a continuous servo.
     pub rate: R,
     /// Lowest and highest force of the actuator, N or N m.
     pub limits: [R; 2],
-    /// Stall torque of the motor, N or N m.
+    /// Stall torque of the motor after its gear, N or N m.
     pub stall: R,
-    /// Torque that the motor loses to its back-EMF per unit of velocity, N s or N m s per unit of length.
+    /// Torque after the gear that the motor loses to its back-EMF per unit of velocity, N s or N m s per unit of length.
     pub back_emf: R,
     /// Efficiency of the gear, from 0 to 1.
     pub efficiency: R,
@@ -122,7 +122,7 @@ pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
     }
 }
 
-/// Lanes in which `x` is outside its range; none without a range.
+/// Lanes in which `x` is outside its range; no lanes if there is no range.
 #[inline(always)]
 pub(crate) fn exceeds_range<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
     range.map_or(R::Mask::splat(false), |range| outside(x, range))

@@ -10,8 +10,9 @@ use crate::dynamics::implicit_weights::ImplicitWeights;
 /// motor.
 ///
 /// The force is `f = clamp(clamp(affine, limits), +-stall - back_emf v)`. It is piecewise affine in the motion. The active bound selects
-/// the affine piece, which the step treats implicitly. The step finds the active bound by semismooth Newton iterations (Qi & Sun 1993).
-/// Each iteration solves with an assumed active bound, and then assumes the active bound of the solution.
+/// the affine piece, which the step treats implicitly. For stiff servos, the step finds the active bound by semismooth Newton iterations
+/// (Qi & Sun 1993). Each iteration solves with an assumed active bound, and then assumes the active bound of the solution
+/// ([`crate::actuation::forces`]).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoundedForce<R: Real> {
     /// Explicit part and added inertia of the affine force, before clamping.
@@ -53,8 +54,8 @@ impl<R: Real> BoundedForce<R> {
         }
     }
 
-    /// Updates the active bound (force limit or torque-speed curve) to that of a step with the mean acceleration `acceleration` of the
-    /// actuator's length. Returns the lanes in which the active bound changed.
+    /// Updates the active bound (none, a force limit, or the torque-speed curve) to that of a step with the mean acceleration
+    /// `acceleration` of the actuator's length. Returns the lanes in which the active bound changed.
     #[inline(always)]
     pub(super) fn set_bound_at_acceleration(
         &mut self,

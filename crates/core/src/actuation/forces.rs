@@ -140,7 +140,8 @@ pub struct ActuatorForces<R: Real> {
     pub without_springs: Vec<R>,
     /// Force of every actuator, N or N m. Of an implicit force it is the explicit part e.
     pub force: Vec<R>,
-    /// Added inertia of each servo, kg m^2 or kg; zero for an explicit force or a force at its lower or upper bound.
+    /// Added inertia of each servo, kg m^2 or kg. It is zero for an explicit force, for a force at its lower or upper bound, and for a
+    /// servo in a bounded sum that is at a bound.
     pub added_inertia: Vec<R>,
     /// Inertia that each servo moves. It is computed only for the midpoint rule and for models with bounded servos. Otherwise its inverse,
     /// the field `mobility`, is zero.
@@ -161,19 +162,19 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) unclamped: Vec<[R; 2]>,
     /// Force of every actuator in the last trial, clamped to its `force_range`, N or N m.
     trial_force: Vec<R>,
-    /// Lanes in which the force of an actuator is outside its bounds. Stage 1 sets them for explicit forces, and a trial for implicit
-    /// forces.
+    /// Lanes in which the force of an actuator is outside its bounds before clamping. Stage 1 sets them for explicit forces, and a trial
+    /// for implicit forces.
     pub(crate) found_saturated: Vec<R::Mask>,
-    /// Lanes in which each bounded sum is outside its bounds. For sums with an implicit servo, stage 1 sets the lanes that it assumes,
-    /// and a later trial those that it finds.
+    /// Lanes in which each bounded sum is outside its bounds before clamping. If all servos are implicit, stage 1 sets the lanes that it
+    /// assumes, for sums with a servo. A later trial sets those that it finds.
     found_sum_saturated: Vec<R::Mask>,
     /// Moment arms of all actuators on sites.
     pub arms: Vec<R>,
     /// Lengths of all actuators on sites.
     pub(crate) lengths: Vec<R>,
-    /// Force of each actuator with an actuator model, with its force limits and the active bound that the step assumes.
+    /// Force of each actuator with actuator dynamics, with the active bound that the step assumes.
     pub(super) bounded_forces: Vec<BoundedForce<R>>,
-    /// Force of each actuator with an actuator model, with its force limits and the active bound in the last trial.
+    /// Force of each actuator with actuator dynamics, with the active bound in the last trial.
     trial_bounded_forces: Vec<BoundedForce<R>>,
     /// Whether the active bounds of this step have not been guessed yet.
     pub(crate) active_bounds_unknown: bool,
@@ -272,8 +273,8 @@ impl<R: Real> ActuatorForces<R> {
     /// Stores the force of a servo with actuator dynamics (limits, motor, losses): its explicit part and added inertia, with the active
     /// bound that the step assumes.
     ///
-    /// `affine` is the force without limits, at the length and velocity in `motion`. `dynamics` describes the limits and the motor,
-    /// `numbers` has their parameters. `weights` make the force implicit.
+    /// `affine` is the force without limits, as a function of the length and velocity in `motion`. `dynamics` describes the limits and the
+    /// motor, and `numbers` has their parameters. `weights` are the weights of damping and stiffness in the added inertia.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
     pub(crate) fn set_limited_servo(
@@ -320,7 +321,7 @@ impl<R: Real> ActuatorForces<R> {
         let (clamped, is_outside) = (within(force, range), exceeds_range(force, range));
         self.trial_force[a] = clamped;
         let changes = changed.or(is_outside).or(self.fixed[servo]).and_not(self.stiff[servo]);
-        // The mass matrix subtracts b/h dv from the explicit part, so that the whole force becomes the clamped one.
+        // The mass matrix subtracts b/h dv. The explicit part is therefore the clamped force plus b/h dv.
         self.force[a] = R::select(changes, clamped + self.added_inertia[servo] / implicit.h * dv, self.force[a]);
     }
 
@@ -381,7 +382,7 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Explicit part of a bounded sum of actuator forces, N or N m. `sum` is the sum of the explicit parts of the forces.
     ///
-    /// In lanes without a stiff servo, the whole sum is clamped at the predicted velocity. In lanes with a stiff servo the result is
+    /// In lanes in which no servo of the sum is stiff, the whole sum is clamped at the predicted velocity. In the other lanes the result is
     /// `assumed`, the sum with the assumed active bound.
     #[inline(always)]
     fn clamp_sum_at_predicted_velocity(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, assumed]: [R; 2]) -> R {
@@ -406,7 +407,8 @@ impl<R: Real> ActuatorForces<R> {
         saturated.or(lanes_of_sums(compiled, &self.found_sum_saturated, actuator))
     }
 
-    /// Lanes in which the force of an actuator, or the bounded sum that contains it, is at a bound or outside of its bounds.
+    /// Lanes in which the force of an actuator, or the bounded sum of its joint, is at a bound or outside of its bounds. Bounded sums do
+    /// not count for actuators on tendons and sites.
     ///
     /// As in MuJoCo, the derivative of such a force is zero. The caller must have computed the explicit forces.
     #[inline(always)]
@@ -553,7 +555,7 @@ impl<R: Real> ActuatorForces<R> {
         changed
     }
 
-    /// Expected force of a servo at the end of the step, N or N m.
+    /// Expected whole force of a servo in the step, N or N m.
     ///
     /// The velocity is expected to change by the free acceleration `acc` and by the constraint impulses of the last step.
     #[inline(always)]

@@ -10,12 +10,12 @@ use crate::math::spatial::*;
 impl<R: Real> ActuatorForces<R> {
     /// Computes the friction losses of actuator dynamics at the forces `self.force` into `losses`.
     ///
-    /// `expected` has the implicit servos and the free acceleration. With it, a model with bounded servos uses the forces that servos are
-    /// expected to have at the end of the step instead of `self.force`.
+    /// `expected` has the implicit servos and the free acceleration. With it, a model with bounded servos uses the whole forces that servos
+    /// are expected to have in the step, instead of `self.force`.
     ///
     /// A gear with efficiency e delivers e f to the load, and needs f / e if the load drives it. The friction is (1 - e) |f| in motion
     /// along f, and (1/e - 1) |f| in motion against f. At rest it is anything in between.
-    pub(crate) fn dissipate(
+    pub(crate) fn compute_losses(
         &mut self,
         compiled: &LaneModel<R>,
         actuator_dynamics: &[ActuatorDynamics<R>],
@@ -66,7 +66,7 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Friction losses of an actuator on the joint, N or N m: against forward motion, and against backward motion.
+/// Friction losses of an actuator, as forces on its joint, N or N m: against forward motion, and against backward motion.
 #[inline(always)]
 fn losses<R: Real>(numbers: &ActuatorDynamics<R>, arm: R, force: R) -> [R; 2] {
     let torque = arm * force;

@@ -1,6 +1,7 @@
 //! Actuator pipelines: before every step they convert the user's controls to those of the step. A pipeline has up to three parts in this
-//! order: delay, servo, and first-order lag. Motor, force limits, friction, and the length and velocity terms of a continuous servo act
-//! within the step instead (`actuation/force_limits.rs`, `actuation/losses.rs`).
+//! order: delay, servo, and first-order lag. The other parts of an actuator model act within the step: motor and force limits
+//! (`actuation/force_limits.rs`), friction (`actuation/losses.rs`), and the length and velocity terms of a continuous servo
+//! (`stages/s01_actuate.rs`).
 //!
 //! The output of a servo is called its effort. It is a force, or the fraction of the voltage of a motor with voltage control.
 
@@ -12,8 +13,7 @@ use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 
-/// PipelineParameter of an actuator model, which may differ between environments. The variants have the order of the rows in the
-/// parameter table.
+/// Parameter of an actuator model that may differ between environments. The variants have the order of the rows in the parameter table.
 #[derive(Clone, Copy)]
 enum PipelineParameter {
     /// Delay of the control, in steps.
@@ -69,7 +69,7 @@ struct ActuatorPipeline {
     table_start: usize,
 }
 
-/// Pipelines of all actuators of a model, for all environments of a batch.
+/// Pipelines of the actuators with an actuator model, for all environments of a batch.
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
     pipelines: Vec<ActuatorPipeline>,
@@ -155,11 +155,12 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the parameters of a group's actuator models into `actuator_dynamics`: force limits, torque-speed curve, and gains of servos.
+    /// Loads the parameters of a group's actuator dynamics into `actuator_dynamics`: force limits, torque-speed curve, friction losses, and
+    /// gains of continuous servos.
     ///
-    /// A lag after a continuous servo passes on only a fraction of a change of the servo's output in the same step. The gains of the
-    /// servo are therefore multiplied by this fraction. It grows during a step: readings use its value at the end, [`Self::advance`] uses
-    /// its mean.
+    /// A lag after a continuous servo passes on only a fraction of a change of the servo's output in the same step. The gains of the servo
+    /// are therefore multiplied by this fraction. The fraction grows during a step: this function uses its value at the end of a step, for
+    /// readings between steps, and [`Self::advance`] its mean over the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, actuator_dynamics: &mut [ActuatorDynamics<R>]) {
         kernel!(R, || {
             for pipeline in &self.pipelines {
@@ -177,7 +178,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         })
     }
 
-    /// Parameters of the actuator dynamics of all actuators in one lane.
+    /// Parameters of the actuator dynamics of all actuators in one lane. Gains are those at the end of a step, as in [`Self::load`].
     pub fn read(&self, compiled: &ModelStructure<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
         let mut actuator_dynamics = vec![ActuatorDynamics::default(); compiled.num_actuator_dynamics];
         for pipeline in &self.pipelines {
@@ -252,8 +253,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 let table = &self.tables[group][pipeline.table_start * R::LANES..];
                 let effort: R = get(&memory.numbers, pipeline.lag_at());
                 ctrl[pipeline.actuator] = effort;
-                // With a continuous servo, the stored output of the lag is that at the beginning of the step, and decays towards the
-                // stored input.
+                // With a continuous servo, the stored output of the lag is the one at the beginning of the step. During the step it
+                // decays towards the stored input.
                 if let (ServoKind::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
                     let (goal, decay): (R, R) =
                         (get(&memory.numbers, pipeline.lag_at() + 1), get(table, PipelineParameter::Decay as usize));
@@ -291,15 +292,15 @@ fn parts(steps: f64, staircase: bool) -> (usize, f64) {
     (whole as usize, if staircase { 0.0 } else { steps - whole })
 }
 
-/// Table row with the numbers at the position `k` of each list of a spec. A list of one number has the same number at all positions. `h`
-/// is the time step, s.
+/// Parameters of one environment, in the order of [`PipelineParameter`]: the numbers at the position `k` of each list of a spec. A list of
+/// one number has the same number at all positions. `h` is the time step, s.
 fn parameters_of(t: &ActuatorSpec, k: usize, h: f64) -> [f64; PARAMETERS] {
     let of = |x: &[f64]| x[k % x.len()];
     let (low, high, lag) = (of(&t.low), of(&t.high), of(&t.lag));
     // e^(-h/lag), and the mean of e^(-t/lag) over the step.
     let (decay, mean) = if lag > 0.0 { ((-h / lag).exp(), -lag / h * (-h / lag).exp_m1()) } else { (0.0, 0.0) };
-    let mut row = [0.0; PARAMETERS];
-    let mut set = |n: PipelineParameter, x: f64| row[n as usize] = x;
+    let mut parameters = [0.0; PARAMETERS];
+    let mut set = |n: PipelineParameter, x: f64| parameters[n as usize] = x;
     set(PipelineParameter::Delay, t.steps(k, h));
     set(PipelineParameter::Decay, decay);
     set(PipelineParameter::Mean, mean);
@@ -324,7 +325,7 @@ fn parameters_of(t: &ActuatorSpec, k: usize, h: f64) -> [f64; PARAMETERS] {
         set(PipelineParameter::IntegralLimit, of(&s.integral_limit));
         set(PipelineParameter::Period, period);
     }
-    row
+    parameters
 }
 
 #[inline(always)]
@@ -345,7 +346,7 @@ fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
     R::select(x.eq(x), x.clamp(low, high), x)
 }
 
-/// Length and velocity of an actuator on joints, from q and v.
+/// Length and velocity of an actuator on a joint or tendon, from q and v.
 #[inline(always)]
 fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) -> [R; 2] {
     let (mut length, mut velocity) = (R::zero(), R::zero());
@@ -361,8 +362,8 @@ impl ActuatorPipeline {
         self.memory_start + self.delay_samples
     }
 
-    /// Sets the gains of a continuous servo. A lag multiplies them by one minus the parameter `left`, the fraction that remains
-    /// ([`PipelineParameter::Decay`]).
+    /// Sets the gains of a continuous servo. A lag multiplies them by one minus the parameter `left`, which is [`PipelineParameter::Decay`]
+    /// or its mean over the step.
     #[inline(always)]
     fn set_gains<R: Real>(&self, table: &[R::Scalar], left: PipelineParameter, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
@@ -443,7 +444,8 @@ impl ActuatorPipeline {
         let before = R::select(start, R::zero(), get(numbers, at));
         let after = (before + number(PipelineParameter::Ki) * error).clamp(-most, most);
         let without_integral = kp * error - number(PipelineParameter::Kd) * velocity;
-        // Conditional integration (Astrom & Hagglund 2006, section 3.5): the integral does not grow while the effort is beyond its bounds.
+        // Conditional integration (Astrom & Hagglund 2006, section 3.5): while the effort exceeds a bound, the integral does not change
+        // in the direction of this bound.
         let effort = without_integral + after;
         let winds_up = effort
             .gt(number(PipelineParameter::MaxEffort))
@@ -465,10 +467,11 @@ impl ActuatorPipeline {
 
     /// Mean output of the lag over the step, for the input `u`.
     ///
-    /// The function also stores the output at the end of the step, from which the next call continues. The output of a lag after a
-    /// continuous servo depends on the motion within the step. The function then stores the output at the beginning of the step and `u`.
-    /// From these the next call computes the output at the end. Terms of a continuous servo that depend on the motion in this step are
-    /// not in `u` and not in the result: stage 1 adds them.
+    /// Without a continuous servo, the function also stores the output at the end of the step, from which the next call continues.
+    ///
+    /// After a continuous servo, that output depends on the motion within the step. The function therefore stores the output at the
+    /// beginning of the step, and `u`. From these the next call computes the output at the end. Terms of the servo that depend on the
+    /// motion in this step are not in `u` and not in the result: stage 1 adds them.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

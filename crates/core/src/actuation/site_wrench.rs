@@ -43,7 +43,8 @@ impl<R: Real> ActuatorForces<R> {
         sum
     }
 
-    /// Length of an actuator at the configuration `q`, multiplied by its gear.
+    /// Length of an actuator at the configuration `q`, multiplied by its gear. For an actuator on a site, it is the length from the last
+    /// call of [`ActuatorForces::transmit`].
     #[inline(always)]
     pub(crate) fn length_of(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R]) -> R {
         if let Some(wrench) = &actuator.site_wrench {
@@ -56,7 +57,8 @@ impl<R: Real> ActuatorForces<R> {
         sum
     }
 
-    /// Motion of an actuator: its length at the configuration `q`, its velocity for explicit forces, and its velocity before the step.
+    /// Motion of an actuator: its length ([`ActuatorForces::length_of`]), its velocity for explicit forces, and its velocity before the
+    /// step.
     ///
     /// The first velocity follows from the generalized velocity `v_at`, and the second from `v`.
     #[inline(always)]
@@ -64,7 +66,7 @@ impl<R: Real> ActuatorForces<R> {
         Motion { length: self.length_of(actuator, q), velocity: self.project(actuator, v_at), before: self.project(actuator, v) }
     }
 
-    /// Length of the actuator with index `actuator` at the configuration `q`, multiplied by its gear.
+    /// Length of the actuator with index `actuator`, multiplied by its gear. It is computed as in [`ActuatorForces::length_of`].
     pub fn length(&self, compiled: &LaneModel<R>, actuator: usize, q: &[R]) -> R {
         kernel!(R, || self.length_of(&compiled.actuators[actuator], q))
     }
@@ -81,8 +83,8 @@ fn pose<R: Real>(kinematics: &Kinematics<R>, place: &Spot<R::Scalar>) -> (V3<R>,
     (kinematics.point(place.frame, splat(place.pos)), mat_mul(&kinematics.mat[place.frame], &splat(place.mat)))
 }
 
-/// Computes the moment arms of an actuator on a site into `arms`, and returns the actuator's length. `wrench` is its gear: force and torque
-/// per unit of the actuator's force.
+/// Computes the moment arms of an actuator on a site into `arms`, and returns the actuator's length. `wrench` has the site, the reference
+/// site, and the force and torque per unit of the actuator's force.
 ///
 /// The length is the scalar product of the wrench with the site's position and rotation vector in the reference site's frame; 0 without a
 /// reference site.

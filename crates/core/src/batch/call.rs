@@ -27,7 +27,7 @@ impl Schedule {
     }
 }
 
-/// Arguments of one call of `step` or `rollout` for all environments.
+/// Arguments of one call of `step` or `rollout` for all environments. Calls that only read, such as sensor readings, have zero steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a, S: Scalar> {
     /// Compiled model.
@@ -40,7 +40,7 @@ pub struct Call<'a, S: Scalar> {
     pub schedule: Schedule,
     /// Inputs of the user, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) to share them among all
     /// environments. Inputs that the user left out are already filled in (`AppliedInputs::complete`). A slice that is still empty means
-    /// zero controls, zero forces, or the mocap poses of the model.
+    /// zero controls, zero forces, the model's mocap poses and active equalities, or a mask of all environments.
     pub inputs: StepInputs<'a>,
     /// Range of the steps that this part of the call makes.
     pub part: Part,

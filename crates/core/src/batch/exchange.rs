@@ -24,7 +24,7 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
 
 /// Stores the poses of the mocap bodies at the end of the call in the group. If the call stopped early, these are the poses that the mocap
 /// bodies have reached.
-pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
+pub(super) fn store_mocap_poses<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     if s.inputs.mocap_trajectories.is_empty() {
         return;
     }
@@ -36,8 +36,8 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
     })
 }
 
-/// Loads positions, velocities, activations and constraint impulses of a group into the workspace. If `contacts` is true, it also loads
-/// times and contacts.
+/// Loads positions, velocities, activations, the generalized constraint impulse, and the impulses of scalar rows of a group into the
+/// workspace. If `contacts` is true, also loads times, and contacts with their impulses.
 pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>, contacts: bool) {
     kernel!(R, || {
         s.alive = R::Mask::from_bits(group.alive);
@@ -53,8 +53,8 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
     })
 }
 
-/// Loads the inputs that are constant during a call, except the controls: applied forces, active equalities, mocap bodies, and the
-/// parameters of actuator dynamics (whose gains a lag changes in every step).
+/// Loads the inputs of a call, except the controls: applied forces, active equalities, trajectories of mocap bodies, and parameters of
+/// actuator dynamics. The gains among these parameters change in every step if a lag follows the servo.
 pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
     if let Some(pipelines) = call.pipelines {
         pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);
@@ -77,7 +77,8 @@ pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::
     }
 }
 
-/// Computes the trajectories of the mocap bodies during the call: from their last poses to those that the user gives.
+/// Computes the trajectories of the mocap bodies during the call: from their last poses to those that the user gives. If the user gives no
+/// poses, those of the model are the targets.
 fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
     kernel!(R, || {
         let seconds = R::of(call.schedule.steps().max(1) as f64 * call.settings.timestep);
@@ -106,8 +107,8 @@ pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, 
     gather(&call.inputs.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }
 
-/// Loads the rows `first..first + used` of an array with `n` columns into `out`, one row per lane. An array of one row loads this row into
-/// all lanes; an empty array gives zeros.
+/// Loads the rows `first..first + used` of an array with `n` columns into `out`, one row per lane. An array of one row gives this row to
+/// all `used` lanes, and an empty array gives zeros. Lanes after the first `used` get zeros.
 fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
     kernel!(R, || {
         if n == 0 || out.is_empty() {

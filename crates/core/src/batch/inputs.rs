@@ -1,4 +1,4 @@
-//! Inputs of the user: inputs of a call, fields of the state, and rows of values for many environments.
+//! Inputs of the user: inputs of a call, fields of the state, values for the state, and starts of episodes.
 
 use crate::model::Model;
 
@@ -21,8 +21,8 @@ pub struct StepInputs<'a> {
     pub mocap_quat: &'a [f64],
     /// Whether each equality is active during this call, (num_envs, neq); 0 for an inactive equality.
     pub eq_active: &'a [f64],
-    /// Mask of the environments that make steps, (num_envs). The state of other environments does not change, and their inputs are not
-    /// read. An empty mask selects all environments.
+    /// Mask of the environments that make steps, (num_envs). The state of other environments does not change, and their inputs have no
+    /// effect. An empty mask selects all environments.
     pub mask: &'a [bool],
 }
 
@@ -59,7 +59,7 @@ impl Field {
 
 named! {
     /// Kind of input other than controls: applied forces, poses of mocap bodies, or active equalities. Values persist until the user
-    /// changes them.
+    /// changes them or resets the environment.
     #[non_exhaustive]
     AppliedInput {
         /// Generalized forces (`qfrc_applied`), (nv), N or N m.
@@ -186,7 +186,8 @@ impl AppliedInputs {
     }
 }
 
-/// Values to write to the state of some environments. Each array has one row per environment of the simulation, or one row for all.
+/// Values to write to the state of some environments. Each array has one row per environment of the simulation, or one row for all. `None`
+/// writes no value.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StateRows<'a> {
     /// Configurations, (num_envs, nq) or (nq): m, rad and quaternions, which are normalised.

@@ -16,8 +16,8 @@ use crate::error::Error;
 use crate::math::lanes::{DestinationLanes, each_of};
 use crate::options::StepSettings;
 
-/// Optional callback that can stop a call of many steps. The call is made in parts; the calling thread calls the function after each part,
-/// and the call ends if the function returns false.
+/// Optional callback that can stop a call of many steps. The batch makes the steps in parts. The calling thread runs the callback after
+/// each part except the last. If the callback returns false, no further part begins.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
 /// Step of one group of environments, as the callback of [`Batch::lend_steps`] receives it.
@@ -44,13 +44,13 @@ const LEAST_COST: f64 = 5e-8;
 const BRIEF: usize = 10;
 
 impl<S: LaneScalar> Batch<S> {
-    /// Makes the steps of a schedule, and records quantities after each control. Returns the number of steps made, the same in every
-    /// environment.
+    /// Makes the steps of a schedule, and records quantities after each control if there is a recording. Returns the number of steps made,
+    /// the same in every selected environment.
     ///
     /// The controls `inputs.ctrl` are (controls, num_envs, nu) or (controls, nu). The call stops early if `watch` returns false.
     ///
     /// # Errors
-    /// [`Error::Threads`]; nothing was done then.
+    /// [`Error::Threads`]; no step is made then.
     pub(super) fn make_steps(
         &mut self,
         inputs: &StepInputs<'_>,
@@ -74,7 +74,8 @@ impl<S: LaneScalar> Batch<S> {
         })
     }
 
-    /// Reads all sensors of all environments, environment-major: true readings, or readings of the last step after the transfer functions.
+    /// Reads all sensors of all environments, environment-major. The readings are those of ideal sensors if `truth` is true, otherwise
+    /// those after the error models.
     ///
     /// # Errors
     /// [`Error::Threads`].
@@ -220,7 +221,7 @@ impl<S: LaneScalar> Batch<S> {
         ((PART / LEAST_COST) as usize / (self.num_envs * self.compiled.nv.max(1))).max(1)
     }
 
-    /// Makes the steps of a call in parts, and calls `watch` after each part. Returns the number of steps made.
+    /// Makes the steps of a call in parts, and calls `watch` after each part except the last. Returns the number of steps made.
     ///
     /// Every group finishes a part before any group begins the next part. If `watch` returns false, all groups therefore stop after the
     /// same step.
@@ -291,7 +292,7 @@ impl<S: LaneScalar> Batch<S> {
     }
 }
 
-/// Makes the steps of a call in a chunk of groups, whose first environment is `first`.
+/// Makes the steps of one part of a call in a chunk of groups. `first` is the index of the chunk's first environment.
 fn run_chunk<S: LaneScalar>(
     worker: &mut dyn Worker<S>,
     call: &Call<'_, S>,
@@ -305,7 +306,8 @@ fn run_chunk<S: LaneScalar>(
     }
 }
 
-/// Makes the steps of a call in one group. Environments outside the call's mask keep their state: their lanes are restored afterwards.
+/// Makes the steps of one part of a call in one group. Environments outside the call's mask keep their state: their lanes are restored
+/// after the steps.
 fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
     let mask = call.inputs.mask.get(at.first..).unwrap_or_default();
     // Lanes (bits) of environments that are not selected.
@@ -320,7 +322,8 @@ fn run_selected<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, g
     worker.run(call, group, at);
     let mut copied = others;
     if 2 * others.count_ones() > group.alive.count_ones() {
-        // If most lanes must be restored, the group takes the saved lanes as a whole. Then fewer lanes, those that stepped, are copied.
+        // If more than half of the lanes must be restored, the saved group replaces the stepped one. Only the stepped lanes are then
+        // copied.
         std::mem::swap(group, &mut before);
         copied = group.alive & !others;
     }

@@ -9,7 +9,7 @@ use stepper_real::{Level, Mask, Real, Scalar, at_level, kernel};
 
 use crate::analysis::derived::{Derivation, DerivedQuantity};
 use crate::batch::call::Call;
-use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
+use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_poses, store_state};
 use crate::batch::ray_query::RayQuery;
 use crate::batch::rollout::{Numbers, Quantity, RecordingChunk};
 use crate::batch::sensors::{Reader, store_sensor_inputs};
@@ -85,7 +85,7 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Functions for evaluations of a step in the lanes `R`, which `lend_step` lends to derivatives; `None` for 32-bit numbers, because
     /// derivatives are computed only in 64 bits.
     fn group_functions<R: Real<Scalar = Self>>() -> Option<GroupFunctions<R>>;
-    /// Unwraps an array of a recording whose precision is that of this scalar type.
+    /// Unwraps an output array whose precision is that of this scalar type.
     ///
     /// # Panics
     /// When the array has the other precision, which [`Simulation`](crate::Simulation) prevents.
@@ -112,9 +112,9 @@ const MAX_CACHED_ENTRIES: usize = 512;
 /// Number of environments in a group, which share the lanes of a SIMD type. It is the CPU level's number n of lanes, or 2 n if that is
 /// faster. `compiled.chain` has one item for each entry of the mass matrix.
 ///
-/// With AVX-512, a group of 2 n lanes uses two registers per value, and a step takes 1.8 times as long. On AVX-512 CPUs with vector units
-/// of half the register's width, such a step takes at least twice as long (docs/benchmarks/performance.md). With the sixteen registers of
-/// AVX2 such a step would take 2.2 to 2.5 times as long.
+/// With AVX-512, a group of 2 n lanes uses two registers per value, and its step takes 1.8 times as long as that of n lanes. The ratio is
+/// at least 2 on AVX-512 CPUs with vector units of half the register's width (docs/benchmarks/performance.md). It would be 2.2 to 2.5 with
+/// the sixteen registers of AVX2.
 pub(super) fn lanes<S: LaneScalar>(compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let n = S::vector(level);
     // Largest number of groups of a thread. A step of 2 n lanes takes 1.8 = 9/5 times as long as one of n lanes, and pays if it decreases
@@ -155,7 +155,7 @@ impl LaneScalar for f64 {
     fn numbers(array: Numbers<'_>) -> &mut [f64] {
         match array {
             Numbers::F64(x) => x,
-            Numbers::F32(_) => panic!("a recording in 32 bits of a batch in 64"),
+            Numbers::F32(_) => panic!("an output array in 32 bits for a batch in 64"),
         }
     }
 }
@@ -183,7 +183,7 @@ impl LaneScalar for f32 {
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
         match array {
             Numbers::F32(x) => x,
-            Numbers::F64(_) => panic!("a recording in 64 bits of a batch in 32"),
+            Numbers::F64(_) => panic!("an output array in 64 bits for a batch in 32"),
         }
     }
 }
@@ -223,7 +223,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
-            // Earlier steps with this control belong to the previous part of the call, so that their flags and residual are restored.
+            // Earlier steps with this control belong to previous parts of the call, so that their flags and residual are restored.
             if let (Some(recording), true) = (&recording, steps.start > 0) {
                 residual = recording.resume(control, first - chunk_first, self.step.workspace.alive, &mut self.flags);
             }
@@ -352,7 +352,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
             store_state(group, s);
         }
         if call.part.ends && call.part.to > 0 {
-            store_mocap_trajectories(call, group, s);
+            store_mocap_poses(call, group, s);
         }
         s.current = call.num_envs <= R::LANES;
     }
@@ -417,7 +417,8 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
     })
 }
 
-/// Clears the record of the last call in the group: status flags, worst rows, maxima, and counts of actuator bounds and sensor faults.
+/// Clears the record of the last call in the group: status flags, worst rows, largest position errors, and counts of saturated actuators
+/// and sensor faults.
 fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
     group.worst[..R::LANES].fill(0);

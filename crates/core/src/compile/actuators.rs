@@ -80,12 +80,13 @@ pub enum MotorControl {
     Voltage,
 }
 
-/// Actuator dynamics: the part of an actuator model that acts within a step, with force bounds and affine force.
+/// Parts of an actuator's dynamics, which are the part of its actuator model that acts within a step. Their parameters are in
+/// [`ActuatorDynamics`](crate::actuation::affine_force::ActuatorDynamics).
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
     /// Index in the list of actuator dynamics.
     pub index: usize,
-    /// Whether the dynamics have a continuous servo: a proportional-derivative law that acts within the step.
+    /// Whether the dynamics have a continuous servo, whose proportional and derivative terms act within the step.
     pub continuous_servo: bool,
     /// Meaning of the control of a motor with a torque-speed curve; `None` for actuators without such a motor.
     pub motor: Option<MotorControl>,
@@ -123,7 +124,7 @@ pub struct CompiledForceRange<S> {
     pub dof: usize,
     /// Lowest and highest sum of the actuator forces, N or N m.
     pub bounds: [S; 2],
-    /// Actuators that act on this degree of freedom: index of the actuator, and moment arm.
+    /// Actuators on joints and tendons that act on this degree of freedom: index of the actuator, and moment arm.
     pub actuators: Vec<(usize, S)>,
     /// Whether any actuator in `actuators` is a servo, whose force depends on its length or velocity.
     pub has_servos: bool,

@@ -57,8 +57,8 @@ impl<R: Real> MassMatrix<R> {
 
     /// Adds the implicit terms of joint damping and stiffness to the diagonal of M.
     ///
-    /// Writes the additional damping of stiff springs (see [`crate::actuation::forces`]) to `spring_damping`, which may be empty if no
-    /// joint has a spring.
+    /// Writes the additional damping of springs with a damper (see [`crate::actuation::forces`]) to `spring_damping`. If this list is
+    /// empty, the function leaves out the additional damping.
     #[inline(always)]
     pub fn add_joints(&mut self, compiled: &LaneModel<R>, weights: ImplicitWeights<R>, spring_damping: &mut [R]) {
         for (d, dof) in compiled.dofs.iter().enumerate() {
@@ -77,17 +77,17 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds to M, for each servo with the moment a, its added inertia times a a^T. A moment may act on several branches of a kinematic
-    /// tree. The function then adds a diagonal upper bound of this matrix instead if `is_bounded`. Otherwise it leaves out entries whose
+    /// Adds to M, for each servo with the moment a, its added inertia times a a^T. A moment may act on several kinematic branches. If
+    /// `uses_bound` is true, the function then adds a diagonal upper bound of this matrix instead. Otherwise it leaves out entries whose
     /// two degrees of freedom are on different branches.
     #[inline(always)]
-    pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R], is_bounded: bool) {
+    pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R], uses_bound: bool) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
-            let entries = if servo.bound.is_empty() || !is_bounded { &servo.entries } else { &servo.bound };
+            let entries = if servo.bound.is_empty() || !uses_bound { &servo.entries } else { &servo.bound };
             for &(entry, coefficient) in entries {
                 self.entries[entry] += R::splat(coefficient) * added_inertia;
             }
-            if servo.spread.is_empty() || !is_bounded {
+            if servo.spread.is_empty() || !uses_bound {
                 for &(entry, [a, b]) in &servo.products {
                     self.entries[entry] += arms[a] * arms[b] * added_inertia;
                 }
@@ -306,7 +306,7 @@ pub fn bias_force<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, 
     project_forces(compiled, kinematics, &mut work.force, out);
 }
 
-/// Forward pass of [`bias_force`]: computes the velocity of every link, and the force on it if its joints do not accelerate.
+/// Forward pass of [`bias_force`]: computes the velocity of every link, and the force that this motion requires if no joint accelerates.
 #[inline(always)]
 pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
     // Gravity is represented as an upward acceleration of the world.
@@ -357,7 +357,7 @@ pub fn project_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<
 pub struct NewtonEuler<R: Real> {
     /// Spatial velocity of every link at the reference point of its kinematic tree.
     pub velocity: Vec<V6<R>>,
-    /// Spatial acceleration of every link at the reference point of its kinematic tree.
+    /// Spatial acceleration of every link at the reference point of its kinematic tree if no joint accelerates, minus gravity.
     pub acceleration: Vec<V6<R>>,
     /// Spatial force on every link at the reference point of its kinematic tree.
     pub force: Vec<V6<R>>,

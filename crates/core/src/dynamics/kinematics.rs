@@ -21,7 +21,7 @@ pub struct Kinematics<R: Real> {
     pub mocap_velocities: Vec<V6<R>>,
     /// Inertia of every link about the reference point of its kinematic tree.
     pub inertia: Vec<Inertia<R>>,
-    /// Angles of all hinges in the order of the joints, rad, their sines, and their cosines.
+    /// Rotation angles of all hinges from their reference, in the order of the joints, rad, their sines, and their cosines.
     turns: [Vec<R>; 3],
 }
 
@@ -46,7 +46,7 @@ impl<R: Real> Kinematics<R> {
         kinematics
     }
 
-    /// Updates all poses and axes to the configuration `q`. Mocap frames do not change.
+    /// Updates all poses, axes and inertias of links to the configuration `q`. Mocap frames do not change.
     pub fn update(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         kernel!(R, || {
             self.turn_all(compiled, q);
@@ -67,8 +67,8 @@ impl<R: Real> Kinematics<R> {
         })
     }
 
-    /// Computes the sines and cosines of all hinge angles. A separate loop lets the SIMD lanes also process several hinges of one
-    /// environment.
+    /// Computes the sines and cosines of all hinge angles. In groups of one lane, the compiler can vectorise the separate loop over the
+    /// hinges.
     #[inline(always)]
     fn turn_all(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         let [angles, sines, cosines] = &mut self.turns;
@@ -216,7 +216,7 @@ pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
     [q[at], q[at + 1], q[at + 2], q[at + 3]]
 }
 
-/// Computes q (+) factor d into `out`: the configuration after the displacement `d`, which has the coordinates of velocities (nv).
+/// Computes q (+) factor d into `out`: the configuration after the displacement factor d. `d` has the coordinates of velocities (nv).
 pub fn displace<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
     kernel!(R, || {
         for joint in &compiled.joints {
@@ -255,7 +255,7 @@ pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>])
 /// Lanes in which every entry of `x` is finite.
 #[inline(always)]
 pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
-    // The sum of 0 * x over all entries is zero exactly if every entry is finite. One test then covers the whole array.
+    // 0 * x is 0 for a finite x and NaN otherwise. The sum over all entries is thus finite only if every entry is.
     let zero = R::zero();
     let mut sum = zero;
     for &x in x {

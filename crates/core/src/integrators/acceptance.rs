@@ -1,4 +1,5 @@
-//! Acceptance of a step: whether its residual may change the energy noticeably, and whether the next state is finite.
+//! Acceptance of a step: lanes whose residual may change the energy noticeably are solved further, and lanes whose next state is not finite
+//! keep their state.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 use stepper_solve::Outcome;
@@ -69,8 +70,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         integrate_velocity(compiled, &self.free.smooth.mass, &self.free.v, self.velocity);
     }
 
-    /// Residual at which the solver's error changes the kinetic energy only a little, m/s. It is above the rounding of velocities, and at
-    /// most the tolerance.
+    /// Residual at which the solver's error changes the kinetic energy only a little, m/s. It is at least ten times the rounding error of a
+    /// velocity of 1 m/s, but at most the tolerance.
     fn residual_for_energy(&self) -> R {
         let tolerance = R::of(self.context.input.options.tolerance);
         kernel!(R, || {
@@ -82,8 +83,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 }
 
-/// Stores the generalized impulse of all constraints in `impulse`, N s or N m s. Stage 1 of the next step reads it for servos with force
-/// bounds, and users can read it.
+/// Stores the generalized impulse of all constraints in `impulse`, N s or N m s. The next step reads it to guess the active bounds of
+/// servos, and users can read it.
 pub(crate) fn store_generalized_impulse<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
@@ -99,8 +100,8 @@ pub(crate) fn store_generalized_impulse<R: Real>(
 /// Accepts the step in the lanes where the next state is finite: `state` becomes the next state, and its time advances by `h`, s. Returns
 /// these lanes.
 ///
-/// The other lanes keep their state and discard their warm start. After the call, `velocity.v`, `position.q` and `position.act` have the
-/// state before the step.
+/// The other lanes keep positions, velocities, activations and time, and discard contacts and impulses. After the call, `velocity.v`,
+/// `position.q` and `position.act` have the state before the step.
 #[inline(always)]
 pub(crate) fn accept<R: Real>(
     compiled: &LaneModel<R>,
@@ -139,8 +140,8 @@ pub(crate) fn accept<R: Real>(
     finite
 }
 
-/// Restores the state of lanes whose next state is not finite, and of lanes without an environment. Lanes of the first kind also discard
-/// their warm start.
+/// Restores positions, velocities and activations of lanes whose next state is not finite, and of lanes without an environment. Lanes of
+/// the first kind also discard contacts and impulses.
 #[cold]
 fn keep_state<R: Real>(
     state: &mut State<R>,

@@ -33,8 +33,8 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) collision: CollisionWorkspace<R>,
     /// Contacts at `q`.
     pub(crate) contacts: Contacts<R>,
-    /// Lanes whose evaluation point was set by the search for impacts. The point is the time of an impact, or the beginning of the step for
-    /// a contact that touched earlier.
+    /// Lanes in which the search for impacts found one. Their evaluation point is the time of an impact, up to a tolerance, or the
+    /// beginning of the step for a contact that touched earlier.
     pub(crate) impact_lanes: R::Mask,
     /// Spatial velocities of the links, with which the step predicts impacts: before the step, and after it without constraints.
     pub(super) link_velocities: [Vec<V6<R>>; 2],

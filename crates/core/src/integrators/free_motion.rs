@@ -23,8 +23,8 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) applied: Vec<R>,
     /// Velocity after the step without constraints, nv.
     pub(crate) v: Vec<R>,
-    /// Predicted velocity after the step, constraints included, nv. Velocity-dependent forces are evaluated at a velocity between this one
-    /// and the velocity before the step ([`Scheme::velocity_weight`]).
+    /// Predicted velocity after the step, constraints included, nv. The force velocity is a mean of this velocity and the one before the
+    /// step, weighted with [`Scheme::velocity_weight`]. In lanes with impacts, the solved velocity replaces the predicted one.
     pub(crate) v_expected: Vec<R>,
     /// Generalized impulse of the constraints in this step, nv.
     pub(crate) constraint_impulse: Vec<R>,
@@ -45,8 +45,8 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) velocity_change: Vec<R>,
     /// Workspace for generalized impulses.
     pub(crate) impulse: Vec<R>,
-    /// Force velocity: velocity at which velocity-dependent forces are evaluated, between those before and after the step. With the
-    /// midpoint rule it is their mean.
+    /// Force velocity: velocity at which velocity-dependent forces are evaluated. With the midpoint rule it is the mean of the velocities
+    /// before and after the step, with the implicit rule the velocity after it.
     pub(crate) force_velocity: Vec<R>,
     /// Velocity at which actuator forces are recomputed if some lanes are too fast for the time step. In these lanes it is the velocity
     /// before the step, in the others the force velocity.
@@ -57,7 +57,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) free_change: Vec<R>,
     /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
-    /// Velocity after the step without constraints, if the inertial forces before its impacts acted for the whole step.
+    /// Velocity after the step without constraints, if the inertial forces at the velocity before the step acted for the whole step.
     pub(crate) v_before_impacts: Vec<R>,
     /// Argument `extra_before_impacts` of `ConstraintProblem::shift`: change of the velocity before impacts minus the change `free_change`.
     pub(crate) extra_before_impacts: Vec<R>,
@@ -151,7 +151,7 @@ pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &m
     if compiled.lossy {
         let FreeMotion { smooth, actuator_forces, .. } = free;
         let expected = Some((scheme.implicit_servos(), &smooth.acc[..]));
-        span!(probe, Actuate, || actuator_forces.dissipate(compiled, &inputs.actuator_dynamics, expected));
+        span!(probe, Actuate, || actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, expected));
     }
     span!(probe, Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
 }
@@ -178,7 +178,7 @@ pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: 
     }
 }
 
-/// Whether the model has servos with implicit and bounded forces. At a bound of its force, such a servo adds no inertia to the mass matrix.
+/// Whether the model may have servos with implicit and bounded forces, whose added inertia depends on the active bound.
 pub(crate) fn has_bounded_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>) -> bool {
     compiled.servos_are_bounded && (scheme.implicit_forces || compiled.num_actuator_dynamics > 0)
 }

@@ -17,9 +17,9 @@ use crate::tuning::MAX_EVALUATION_MOVES;
 
 /// Finds the evaluation point of the step (a time within the step), and computes stages 1 to 3 at it: forces, free velocity and contacts.
 ///
-/// With Euler's rule the point is the beginning of the step, with the midpoint rule its middle. The midpoint rule has two exceptions. A
-/// very fast body could pass through a thin geom before the middle, so its lane is evaluated at the beginning. A lane with an elastic
-/// impact is evaluated at the time of its first impact.
+/// With Euler's rule and the implicit rule, the point is the beginning of the step, with the midpoint rule its middle. The midpoint rule
+/// has two exceptions. A very fast body could pass through a thin geom before the middle, so its lane is evaluated at the beginning. A lane
+/// with an elastic impact is evaluated at the time of its first impact.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.scheme = Scheme::new(input.options);
@@ -64,8 +64,8 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, collision, contacts, probe)
 }
 
-/// Computes configuration, activations, poses, and moment arms of actuators at the evaluation point, the time in the step at which forces
-/// are evaluated.
+/// Computes configuration, activations, poses, and moment arms of actuators at the evaluation point. With the implicit rule, also computes
+/// the later configuration at which springs and servos are evaluated.
 #[inline(always)]
 fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepInput { compiled, state, inputs, .. } = input;

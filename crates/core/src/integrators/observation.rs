@@ -59,7 +59,7 @@ pub(crate) fn read_actuator_forces<R: Real>(
     let dynamics = &inputs.actuator_dynamics;
     actuate(compiled, &ForceState::state(&state.q, &state.v, &state.act, &inputs.ctrl, dynamics), None, forces);
     if compiled.lossy {
-        forces.dissipate(compiled, dynamics, None);
+        forces.compute_losses(compiled, dynamics, None);
         forces.subtract_losses(compiled, dynamics, scalar_impulse, R::of(options.timestep));
     }
 }

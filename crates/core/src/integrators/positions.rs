@@ -31,7 +31,7 @@ pub(crate) fn integrate_positions<R: Real>(
     });
 }
 
-/// Lanes whose positions stage 8 corrects, with the lanes that bounce or are infeasible.
+/// Lanes whose positions stage 8 corrects, lanes in which a contact bounces, and lanes with infeasible constraints.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrectedLanes<R: Real> {
     /// Lanes with a position correction.
@@ -66,8 +66,9 @@ pub(crate) fn correct_positions<R: Real>(
 
 /// Lanes in which one geom may have passed through another (tunnelling check).
 ///
-/// The check assumes motion at a constant velocity, which is the velocity after the step. In lanes with a rebound, it is a fraction of this
-/// velocity plus the velocity of the position correction. The fraction is the part of the step after the evaluation point.
+/// The check assumes motion at a constant velocity from the evaluation point. Usually this is the velocity after the step. In lanes with a
+/// rebound, it is a fraction of that velocity plus the velocity of the position correction. The fraction is the part of the step after the
+/// evaluation point. If an impact moved the evaluation point, the check includes the motion before it, at the velocity before the step.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,
@@ -104,8 +105,8 @@ pub(crate) fn find_tunnelling<R: Real>(
     passed.or(may_have_passed(input.compiled, kinematics, flight, moved, collision))
 }
 
-/// Replaces the configuration after the step by the corrected one. If the constraints of an island contradict each other and the correction
-/// reduces no overlap, the island keeps its uncorrected positions.
+/// Replaces the configuration after the step by the corrected one in the corrected lanes. In infeasible lanes without a rebound, an island
+/// keeps its uncorrected positions if the correction does not reduce its overlaps ([`revert_ineffective_corrections`]).
 #[inline(always)]
 pub(crate) fn accept_corrections<R: Real>(
     input: StepInput<'_, R>,

@@ -51,8 +51,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// impulses. With the midpoint rule it is the mean of the velocities before and after the step, with the implicit rule the velocity
     /// after the step.
     ///
-    /// One such correction suffices for the second order of the midpoint rule. The offsets g of the rows of `problem` contain the free
-    /// velocity and change with it.
+    /// One such correction suffices for the second order of the midpoint rule. The function also shifts the offsets g of the rows of
+    /// `problem`, because they contain the free velocity.
     #[inline(always)]
     pub(crate) fn correct_free_velocity(&mut self, probe: impl Probe) {
         let Self { context, free, problem, velocity, .. } = self;
@@ -121,8 +121,8 @@ fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut Fr
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
     let Scratch { force_velocity: zero_velocity, actuator_velocity, v_free_corrected, free_change, .. } = scratch;
-    // In the other lanes, actuator forces must keep all bits, because later solves of the step read them. They are evaluated again at the
-    // same velocity.
+    // In the other lanes, actuator forces must keep all bits, because later solves of the step read them. There `actuate` evaluates them
+    // again at the same velocity.
     kernel!(R, || {
         for i in 0..compiled.nv {
             let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;

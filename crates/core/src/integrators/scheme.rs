@@ -1,14 +1,14 @@
 //! Integration scheme: the times in the step at which forces and constraint rows are evaluated.
 //!
 //! * Euler's rule, semi-implicit: forces and constraint rows at the configuration before the step, then q+ = q (+) h v+. First order. Some
-//!   forces are implicit: damping of joints (unless the model makes it explicit), springs and dampers of tendons and soft equalities, and
-//!   servos of actuator dynamics. All other forces use the velocity before the step, as in MuJoCo's `Euler`.
+//!   forces are implicit: damping of joints (unless the model makes it explicit), servos of actuator dynamics, and springs and dampers of
+//!   tendons, soft equalities and soft surfaces. All other forces use the velocity before the step, as in MuJoCo's `Euler`.
 //! * Moreau's midpoint rule: forces and constraint rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+ (Moreau 1988). Second order in
 //!   free flight and between impacts, which are evaluated at their times (`impact.rs`). Springs, dampers and servos follow the implicit
 //!   midpoint rule, which is A-stable and keeps the energy of linear springs ([`crate::actuation::forces`]).
 //! * Implicit rule: Euler's rule with springs, dampers and servos at the end of the step. Other velocity-dependent forces use the predicted
-//!   velocity there. First order, and L-stable in springs and dampers (backward Euler): it dissipates the energy of motions that it cannot
-//!   resolve.
+//!   velocity after the step. First order, and L-stable in springs and dampers (backward Euler): it dissipates the energy of motions that
+//!   it cannot resolve.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -36,16 +36,16 @@ pub(crate) struct Scheme<R> {
     pub(crate) velocity_weight: R,
     /// Whether the scheme evaluates forces and rows in the middle of the step, and impacts at their times.
     pub(crate) in_the_middle: bool,
-    /// Whether the mass matrix has implicit terms of joint springs, all servos and fluid drag. Otherwise it has only the implicit terms of
-    /// joint damping and of the servos of actuator dynamics.
+    /// Whether the mass matrix has the implicit terms of joint damping, joint springs, all servos and fluid drag. Otherwise it has only
+    /// those of joint damping and of the servos of actuator dynamics.
     pub(crate) implicit_forces: bool,
 }
 
 impl<R: Real> Scheme<R> {
-    /// Integration scheme for hard contact of the integrator that the options select.
+    /// Integration scheme of the integrator that the options select, for hard contact.
     ///
-    /// `Rk4` uses the midpoint rule in environments with an active constraint. `ImplicitFast` and `Discrete`, which the options allow only
-    /// with MuJoCo's law, count as `Implicit` here.
+    /// `Rk4` counts as `Midpoint` here: lanes without constraints get the result of the Runge-Kutta method at the end of the step.
+    /// `ImplicitFast` and `Discrete`, which the options allow only with MuJoCo's law, count as `Implicit` here.
     #[inline(always)]
     pub(crate) fn new(options: &StepSettings) -> Self {
         let (h, none) = (R::of(options.timestep), R::zero());
@@ -103,14 +103,14 @@ impl<R: Real> Scheme<R> {
         kernel!(R, || R::select(impacts, self.h / (self.time_after + self.h * R::of(0.5)), whole))
     }
 
-    /// Selection of the servos with implicit forces in stage 1: all servos with `implicit_forces`, otherwise only those of actuator
-    /// dynamics. Explicit forces use the velocity before the step.
+    /// Selection of the servos with implicit forces in stage 1: all servos if the field `implicit_forces` is true, otherwise only those of
+    /// actuator dynamics. Explicit forces use the velocity before the step.
     pub(crate) fn implicit_servos(&self) -> ImplicitServos<R> {
         ImplicitServos { weights: self.weights, h: self.h, all: self.implicit_forces, predicted: false }
     }
 
-    /// Same selection of servos as [`Scheme::implicit_servos`], for forces at the predicted velocity after the step. Explicit forces then
-    /// use a velocity between the velocities before and after the step ([`Scheme::velocity_weight`]).
+    /// Selection of servos as in [`Scheme::implicit_servos`], for forces at the predicted velocity after the step. Explicit forces then use
+    /// the force velocity ([`Scheme::velocity_weight`]).
     pub(crate) fn implicit_servos_at_prediction(&self) -> ImplicitServos<R> {
         ImplicitServos { predicted: true, ..self.implicit_servos() }
     }

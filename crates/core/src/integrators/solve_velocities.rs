@@ -33,8 +33,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// * The active bounds of stiff servos (with Euler's rule, of all servos with actuator dynamics) are those of the solution. If not, the
     ///   mass matrix changes, so that the problem is assembled and solved again, at most four times.
     ///
-    /// The second result has the lanes whose energy may be wrong. There, active bounds of servos still differ after the last solve, or an
-    /// impact became inelastic. A shorter time step helps.
+    /// The second result has the lanes whose energy may be wrong. There, active bounds of servos still differ from the assumed ones after
+    /// the last solve, or an impact became inelastic. A shorter time step helps.
     #[inline(always)]
     pub(crate) fn solve_velocities(&mut self, probe: impl Probe) -> (Outcome<R>, R::Mask) {
         let StepContext { input: StepInput { compiled, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
@@ -99,8 +99,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         (outcome, inelastic.or(disagrees))
     }
 
-    /// Updates the assumed active bounds of servos (none, a force bound, or the torque-speed curve) to the bounds that are active in the
-    /// solution. Returns the lanes in which any of them changed.
+    /// Updates the assumed active bounds of servos (none, a force limit, or the torque-speed curve) to the bounds that are active in the
+    /// solution. Returns the lanes in which any of them changed. If all servos are implicit, only the bounds of stiff servos are updated.
     ///
     /// If `may_change` is false, nothing is updated, and the result has the lanes in which a bound would change.
     #[inline(always)]

@@ -27,7 +27,7 @@ pub(crate) struct StepOutcome<R: Real> {
     /// Lanes with an unreliable kinetic energy after the step.
     ///
     /// There are three causes. The integration error adds energy because the time step is too large. The step made impacts inelastic,
-    /// because Newton's law has no plausible solution. Or the active bounds of servos still changed after the last solve.
+    /// because friction would add energy with Newton's law. Or active bounds of servos differ from the assumed ones after the last solve.
     pub(crate) energy_unresolved: R::Mask,
 }
 
@@ -48,11 +48,12 @@ pub(crate) fn record<R: Real>(
     let violation = R::select(finite, violation, R::zero());
     let mut residual = outcome.solver.residual;
     if problem.may_have_immovable_rows {
-        // The solver's residual does not include immovable rows: dependent rows, and rows whose velocity no degree of freedom changes.
+        // The solver's residual does not include immovable rows: equality rows that depend linearly on others, and rows whose velocity no
+        // degree of freedom changes.
         let unmet = kernel!(R, || System::from(&problem.rows).unmet_velocity());
         residual = R::select(unmet.gt(residual), unmet, residual);
     }
-    // A rejected step has no residual, because its value would depend on which numbers are NaN.
+    // A rejected step gets a residual of zero. Otherwise the value would depend on which numbers are NaN.
     residual = R::select(finite, residual, R::zero());
     let unsolved = outcome.ambiguous.or(alive.and_not(residual.le(R::of(options.tolerance))));
     Record {

@@ -14,8 +14,8 @@ use crate::model::{Activation, JointKind};
 /// Computes the forces of actuators and springs, N or N m, and the added inertia of servos.
 ///
 /// Stage 2 adds joint damping. It also adds the implicit terms of servos, springs and damping to the mass matrix. If `implicit` is `None`,
-/// all forces are explicit. The first call after [`ActuatorForces::reset_active_bounds`] guesses the active bounds of servos (none, a force
-/// bound, or a torque-speed curve); later calls keep them.
+/// all forces are explicit. Otherwise the first call after [`ActuatorForces::reset_active_bounds`] guesses the active bounds of servos
+/// (none, a force limit, or the torque-speed curve); later calls keep them.
 pub fn actuate<R: Real>(
     compiled: &LaneModel<R>,
     at: &ForceState<'_, R>,
@@ -49,8 +49,7 @@ pub fn actuate<R: Real>(
             let parameters = compiled.params.actuator(i);
             let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
             actuator_forces.found_saturated[i] = R::Mask::splat(false);
-            // Servos of actuator dynamics are implicit in every scheme. Other servos are implicit only if the scheme makes `all` servos
-            // implicit.
+            // With `implicit`, servos of actuator dynamics are always implicit, and other servos if the scheme makes `all` implicit.
             match (implicit, &actuator.dynamics) {
                 (Some(implicit), Some(dynamics)) => {
                     actuator_forces.set_limited_servo(
@@ -101,7 +100,7 @@ pub fn actuate<R: Real>(
 /// coefficient, which may be negative. Integrators that treat only the damping of servos implicitly use this function.
 ///
 /// The added inertia is zero if the servo's force is at a bound. The caller must have called [`actuate`] with `implicit` = `None`.
-pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
+pub(crate) fn set_added_inertia_by_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
     kernel!(R, || {
         for (k, servo) in compiled.servos.iter().enumerate() {
             let [_, rate] = slopes(compiled, at, servo.actuator, forces);
@@ -113,7 +112,7 @@ pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_
 /// Stiffness and damping of a servo: minus the derivatives of its force with respect to length and velocity. A negative coefficient, which
 /// would amplify the motion, becomes 0. Both are 0 if the force is at a bound.
 #[inline(always)]
-pub(crate) fn servo_slopes<R: Real>(
+pub(crate) fn servo_stiffness_and_damping<R: Real>(
     compiled: &LaneModel<R>,
     at: &ForceState<'_, R>,
     actuator: usize,
@@ -155,7 +154,8 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 /// Setpoint `input` of an angle, shifted by full rotations to the equivalent angle nearest to `angle`, as in MuJoCo. A servo then takes the
 /// shorter way to its setpoint.
 ///
-/// Only a setpoint is shifted. The input of an actuator is a setpoint if its gain equals minus the bias coefficient of the length.
+/// Other inputs stay as they are. The input is a setpoint if the actuator's gain is constant and equals minus the bias coefficient of the
+/// length. It is an angle if the actuator's length is one. Actuators with dynamics also keep their input.
 #[inline(always)]
 fn nearest_equivalent_angle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
@@ -173,7 +173,8 @@ fn nearest_equivalent_angle<R: Real>(
     R::select(gain_is_constant.and(gain[0].eq(-bias[1])), nearest, input)
 }
 
-/// Setpoint of an activation filter: the control `u`. For an angular servo it is the equivalent angle nearest to the activation `at`.
+/// Input of an activation's differential equation: the control `u`, clamped to its range. A filter of an angular servo gets the equivalent
+/// angle nearest to the activation `at`.
 #[inline(always)]
 fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActuator<R::Scalar>, u: R, at: R) -> R {
     let u = control(u, actuator.ctrl_range);
@@ -234,8 +235,8 @@ fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
 
 /// Advances the activations `act` by `h` seconds into `out`, clamped to their ranges.
 ///
-/// `rate_at` are the activations at which the function evaluates the rate: `act` for Euler's rule, those in the middle of the step for the
-/// midpoint rule. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-h/tau), is exact for a constant setpoint.
+/// `rate_at` are the activations at which the function evaluates the rate: for a whole step those at its evaluation point, for a part of it
+/// `act`. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-h/tau), is exact for a constant setpoint.
 pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
     if out.is_empty() {
         return;

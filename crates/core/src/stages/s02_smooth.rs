@@ -114,10 +114,19 @@ impl<R: Real> Smooth<R> {
         })
     }
 
-    /// Adds the terms of implicit forces to the mass matrix. A servo adds a weighted sum of its damping and stiffness (`added_inertias`),
-    /// times the products of its moment arms `arms`. The fluid adds `h` times its drag, linearised at the velocity `v`. The function
-    /// leaves out entries that couple two degrees of freedom on different branches of a tree.
-    pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [added_inertias, arms]: [&[R]; 2], v: &[R], h: R) {
+    /// Adds the terms of implicit servos and fluid drag to the mass matrix. A servo adds its added inertia (`added_inertias`) times the
+    /// products of its moment arms; `arms` has those of actuators on sites. The fluid adds `h` times its drag, linearised at the velocity
+    /// `v`. The function leaves out entries that couple two degrees of freedom on different branches.
+    ///
+    /// The drag in later calls of [`Smooth::acceleration`] remains explicit.
+    pub fn add_implicit_terms(
+        &mut self,
+        compiled: &LaneModel<R>,
+        kinematics: &Kinematics<R>,
+        [added_inertias, arms]: [&[R]; 2],
+        v: &[R],
+        h: R,
+    ) {
         kernel!(R, || {
             self.mass.add_servos(compiled, added_inertias, arms, false);
             if !compiled.fluid.is_empty() {

@@ -35,8 +35,8 @@ impl Stepper {
         self.simulation.set_ctrl(rows.as_slice()?, nstep).map_err(value_error)
     }
 
-    /// Makes `nstep` steps with the given inputs and the applied inputs (forces, mocap poses ...). A signal can interrupt the steps; the
-    /// result then has the number of steps made.
+    /// Makes `nstep` steps with the given inputs and the applied inputs (forces, mocap poses ...). A signal can interrupt them, unless they
+    /// take only a few microseconds; the result then has the number of steps made.
     fn advance(&mut self, py: Python<'_>, inputs: StepInputs<'_>, nstep: usize) -> PyResult<Option<Interrupted>> {
         self.apply(py)?;
         let simulation = &mut self.simulation;
@@ -107,8 +107,8 @@ fn step_some_recorded(
     stepped.map(|_| ())
 }
 
-/// Creates the exception that an interrupted call of `step` with `nstep` steps raises. It also notifies the recorder of the steps that were
-/// made before the interruption.
+/// Creates the exception that an interrupted call of `step` with `nstep` steps raises. Also notifies the recorder of the steps that were
+/// made before the interruption; an error of the recorder becomes the result.
 #[cold]
 fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted: Interrupted, nstep: usize) -> PyErr {
     let (py, made) = (slf.py(), interrupted.steps);
@@ -137,13 +137,14 @@ impl Stepper {
     ///         environments step, and then the states of the unselected environments are restored.
     ///
     /// Raises:
-    ///     ValueError: A shape is wrong; the message has the given and the required shape. A NaN control is no error: the environment with
-    ///         this control keeps its state and has NON_FINITE in `status`.
-    ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
-    ///     KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
-    ///         made the same number of steps, which is the exception's attribute `steps`. The results equal the results of a call with this
-    ///         number as `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving mocap bodies can
-    ///         be replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
+    ///     ValueError: A shape is wrong; the message has the given and the required shape. Or `nstep` is negative, or `envs` has an index
+    ///         twice. A NaN control is no error: the environment with this control keeps its state and has NON_FINITE in `status`.
+    ///     TypeError: An index in `envs`, or `nstep`, is no integer.
+    ///     IndexError: An index in `envs` is out of range.
+    ///     KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All selected
+    ///         environments have made the same number of steps, which is the exception's attribute `steps`. The results equal those of a
+    ///         call with this number as `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving
+    ///         mocap bodies can be replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
     #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
     fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, envs: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let mut this = borrow(slf)?;

@@ -20,7 +20,7 @@ impl Simulation {
     /// If `nstep` is 0, the function only checks the controls.
     ///
     /// # Errors
-    /// [`Error::Length`] when there are more or fewer numbers.
+    /// [`Error::Length`] when `rows` has another number of values.
     pub fn set_ctrl(&mut self, rows: &[f64], nstep: usize) -> Result<(), Error> {
         self.set_ctrl_of(rows, nstep, &[])
     }
@@ -51,11 +51,11 @@ impl Simulation {
     /// Sets an applied input (forces, poses of mocap bodies, or active equalities) for all later calls, (num_envs, ...).
     ///
     /// The reset of an environment resets its row of the input. Positions of mocap bodies may be given without orientations, and the
-    /// reverse. An empty array clears the input.
+    /// reverse. An empty array clears the input: all environments get its reset value.
     ///
     /// # Errors
-    /// [`Error::Length`] when there are more or fewer numbers; [`Error::Model`] for an equality that closes a loop with a force sensor in
-    /// it.
+    /// [`Error::Length`] when `values` has another number of values; [`Error::Model`] for an active equality that closes a loop with a
+    /// force sensor in it.
     pub fn apply(&mut self, input: AppliedInput, values: &[f64]) -> Result<(), Error> {
         if !values.is_empty() {
             check_length(input.name(), values.len(), self.num_envs * input.width(&self.model))?;
@@ -79,7 +79,8 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error::Length`] when a slice has the wrong length. [`Error::MocapPoses`] for positions of mocap bodies without orientations, or
-    /// the reverse. [`Error::Threads`] when threads cannot be started.
+    /// the reverse. [`Error::Model`] for an active equality that closes a loop with a force sensor in it. [`Error::Threads`] when threads
+    /// cannot be started.
     pub fn step(&mut self, inputs: &StepInputs<'_>, nstep: usize) -> Result<(), Error> {
         self.make_steps(inputs, nstep, None).map(|_| ())
     }
@@ -110,7 +111,8 @@ impl Simulation {
     /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and records quantities after each
     /// control.
     ///
-    /// The bits are the same as those of separate calls of [`Simulation::step`]. The status accumulates flags over all steps.
+    /// The bits are the same as those of separate calls of [`Simulation::step`]. Moving mocap bodies are an exception: they reach their
+    /// targets at the end of the rollout, not after the first control. The status accumulates flags over all steps.
     ///
     /// # Errors
     /// The errors of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
@@ -121,8 +123,8 @@ impl Simulation {
     /// Makes a rollout, and stops early when `watch` returns false (see [`Simulation::step_watched`]). Returns the total number of steps
     /// made.
     ///
-    /// If no step was made with a control, the output rows of this control are not written. The row of an interrupted control has the state
-    /// after the last step made.
+    /// If the rollout stops before the first step with a control, it does not write the output rows of this control. If it stops between
+    /// two steps with a control, the rows of this control have the state after the last step made.
     ///
     /// # Errors
     /// The errors of [`Simulation::rollout`].
@@ -169,9 +171,9 @@ impl Simulation {
 
     /// Reads all sensors of all environments, (num_envs, nsensordata), with the inputs in force.
     ///
-    /// If `truth` is true, `out` gets the ideal readings of the present state. Otherwise it gets the readings of the last step after the
-    /// transfer functions. If the user has set the state since then, these are readings of the new state. Without transfer functions, these
-    /// are the ideal readings too. Repeated calls give the same numbers.
+    /// If `truth` is true, `out` gets the true readings of the present state, those of ideal sensors. Otherwise it gets the readings of the
+    /// last step after the error models of the sensors. If the user has set the state since that step, they are readings of the present
+    /// state. Without error models, both kinds of readings are equal. Repeated calls give the same numbers.
     ///
     /// # Errors
     /// [`Error::Length`] for `out`, and [`Error::Threads`] when threads cannot be started.

@@ -118,7 +118,7 @@ impl<R: Real> Acceleration<'_, R> {
         free.actuator_forces.transmit(compiled, kinematics, &stage.v, R::zero());
         actuate(compiled, &stage.forces(inputs), None, &mut free.actuator_forces);
         if compiled.lossy {
-            free.actuator_forces.dissipate(compiled, &inputs.actuator_dynamics, None);
+            free.actuator_forces.compute_losses(compiled, &inputs.actuator_dynamics, None);
         }
         free.smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], &mut free.applied);
         add_tendon_springs(compiled, &stage.q, &stage.v, &mut free.applied);

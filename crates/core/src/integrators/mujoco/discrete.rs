@@ -19,7 +19,7 @@ use crate::integrators::mujoco::implicit::solve_alone;
 use crate::integrators::mujoco::workspace::StageState;
 use crate::integrators::step_input::StepInput;
 use crate::model::JointKind;
-use crate::stages::s01_actuate::servo_slopes;
+use crate::stages::s01_actuate::servo_stiffness_and_damping;
 
 /// Computes the effective mass matrix of the step from the mass matrix, and adds the forces -h K v to the applied forces. Actuator forces
 /// must be computed before.
@@ -56,7 +56,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
         let at = stage.forces(inputs);
         for (k, servo) in compiled.servos.iter().enumerate() {
             let actuator = &compiled.actuators[servo.actuator];
-            let [stiffness, damping] = servo_slopes(compiled, &at, servo.actuator, forces);
+            let [stiffness, damping] = servo_stiffness_and_damping(compiled, &at, servo.actuator, forces);
             let push = h * stiffness * forces.project(actuator, v);
             let on_site =
                 actuator.site_wrench.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
@@ -68,7 +68,7 @@ pub(super) fn assemble_effective_mass<R: Real>(
             effective.add(compiled, parts(), forces.added_inertia[k], entries);
         }
     });
-    smooth.damp(compiled, kinematics, [&[], &[]], v, h);
+    smooth.add_implicit_terms(compiled, kinematics, [&[], &[]], v, h);
     kernel!(R, || {
         effective.finish(compiled, &smooth.mass.entries);
         if let Some(system) = &mut problem.soft {

@@ -13,7 +13,7 @@ use crate::integrators::step_input::StepInput;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::Integrator;
-use crate::stages::s01_actuate::servo_damping;
+use crate::stages::s01_actuate::set_added_inertia_by_damping;
 
 /// Computes the velocity after the step: v+ = v + h (M + h D)^-1 M a.
 ///
@@ -57,8 +57,8 @@ pub(super) fn integrate_velocity<R: Real>(
     });
     if all {
         let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
-        servo_damping(compiled, &at, h, actuator_forces);
-        smooth.damp(compiled, kinematics, [&actuator_forces.added_inertia, &actuator_forces.arms], v, h);
+        set_added_inertia_by_damping(compiled, &at, h, actuator_forces);
+        smooth.add_implicit_terms(compiled, kinematics, [&actuator_forces.added_inertia, &actuator_forces.arms], v, h);
         kernel!(R, || add_tendon_damping(compiled, h, &mut smooth.mass.entries));
     }
     if let Some(matrix) = unsymmetric {

@@ -93,7 +93,7 @@ pub struct ImplicitServos<R> {
     pub h: R,
     /// Whether all servos are implicit; otherwise only those of actuator dynamics are.
     pub all: bool,
-    /// Whether the velocity after the step is predicted, so that stage 1 can clamp forces at it.
+    /// Whether the velocity after the step is predicted. Stage 1 then clamps forces at this velocity.
     pub predicted: bool,
 }
 

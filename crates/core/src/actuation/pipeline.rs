@@ -28,14 +28,17 @@ enum PipelineParameter {
     /// Integral gain of the servo times the sampling period.
     Ki,
     Kd,
+    /// Largest magnitude of the integral, in units of the effort.
     IntegralLimit,
+    /// Sampling period of the servo; the time step for a continuous servo.
     Period,
     /// Lower bound of a servo's effort. While the unbounded effort is below it, the servo's integral does not decrease. `MaxEffort` is
     /// the upper bound.
     MinEffort,
     MaxEffort,
+    /// Stall torque of the motor, after the gear.
     Stall,
-    /// Torque lost to the motor's back-EMF, per unit of velocity.
+    /// Torque lost to the motor's back-EMF after the gear, per unit of velocity.
     BackEmf,
     Efficiency,
     Friction,
@@ -84,8 +87,8 @@ pub struct ActuatorPipelines<S> {
 }
 
 impl<S: Scalar> ActuatorPipelines<S> {
-    /// Creates the pipelines of `specs`, the result of [`ActuatorSpec::combine`], with one entry for every actuator of the model. `h` is
-    /// the time step, s.
+    /// Creates the pipelines of the actuator models `specs`. This list is a result of [`ActuatorSpec::combine`], and has one entry for
+    /// every actuator of the model. `h` is the time step, s.
     pub fn new(specs: &[Option<ActuatorSpec>], num_envs: usize, lanes: usize, h: f64) -> Self {
         let mut all = Self { pipelines: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
         for (actuator, spec) in specs.iter().enumerate() {

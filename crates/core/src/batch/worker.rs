@@ -26,7 +26,7 @@ use crate::step::step;
 
 /// Workspace of a thread, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
-    /// Makes the steps of `call` in one group at position `at`.
+    /// Makes the steps of `call.part`, one part of the call, in the group at position `at`.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`, and writes one row of readings per environment to `out`. The
     /// readings are those of ideal sensors if `truth` is true, otherwise those after the error models.
@@ -62,8 +62,8 @@ pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<
 
 /// Scalar type (`f64` or `f32`) together with the SIMD lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
-    /// Number of lanes of a group in saved states. It is the number of lanes of the narrowest CPU level, so that all CPU levels write the
-    /// same states.
+    /// Number of lanes of a group in saved states of several environments. It is the number of lanes of the narrowest CPU level, so that
+    /// all CPU levels write the same states.
     const SAVED: usize;
     /// Number of lanes of the SIMD type of a CPU level.
     fn vector(level: Level) -> usize;
@@ -92,7 +92,7 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     fn numbers(array: Numbers<'_>) -> &mut [Self];
 }
 
-/// Position of a group in the batch, and its output arrays.
+/// Position of a group in the batch, and the output arrays of its chunk.
 #[derive(Debug)]
 pub struct GroupPosition<'a, 'b, S> {
     /// Index of the first environment of the group.
@@ -328,7 +328,8 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         }
     }
 
-    /// Loads the state of a group and the inputs of the call into the workspace.
+    /// Loads the state of a group and the inputs of the call into the workspace. In the first part of a call, also clears the record of the
+    /// last call in the group.
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
         let s = &mut self.step.workspace;
         // A worker with a single group still has the state of the last call in its workspace.

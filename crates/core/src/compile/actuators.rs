@@ -71,7 +71,7 @@ pub struct CompiledWrench<S> {
     pub index: usize,
 }
 
-/// Meaning of the control of a motor with a torque-speed curve.
+/// Meaning of the input of a motor with a torque-speed curve. The input is the control or, with a servo, the servo's effort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotorControl {
     /// Force before the torque-speed curve limits it, N or N m.
@@ -88,7 +88,7 @@ pub struct CompiledActuatorDynamics<S> {
     pub index: usize,
     /// Whether the dynamics have a continuous servo, whose proportional and derivative terms act within the step.
     pub continuous_servo: bool,
-    /// Meaning of the control of a motor with a torque-speed curve; `None` for actuators without such a motor.
+    /// Meaning of the motor's input; `None` for actuators without a motor with a torque-speed curve.
     pub motor: Option<MotorControl>,
     /// Whether the actuator dynamics bound the force.
     pub limited: bool,
@@ -132,7 +132,7 @@ pub struct CompiledForceRange<S> {
 
 /// Inputs for the compiler of actuators: the model, and parts of the compiled model.
 #[derive(Clone, Copy)]
-pub(super) struct Scene<'a> {
+pub(super) struct CompilerInput<'a> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,
     pub(super) frictions: &'a [CompiledFriction],
@@ -153,46 +153,46 @@ pub(super) struct CompiledActuators<S> {
 
 impl<S: Scalar> CompiledActuators<S> {
     /// Compiles the actuators of the model. `specs` has the actuator model of every actuator, or is empty.
-    pub(super) fn new(scene: Scene<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
-        let model = scene.model;
+    pub(super) fn new(input: CompilerInput<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
+        let model = input.model;
         let mut all = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, num_actuator_dynamics: 0 };
         let mut na = 0;
         for (i, actuator) in model.actuators.iter().enumerate() {
             let spec = specs.get(i).and_then(Option::as_ref);
-            all.push(scene, actuator, spec, &mut na);
+            all.push(input, actuator, spec, &mut na);
         }
         let bounded =
-            model.joints.iter().zip(&scene.merged.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
+            model.joints.iter().zip(&input.merged.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
         let ranges = bounded.filter_map(|(j, &(_, dof))| j.actuator_force_range.map(|range| (dof, range)));
         all.force_ranges = ranges.map(|(dof, range)| all.force_range(dof, range)).collect();
         for (compiled, actuator) in all.actuators.iter_mut().zip(&model.actuators) {
             let Transmission::Joint(j) = actuator.transmission else { continue };
-            compiled.joint_force_range = all.force_ranges.iter().position(|range| range.dof == scene.merged.addresses[j].1);
+            compiled.joint_force_range = all.force_ranges.iter().position(|range| range.dof == input.merged.addresses[j].1);
         }
         all
     }
 
     /// Compiles the actuator `a`, and adds it. `na` is the number of activations of the actuators before it; the function increases `na` if
     /// this actuator has an activation.
-    fn push(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {
-        let addresses = &scene.merged.addresses;
+    fn push(&mut self, input: CompilerInput<'_>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {
+        let addresses = &input.merged.addresses;
         let arms: Vec<(usize, f64)> = match a.transmission {
             Transmission::Joint(j) => vec![(j, 1.0)],
-            Transmission::Tendon(t) => scene.model.tendons[t].joints.clone(),
+            Transmission::Tendon(t) => input.model.tendons[t].joints.clone(),
             Transmission::Site { .. } => vec![],
         };
-        let wrench = self.wrench(scene, a);
+        let wrench = self.wrench(input, a);
         let act = (a.activation != Activation::None).then_some(*na);
         *na += usize::from(act.is_some());
-        let dynamics = self.dynamics(scene, a, spec);
+        let dynamics = self.dynamics(input, a, spec);
         let moves = dynamics.as_ref().is_some_and(|t| t.continuous_servo || t.motor.is_some());
         let needs_motion = moves || a.force_depends_on_motion();
         let servo = needs_motion.then_some(self.servos.len());
         if needs_motion {
             let moment: Vec<_> = arms.iter().map(|&(j, c)| (addresses[j].1, c * a.gear)).collect();
             let [entries, bound] =
-                entries(&moment, scene.merged).map(|list| list.into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect());
-            let (products, spread) = wrench.as_ref().map_or_else(Default::default, |w| products(w, scene.merged));
+                entries(&moment, input.merged).map(|list| list.into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect());
+            let (products, spread) = wrench.as_ref().map_or_else(Default::default, |w| products(w, input.merged));
             self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, bound, spread });
         }
         self.actuators.push(CompiledActuator {
@@ -211,17 +211,17 @@ impl<S: Scalar> CompiledActuators<S> {
     }
 
     /// Compiles the wrench of an actuator on a site; `None` for other actuators.
-    fn wrench(&mut self, scene: Scene<'_>, a: &Actuator) -> Option<CompiledWrench<S>> {
+    fn wrench(&mut self, input: CompilerInput<'_>, a: &Actuator) -> Option<CompiledWrench<S>> {
         let Transmission::Site { site, reference, wrench } = a.transmission else { return None };
-        let at = |s: usize| spot::<S>(scene, s);
+        let at = |s: usize| spot::<S>(input, s);
         let (site, reference) = (at(site), reference.map(at));
-        let moves = |dof: usize, spot: Spot<S>| scene.merged.moves(dof, spot.frame);
+        let moves = |dof: usize, spot: Spot<S>| input.merged.moves(dof, spot.frame);
         let side = |dof: usize| match (moves(dof, site), reference.is_some_and(|reference| moves(dof, reference))) {
             (true, false) => Some((dof, S::ONE)),
             (false, true) => Some((dof, S::from_f64(-1.0))),
             _ => None,
         };
-        let dofs: Vec<_> = (0..scene.model.nv()).filter_map(side).collect();
+        let dofs: Vec<_> = (0..input.model.nv()).filter_map(side).collect();
         let wrench = wrench.map(|x| x * a.gear);
         let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
         let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
@@ -233,9 +233,9 @@ impl<S: Scalar> CompiledActuators<S> {
 
     /// Compiles the part of an actuator model that acts within a step; `None` if there is none. Delay, lag and sampled servos act
     /// between steps.
-    fn dynamics(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
+    fn dynamics(&mut self, input: CompilerInput<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let spec = spec?;
-        let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.merged.addresses[j].1);
+        let row = |j: usize| input.frictions.iter().position(|f| f.dof == input.merged.addresses[j].1);
         let losses = match a.transmission {
             Transmission::Joint(j) if spec.loses() => row(j).map(|row| (row, S::from_f64(a.gear))),
             _ => None,
@@ -265,8 +265,8 @@ impl<S: Scalar> CompiledActuators<S> {
 }
 
 /// Compiles the pose of a site.
-fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
-    let (site, merged) = (&scene.model.sites[site], scene.merged);
+fn spot<S: Scalar>(input: CompilerInput<'_>, site: usize) -> Spot<S> {
+    let (site, merged) = (&input.model.sites[site], input.merged);
     let quat = merged.quat[site.body];
     Spot {
         frame: merged.frame[site.body],

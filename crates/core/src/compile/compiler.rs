@@ -36,8 +36,8 @@ impl<S: Scalar> CompiledModel<S> {
         let (links, joints) = (merging::links(model, &merged), merging::joints(model, &merged));
         let spinners = Self::spinners(&links, &joints);
         let moved_dofs = merged.moved_dofs(model.nv());
-        let scene = actuators::Scene { model, merged: &merged, frictions: &frictions };
-        let actuators = actuators::CompiledActuators::new(scene, specs);
+        let input = actuators::CompilerInput { model, merged: &merged, frictions: &frictions };
+        let actuators = actuators::CompiledActuators::new(input, specs);
         let lossy = frictions.iter().any(|f| f.driven);
         let structure = ModelStructure {
             nq: model.nq(),

@@ -10,7 +10,8 @@ use crate::model::JointKind;
 
 /// Mass matrix M of all kinematic trees, and its factors M = L^T D L (Featherstone 2008, section 6.5).
 ///
-/// Row i has entries for dof i and its ancestors, towards the root. All other entries are zero.
+/// Row i has entries for dof i and its ancestors, towards the root. All other entries are zero. M includes the implicit terms (added
+/// inertia) that the step adds to it.
 #[derive(Clone, Debug)]
 pub struct MassMatrix<R: Real> {
     /// Entries of M before [`MassMatrix::factor`]; afterwards entries of L, with D on the diagonal.
@@ -125,7 +126,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Row `i` of L, and the dofs to which its entries belong.
+    /// Row `i` of the factors, and the dofs to which its entries belong: first the diagonal entry of D, then the entries of L.
     #[inline(always)]
     pub(crate) fn row<'a>(&'a self, compiled: &'a LaneModel<R>, i: usize) -> (&'a [R], &'a [u32]) {
         let dof = &compiled.dofs[i];
@@ -222,7 +223,9 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Kinetic energy at the generalized velocity `v`, J. Overwrites `scaled`.
+    /// Kinetic energy v . M v / 2 at the generalized velocity `v`, J. Overwrites `scaled`.
+    ///
+    /// The implicit terms in M count as inertia, in contrast to [`crate::dynamics::kinematics::kinetic_energy`].
     #[inline(always)]
     pub fn kinetic_energy(&self, compiled: &LaneModel<R>, v: &[R], scaled: &mut [R]) -> R {
         scaled.copy_from_slice(v);

@@ -23,8 +23,9 @@ use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 impl<R: Real> VelocityLoop<'_, R> {
     /// Lanes in which the solver's residual may change the kinetic energy noticeably, so that the energy after the step is ambiguous.
     ///
-    /// Either the residual is above [`MAX_TRUSTED_RESIDUAL`], or enormous impulses nearly cancel. The error of their work is the residual
-    /// times the impulse, which can exceed the kinetic energy even at a small residual ([`stepper_solve::energy_is_ambiguous`]).
+    /// Either the residual is above [`MAX_TRUSTED_RESIDUAL`] and ten times the tolerance, or enormous impulses nearly cancel. The error of
+    /// their work is the residual times the impulse, which can exceed the kinetic energy even at a small residual
+    /// ([`stepper_solve::energy_is_ambiguous`]).
     pub(crate) fn ambiguous(&self, residual: R) -> R::Mask {
         let StepInput { options, alive, .. } = self.context.input;
         kernel!(R, || {

@@ -19,8 +19,8 @@ use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
 use crate::tuning::{EARLIEST_ONLY_PASSES, IMPACT_PASSES, MIN_NEWTON_STEPS_FOR_RETRY, ROUGH_ITERATIONS, SATURATION_PASSES};
 
 impl<R: Real> VelocityLoop<'_, R> {
-    /// Solves for the velocity after the step, and repeats the solve until the solution satisfies the assumptions of the assembled problem
-    /// or a limit is reached. [`VelocityLoop`] lists the files of its methods.
+    /// Solves for the velocity after the step. Repeats the solve until the solution satisfies the assumptions of the assembled problem, or
+    /// the number of repetitions reaches a limit. [`VelocityLoop`] lists the files of its methods.
     ///
     /// There are four assumptions:
     ///

@@ -1031,13 +1031,14 @@ class Stepper:
                 environments step, and then the states of the unselected environments are restored.
 
         Raises:
-            ValueError: A shape is wrong; the message has the given and the required shape. A NaN control is no error: the environment with
-                this control keeps its state and has NON_FINITE in `status`.
-            TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
-            KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
-                made the same number of steps, which is the exception's attribute `steps`. The results equal the results of a call with this
-                number as `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving mocap bodies can
-                be replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
+            ValueError: A shape is wrong; the message has the given and the required shape. Or `nstep` is negative, or `envs` has an index
+                twice. A NaN control is no error: the environment with this control keeps its state and has NON_FINITE in `status`.
+            TypeError: An index in `envs`, or `nstep`, is no integer.
+            IndexError: An index in `envs` is out of range.
+            KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All selected
+                environments have made the same number of steps, which is the exception's attribute `steps`. The results equal those of a
+                call with this number as `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving
+                mocap bodies can be replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
         """
     def rollout(
         self,
@@ -1048,9 +1049,11 @@ class Stepper:
         fields: Sequence[str] | None = None,
         out: dict[str, _Array] | None = None,
     ) -> dict[str, _Array]:
-        """Makes `nstep` steps with each of T controls in one call. The results equal the results of T calls of `step`, bit for bit.
+        """Makes `nstep` steps with each of T controls in one call. If no mocap body moves, the results equal those of T calls of `step`, bit for
+        bit.
 
-        Each thread steps its environments through all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses are constant.
+        Each thread steps its environments through all T controls. `qfrc_applied` and `xfrc_applied` are constant. Mocap bodies reach the
+        poses `mocap_pos` and `mocap_quat` at the end of the call.
 
         Args:
             ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.

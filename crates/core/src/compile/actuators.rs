@@ -108,13 +108,14 @@ pub struct CompiledServo<S> {
     /// Entries of the mass matrix to which a servo on a site adds inertia. Each element has the index of an entry, and the indices of two
     /// moment arms, whose product is the factor of the added inertia.
     pub products: Vec<(usize, [usize; 2])>,
-    /// Diagonal matrix that is an upper bound of the added inertia, for an actuator on a tendon that joins several kinematic branches. It
-    /// replaces `entries`. Each pair has the index of a diagonal entry of the mass matrix, and a factor. Empty if all degrees of freedom
-    /// are on one branch.
-    pub bound: Vec<(usize, S)>,
-    /// Diagonal matrix that is an upper bound of the added inertia, for an actuator on a site that joins several kinematic branches. It
-    /// replaces `products`. Each pair has the index of a diagonal entry of the mass matrix, and the index of a moment arm.
-    pub spread: Vec<(usize, usize)>,
+    /// Diagonal matrix that is an upper bound of the added inertia, for an actuator on a tendon that joins several kinematic branches. A
+    /// step with hard contact uses it instead of `entries`. Each pair has the index of a diagonal entry of the mass matrix, and a factor.
+    /// Empty if all degrees of freedom are on one branch.
+    pub diagonal_bound: Vec<(usize, S)>,
+    /// Arms of a diagonal matrix that is an upper bound of the added inertia, for an actuator on a site that joins several kinematic
+    /// branches. A step with hard contact uses it instead of `products`. Each pair has the index of a diagonal entry of the mass matrix,
+    /// and the index of a moment arm. Empty if all degrees of freedom are on one branch.
+    pub diagonal_bound_arms: Vec<(usize, usize)>,
 }
 
 /// Bounds of the sum of all actuator forces on one degree of freedom (`actuatorfrcrange`).
@@ -190,10 +191,10 @@ impl<S: Scalar> CompiledActuators<S> {
         let servo = needs_motion.then_some(self.servos.len());
         if needs_motion {
             let moment: Vec<_> = arms.iter().map(|&(j, c)| (addresses[j].1, c * a.gear)).collect();
-            let [entries, bound] =
+            let [entries, diagonal_bound] =
                 entries(&moment, input.merged).map(|list| list.into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect());
-            let (products, spread) = wrench.as_ref().map_or_else(Default::default, |w| products(w, input.merged));
-            self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, bound, spread });
+            let (products, diagonal_bound_arms) = wrench.as_ref().map_or_else(Default::default, |w| products(w, input.merged));
+            self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, diagonal_bound, diagonal_bound_arms });
         }
         self.actuators.push(CompiledActuator {
             moment: arms.iter().map(|&(j, c)| (addresses[j].0, addresses[j].1, S::from_f64(c * a.gear))).collect(),
@@ -309,7 +310,7 @@ fn entries(moment: &[(usize, f64)], merged: &Merged) -> [Vec<(usize, f64)>; 2] {
     [on_branch, if are_all { vec![] } else { bound.collect() }]
 }
 
-/// Result of [`products`]: the lists [`CompiledServo::products`] and [`CompiledServo::spread`].
+/// Result of [`products`]: the lists [`CompiledServo::products`] and [`CompiledServo::diagonal_bound_arms`].
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
 /// Lists the entries of the mass matrix to which a servo on a site adds inertia, with the indices of two moment arms. The added inertia is
@@ -320,6 +321,6 @@ type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 fn products<S: Scalar>(wrench: &CompiledWrench<S>, merged: &Merged) -> Products {
     let mut arms: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     let (on_branch, are_all) = pairs_on_branch(&mut arms, merged, |a, b| [a, b]);
-    let spread = arms.iter().filter_map(|&(dof, arm)| Some((merged.entry(dof, dof)?, arm)));
-    (on_branch, if are_all { vec![] } else { spread.collect() })
+    let diagonal = arms.iter().filter_map(|&(dof, arm)| Some((merged.entry(dof, dof)?, arm)));
+    (on_branch, if are_all { vec![] } else { diagonal.collect() })
 }

@@ -79,26 +79,26 @@ impl<R: Real> MassMatrix<R> {
     }
 
     /// Adds to M, for each servo with the moment a, its added inertia times a a^T. A moment may act on several kinematic branches. If
-    /// `uses_bound` is true, the function then adds a diagonal upper bound of this matrix instead. Otherwise it leaves out entries whose
-    /// two degrees of freedom are on different branches.
+    /// `uses_diagonal_bound` is true, the function then adds a diagonal upper bound of this matrix instead. Otherwise it leaves out entries
+    /// whose two degrees of freedom are on different branches.
     #[inline(always)]
-    pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R], uses_bound: bool) {
+    pub fn add_servos(&mut self, compiled: &LaneModel<R>, added_inertias: &[R], arms: &[R], uses_diagonal_bound: bool) {
         for (servo, &added_inertia) in compiled.servos.iter().zip(added_inertias) {
-            let entries = if servo.bound.is_empty() || !uses_bound { &servo.entries } else { &servo.bound };
+            let entries = if servo.diagonal_bound.is_empty() || !uses_diagonal_bound { &servo.entries } else { &servo.diagonal_bound };
             for &(entry, coefficient) in entries {
                 self.entries[entry] += R::splat(coefficient) * added_inertia;
             }
-            if servo.spread.is_empty() || !uses_bound {
+            if servo.diagonal_bound_arms.is_empty() || !uses_diagonal_bound {
                 for &(entry, [a, b]) in &servo.products {
                     self.entries[entry] += arms[a] * arms[b] * added_inertia;
                 }
             } else {
-                let total = servo.spread.iter().fold(
+                let total = servo.diagonal_bound_arms.iter().fold(
                     R::zero(),
                     #[inline(always)]
                     |sum, &(_, arm)| sum + arms[arm].abs(),
                 );
-                for &(entry, arm) in &servo.spread {
+                for &(entry, arm) in &servo.diagonal_bound_arms {
                     self.entries[entry] += arms[arm].abs() * total * added_inertia;
                 }
             }

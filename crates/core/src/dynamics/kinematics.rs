@@ -13,7 +13,7 @@ pub struct Kinematics<R: Real> {
     pub pos: Vec<V3<R>>,
     /// Rotation matrix of every frame, row-major.
     pub mat: Vec<M3<R>>,
-    /// Reference point of every kinematic tree, m: the position of its root.
+    /// Reference point of every kinematic tree, m: the origin of its root link.
     pub origin: Vec<V3<R>>,
     /// Spatial velocity per unit velocity of every dof, at the reference point of its kinematic tree.
     pub axes: Vec<V6<R>>,

@@ -19,7 +19,7 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) smooth: Smooth<R>,
     /// Forces of actuators and joint springs.
     pub(crate) actuator_forces: ActuatorForces<R>,
-    /// Generalized forces that the user applied, nv.
+    /// Generalized forces that the user applied, nv. With MuJoCo's contact law they include those of tendon springs and dampers.
     pub(crate) applied: Vec<R>,
     /// Velocity after the step without constraints, nv.
     pub(crate) v: Vec<R>,

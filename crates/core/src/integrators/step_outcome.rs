@@ -20,7 +20,7 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) ambiguous: R::Mask,
     /// Lanes whose speed and energy were limited: those with ambiguous energy, and those whose motion is too fast for the time step.
     pub(crate) limited: R::Mask,
-    /// Lanes in which the impulses prove that no bounded correction can remove the position errors.
+    /// Lanes in which the impulses prove that no position correction within its bounds reaches all position targets.
     pub(crate) infeasible: R::Mask,
     /// Lanes in which one geom may have passed through another.
     pub(crate) tunnelled: R::Mask,

@@ -233,11 +233,11 @@ fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
     }
 }
 
-/// Advances the activations `act` by `h` seconds into `out`, clamped to their ranges.
+/// Advances the activations `act` by `time` seconds into `out`, clamped to their ranges.
 ///
 /// `rate_at` are the activations at which the function evaluates the rate: for a whole step those at its evaluation point, for a part of it
-/// `act`. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-h/tau), is exact for a constant setpoint.
-pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
+/// `act`. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-time/tau), is exact for a constant setpoint.
+pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: &[R], ctrl: &[R], time: R, out: &mut [R]) {
     if out.is_empty() {
         return;
     }
@@ -247,9 +247,9 @@ pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: 
             let u = setpoint(compiled, i, actuator, u, rate_at[a]);
             let next = match actuator.activation {
                 Activation::None => act[a],
-                Activation::Integrator => act[a] + h * u,
-                Activation::Filter(tau) => act[a] + h * ((u - rate_at[a]) / R::of(tau)),
-                Activation::FilterExact(tau) => u + (act[a] - u) * (-(h / R::of(tau))).exp(),
+                Activation::Integrator => act[a] + time * u,
+                Activation::Filter(tau) => act[a] + time * ((u - rate_at[a]) / R::of(tau)),
+                Activation::FilterExact(tau) => u + (act[a] - u) * (-(time / R::of(tau))).exp(),
             };
             out[a] = within(next, actuator.act_range);
         }

@@ -78,7 +78,8 @@ impl<R: Real> Smooth<R> {
     }
 
     /// Computes the acceleration without constraints, A^-1 (tau + applied - c(q, v_inertial) - D v), into `self.acc`. A is the matrix of
-    /// [`Smooth::factor_mass`], and c the bias force. The third argument has the two generalized forces tau and applied.
+    /// [`Smooth::factor_mass`], c the bias force, and D the damping of joints with the additional damping of their springs. The third
+    /// argument has the two generalized forces tau and applied.
     ///
     /// `v` is the velocity before the step. A step with this acceleration is implicit in the damping D and in the springs that A contains
     /// (see [`crate::actuation::forces`]).

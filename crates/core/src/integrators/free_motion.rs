@@ -28,7 +28,7 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) v_expected: Vec<R>,
     /// Generalized impulse of the constraints in this step, nv.
     pub(crate) constraint_impulse: Vec<R>,
-    /// Lanes whose motion is too fast for the time step.
+    /// Lanes whose motion is too fast for the time step, so that the step leaves out inertial forces or limits the velocity.
     pub(crate) unresolved: R::Mask,
     /// Lanes whose motion is so fast that the error of the integration rule may add energy.
     pub(crate) may_gain: R::Mask,
@@ -156,7 +156,8 @@ pub(crate) fn compute_free_motion<R: Real>(context: StepContext<'_, R>, free: &m
     span!(probe, Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
 }
 
-/// Recomputes stages 1 and 2 after a change of velocities, activations or controls. The mass matrix does not change.
+/// Recomputes actuator forces and the free velocity (stages 1 and 2) after a change of velocities, activations or controls. Derivatives use
+/// this function. It keeps the mass matrix, applied forces, and losses of gears.
 pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>) {
     let StepInput { compiled, state, .. } = input;
     advance_activations(input, evaluation);

@@ -15,8 +15,8 @@ use crate::stages::s10_record::Status;
 
 /// Memory that the state of one environment takes in a batch, bytes.
 pub(super) fn bytes_per_env<S: LaneScalar>(compiled: &CompiledModel<S>, max_contacts: usize) -> usize {
-    let group = Group::new(compiled, &vec![S::default(); compiled.nq], S::SAVED, 0, 0, max_contacts);
-    group.bytes().div_ceil(S::SAVED)
+    let group = Group::new(compiled, &vec![S::default(); compiled.nq], S::SAVED_LANES, 0, 0, max_contacts);
+    group.bytes().div_ceil(S::SAVED_LANES)
 }
 
 /// Memory of an environment in addition to its state, bytes: indices, and the bookkeeping of lists.
@@ -73,7 +73,7 @@ fn contacts_at_start<S: LaneScalar>(
     level: Level,
 ) -> usize {
     let settings = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*settings };
-    let lanes = S::single(level);
+    let lanes = S::single_env_lanes(level);
     let make = |capacity: usize| S::worker(&WorkerSpec { compiled, settings: &settings, max_contacts: capacity }, lanes, level);
     let overrides = ParameterOverrides::default();
     let call = Call {

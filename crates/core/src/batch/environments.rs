@@ -67,7 +67,7 @@ impl<S: LaneScalar> Batch<S> {
         let max_contacts = contact_capacity(model, &compiled, &settings, level);
         check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
-        let lanes = if num_envs == 1 { S::single(level) } else { lanes(&compiled, num_envs, threads, level) };
+        let lanes = if num_envs == 1 { S::single_env_lanes(level) } else { lanes(&compiled, num_envs, threads, level) };
         let groups = make_groups(model, &compiled, num_envs, lanes, max_contacts);
         // More threads than groups would be idle.
         let workers = WorkerPool::new(threads.min(groups.len()), lanes, level);
@@ -91,7 +91,7 @@ impl<S: LaneScalar> Batch<S> {
 
     /// Number of lanes of a group in a saved state.
     pub(super) fn saved_lanes(&self) -> usize {
-        if self.num_envs == 1 { 1 } else { self.lanes.min(S::SAVED) }
+        if self.num_envs == 1 { 1 } else { self.lanes.min(S::SAVED_LANES) }
     }
 
     /// Group that contains environment `env`, and the environment's lane in it.

@@ -64,11 +64,11 @@ pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Number of lanes of a group in saved states of several environments. It is the number of lanes of the narrowest CPU level, so that
     /// all CPU levels write the same states.
-    const SAVED: usize;
+    const SAVED_LANES: usize;
     /// Number of lanes of the SIMD type of a CPU level.
-    fn vector(level: Level) -> usize;
+    fn vector_lanes(level: Level) -> usize;
     /// Number of lanes of a group in a batch of one environment.
-    fn single(level: Level) -> usize;
+    fn single_env_lanes(level: Level) -> usize;
     /// Creates a worker for groups of `lanes` lanes at the CPU level `level`, which this machine must have. The worker calls `probe` during
     /// its steps.
     #[cfg(not(test))]
@@ -116,7 +116,7 @@ const MAX_CACHED_ENTRIES: usize = 512;
 /// at least 2 on AVX-512 CPUs with vector units of half the register's width (docs/benchmarks/performance.md). It would be 2.2 to 2.5 with
 /// the sixteen registers of AVX2.
 pub(super) fn lanes<S: LaneScalar>(compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
-    let n = S::vector(level);
+    let n = S::vector_lanes(level);
     // Largest number of groups of a thread. A step of 2 n lanes takes 1.8 = 9/5 times as long as one of n lanes, and pays if it decreases
     // this number by at least this factor.
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
@@ -129,13 +129,13 @@ fn width<R: Real>() -> usize {
 }
 
 impl LaneScalar for f64 {
-    const SAVED: usize = 4;
+    const SAVED_LANES: usize = 4;
 
-    fn vector(level: Level) -> usize {
+    fn vector_lanes(level: Level) -> usize {
         at_level!(level, F64Lanes, width())
     }
 
-    fn single(_: Level) -> usize {
+    fn single_env_lanes(_: Level) -> usize {
         1
     }
 
@@ -161,14 +161,14 @@ impl LaneScalar for f64 {
 }
 
 impl LaneScalar for f32 {
-    const SAVED: usize = 8;
+    const SAVED_LANES: usize = 8;
 
-    fn vector(level: Level) -> usize {
+    fn vector_lanes(level: Level) -> usize {
         at_level!(level, F32Lanes, width())
     }
 
-    fn single(level: Level) -> usize {
-        Self::vector(level)
+    fn single_env_lanes(level: Level) -> usize {
+        Self::vector_lanes(level)
     }
 
     #[cfg(not(test))]

@@ -44,7 +44,7 @@ pub(crate) struct Scheme<R> {
 impl<R: Real> Scheme<R> {
     /// Integration scheme of the integrator that the options select, for hard contact.
     ///
-    /// `Rk4` counts as `Midpoint` here: lanes without constraints get the result of the Runge-Kutta method at the end of the step.
+    /// `Rk4` counts as `Midpoint` here. Lanes without constraints get the result of the Runge-Kutta method later in the step.
     /// `ImplicitFast` and `Discrete`, which the options allow only with MuJoCo's law, count as `Implicit` here.
     #[inline(always)]
     pub(crate) fn new(options: &StepSettings) -> Self {

@@ -154,8 +154,8 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 /// Setpoint `input` of an angle, shifted by full rotations to the equivalent angle nearest to `angle`, as in MuJoCo. A servo then takes the
 /// shorter way to its setpoint.
 ///
-/// Other inputs stay as they are. The input is a setpoint if the actuator's gain is constant and equals minus the bias coefficient of the
-/// length. It is an angle if the actuator's length is one. Actuators with dynamics also keep their input.
+/// The function shifts inputs of actuators without dynamics whose length is an angle. Such an input is a setpoint if the actuator's gain is
+/// constant and equals minus the bias coefficient of the length. Other inputs stay as they are.
 #[inline(always)]
 fn nearest_equivalent_angle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
@@ -235,8 +235,8 @@ fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
 
 /// Advances the activations `act` by `time` seconds into `out`, clamped to their ranges.
 ///
-/// `rate_at` are the activations at which the function evaluates the rate: for a whole step those at its evaluation point, for a part of it
-/// `act`. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-time/tau), is exact for a constant setpoint.
+/// `rate_at` are the activations at which the function evaluates the rate: for a whole step those at the evaluation point, for a part of a
+/// step `act`. MuJoCo's `filterexact` needs no rate: its solution from `act`, with decay exp(-time/tau), is exact for a constant setpoint.
 pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: &[R], ctrl: &[R], time: R, out: &mut [R]) {
     if out.is_empty() {
         return;

@@ -146,7 +146,7 @@ impl Clipper {
         if reference == 1 {
             self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
         }
-        self.emit(pair, axes, prediction, out);
+        self.emit(pair, axes, self.has_rim(), prediction, out);
     }
 
     /// Adds the contact points of two edges that cross, if a face next to one of the edges is nearly perpendicular to the contact normal.
@@ -189,6 +189,11 @@ impl Clipper {
         self.features[1].fill(pair.b, &views[1], corners[1]);
     }
 
+    /// Whether either projected feature of the pair is the end face of a cylinder.
+    fn has_rim(&self) -> bool {
+        self.features.iter().any(|p| p.kind == Kind::Disc)
+    }
+
     /// Adds the contact points of a triangle of a surface with a shape that is above or below it, along the triangle's normal. The
     /// triangle is the first shape of `pair`. Points at a distance of more than `prediction`, m, are left out.
     ///
@@ -215,7 +220,7 @@ impl Clipper {
         if rises.iter().any(|&x| x > 0.0) {
             behind(facet, other, rises, &mut self.shared);
         }
-        self.emit(pair, &axes, prediction, out);
+        self.emit(pair, &axes, self.has_rim(), prediction, out);
     }
 
     /// Adds the contact points of the second shape of `pair` with a half space, at a distance of at most `prediction`, m. The half space is
@@ -229,7 +234,9 @@ impl Clipper {
         feature.add_neighbours(pair.b, &view, corner);
         self.shared.clear();
         self.shared.extend(feature.corners.iter().map(|c| Shared { x: c.x, y: c.y, h: [0.0, c.h], id: c.id }));
-        self.emit(pair, &axes, prediction, out);
+        // The half space has no feature: `features[0]` belongs to an earlier pair.
+        let rim = feature.kind == Kind::Disc;
+        self.emit(pair, &axes, rim, prediction, out);
     }
 
     /// Adds the contact points of a half space with those `points` that are at a distance of at most `prediction`, m. The points are in the
@@ -239,12 +246,11 @@ impl Clipper {
     pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], prediction: f64, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
-        self.features[1].corners.clear();
         self.shared.clear();
         let seen = points.iter().map(|p| view.project(*p)).enumerate();
         let shared = seen.map(|(i, [x, y, h])| Shared { x, y, h: [0.0, h], id: i as u32 });
         self.shared.extend(shared.filter(|s| s.h[1] <= prediction));
-        self.emit(pair, &axes, prediction, out);
+        self.emit(pair, &axes, false, prediction, out);
     }
 
     /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap. No points are added
@@ -288,21 +294,20 @@ impl Clipper {
                 self.shared.push(Shared { x: 0.5 * (a[0] + b[0]), y: 0.5 * (a[1] + b[1]), h: [a[2], b[2]], id });
             }
         }
-        self.emit(pair, axes, prediction, out);
+        self.emit(pair, axes, false, prediction, out);
     }
 
     /// Adds the corners of the intersection of the two projected features as contact points, if their distance is at most `prediction`, m.
     ///
     /// If there are more than four points, the function adds four that span nearly the same area. Five points are kept if one feature is
-    /// the end face of a cylinder: four fixed points of the rim and its lowest point. `axes` are the normal and the axes of the projection
-    /// plane.
-    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], prediction: f64, out: &mut Manifold) {
+    /// the end face of a cylinder (`rim`): four fixed points of the rim and its lowest point. `axes` are the normal and the axes of the
+    /// projection plane.
+    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], rim: bool, prediction: f64, out: &mut Manifold) {
         let (ra, rb) = (pair.a.radius(), pair.b.radius());
         let distance = |s: &Shared| (s.h[1] - rb) - (s.h[0] + ra);
         self.shared.retain(|s| distance(s) <= prediction);
         self.shared.sort_unstable_by_key(|s| s.id);
         self.shared.dedup_by_key(|s| s.id);
-        let rim = self.features.iter().any(|p| p.kind == Kind::Disc);
         if self.shared.len() > KEPT + usize::from(rim) {
             reduce(&mut self.shared, ra, rb, pair.size);
         }

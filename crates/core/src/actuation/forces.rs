@@ -380,6 +380,20 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
+    /// Actuators whose forces a bounded sum contains: index, and moment arm.
+    #[inline(always)]
+    fn arms_of_sum<'a>(&'a self, range: &'a CompiledForceRange<R::Scalar>) -> impl Iterator<Item = (usize, R)> + 'a {
+        let constant = range.actuators.iter().map(
+            #[inline(always)]
+            |&(a, arm)| (a, R::splat(arm)),
+        );
+        let on_sites = range.site_actuators.iter().map(
+            #[inline(always)]
+            |&(a, k)| (a, self.arms[k]),
+        );
+        constant.chain(on_sites)
+    }
+
     /// Explicit part of a bounded sum of actuator forces, N or N m. `sum` is the sum of the explicit parts of the forces.
     ///
     /// In lanes in which no servo of the sum is stiff, the whole sum is clamped at the predicted velocity. In the other lanes the result is
@@ -387,10 +401,10 @@ impl<R: Real> ActuatorForces<R> {
     #[inline(always)]
     fn clamp_sum_at_predicted_velocity(&self, compiled: &LaneModel<R>, range: &CompiledForceRange<R::Scalar>, [sum, assumed]: [R; 2]) -> R {
         let (mut stiff, mut expected) = (R::Mask::splat(false), R::zero());
-        for &(a, arm) in &range.actuators {
+        for (a, arm) in self.arms_of_sum(range) {
             let servo = compiled.actuators[a].servo;
             stiff = servo.map_or(stiff, |k| stiff.or(self.stiff[k]));
-            expected += R::splat(arm) * if servo.is_some() { self.trial_force[a] } else { self.force[a] };
+            expected += arm * if servo.is_some() { self.trial_force[a] } else { self.force[a] };
         }
         // `expected` is the sum of the whole forces. `sum - expected` is the b/h dv of the servos, which the mass matrix subtracts.
         let clamped = R::select(outside(expected, range.bounds), within(expected, Some(range.bounds)) + (sum - expected), sum);
@@ -519,10 +533,10 @@ impl<R: Real> ActuatorForces<R> {
         }
         for (r, range) in compiled.actuator_force_ranges.iter().enumerate().filter(|(_, range)| range.has_servos) {
             let (mut needs_solve, mut sum, mut assumed_sum) = (R::Mask::splat(!implicit.all), R::zero(), R::zero());
-            for &(a, arm) in &range.actuators {
+            for (a, arm) in self.arms_of_sum(range) {
                 needs_solve = compiled.actuators[a].servo.map_or(needs_solve, |k| needs_solve.or(self.stiff[k]));
-                sum += R::splat(arm) * self.trial_force[a];
-                assumed_sum += R::splat(arm) * self.force[a];
+                sum += arm * self.trial_force[a];
+                assumed_sum += arm * self.force[a];
             }
             let (found, assumed) = (outside(sum, range.bounds), self.assumed_sum_saturated[r]);
             let is_above = |sum: R| sum.gt(R::splat(range.bounds[1]));
@@ -593,7 +607,8 @@ struct ServoForce<R: Real> {
 fn lanes_of_sums<R: Real>(compiled: &LaneModel<R>, masks: &[R::Mask], actuator: usize) -> R::Mask {
     let mut lanes = R::Mask::splat(false);
     for (range, &mask) in compiled.actuator_force_ranges.iter().zip(masks) {
-        if mask.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
+        let mut acting = range.actuators.iter().map(|a| a.0).chain(range.site_actuators.iter().map(|a| a.0));
+        if mask.any() && acting.any(|a| a == actuator) {
             lanes = lanes.or(mask);
         }
     }

@@ -127,7 +127,10 @@ pub struct CompiledForceRange<S> {
     pub bounds: [S; 2],
     /// Actuators on joints and tendons that act on this degree of freedom: index of the actuator, and moment arm.
     pub actuators: Vec<(usize, S)>,
-    /// Whether any actuator in `actuators` is a servo, whose force depends on its length or velocity.
+    /// Actuators on sites that act on this degree of freedom: index of the actuator, and index of its moment arm in the list of arms of all
+    /// wrenches.
+    pub site_actuators: Vec<(usize, usize)>,
+    /// Whether any of these actuators is a servo, whose force depends on its length or velocity.
     pub has_servos: bool,
 }
 
@@ -254,8 +257,12 @@ impl<S: Scalar> CompiledActuators<S> {
             a.moment.iter().filter(|&&(_, d, _)| d == dof).map(|&(_, _, arm)| (i, arm)).collect::<Vec<_>>()
         };
         let actuators: Vec<_> = self.actuators.iter().enumerate().flat_map(acting).collect();
-        let has_servos = actuators.iter().any(|&(i, _)| self.actuators[i].servo.is_some());
-        CompiledForceRange { dof, bounds: scalars(range), actuators, has_servos }
+        let wrenches = self.actuators.iter().enumerate().filter_map(|(i, a)| Some((i, a.site_wrench.as_ref()?)));
+        let arm = |w: &CompiledWrench<S>| Some(w.arms + w.dofs.iter().position(|&(d, _)| d == dof)?);
+        let site_actuators: Vec<_> = wrenches.filter_map(|(i, wrench)| Some((i, arm(wrench)?))).collect();
+        let mut acting = actuators.iter().map(|a| a.0).chain(site_actuators.iter().map(|a| a.0));
+        let has_servos = acting.any(|i| self.actuators[i].servo.is_some());
+        CompiledForceRange { dof, bounds: scalars(range), actuators, site_actuators, has_servos }
     }
 
     /// Whether any servo's force may have bounds.

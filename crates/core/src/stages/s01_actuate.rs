@@ -68,8 +68,9 @@ pub fn actuate<R: Real>(
                     actuator_forces.set_servo(i, k, force, added_inertia);
                 }
                 (None, Some(dynamics)) => {
-                    actuator_forces.force[i] =
-                        clamp_to_limits(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity).force;
+                    let numbers = &at.actuator_dynamics[dynamics.index];
+                    let limited = clamp_to_limits(dynamics, numbers, affine.force(&motion), motion.velocity);
+                    (actuator_forces.force[i], actuator_forces.found_saturated[i]) = (limited.force, limited.is_limited);
                 }
                 (_, None) => {
                     let requested = affine.force(&motion);

@@ -5,6 +5,7 @@ mod hulls;
 mod pairs;
 mod parry;
 mod passing;
+mod reuse;
 mod sampling;
 mod shapes;
 mod surfaces;

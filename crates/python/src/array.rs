@@ -130,7 +130,7 @@ pub(crate) fn shape_text(shape: &[usize]) -> String {
 }
 
 /// C-contiguous float64 array from the argument `name`. Arguments with other types and layouts are converted, which copies.
-pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+pub(crate) fn float64_array<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     if let Ok(exact) = given.cast::<PyArrayDyn<f64>>()
         && exact.is_c_contiguous()
     {
@@ -228,8 +228,8 @@ pub(crate) fn hint(owner: &Bound<'_, PyAny>, which: &str, name: &Bound<'_, PyAny
     Ok(PyErr::from_value(error))
 }
 
-/// `ModelError` of the Python call `call` for an unknown field `name`. The message contains similar names among `known` and the help text
-/// `listed`.
+/// `ModelError` of the Python call `call` for an unknown field `name`. The message has a hint, such as similar names among `known`, or
+/// otherwise `listed`: the command or page that lists the fields.
 pub(crate) fn unknown_field(py: Python<'_>, call: &str, name: &str, known: Vec<&str>, listed: &str) -> PyResult<PyErr> {
     let text: String = py.import("stepper._hints")?.call_method1("unknown_field", (call, name, known, listed))?.extract()?;
     Ok(ModelError::new_err(text))

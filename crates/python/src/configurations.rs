@@ -7,7 +7,7 @@ use stepper_core::analysis::configurations::joint_without_orientation;
 use stepper_core::model::Model as Core;
 use stepper_core::{Error, Precision};
 
-use crate::array::{array, readonly, shape_text};
+use crate::array::{array, float64_array, shape_text};
 use crate::error::value_error;
 
 /// Array argument whose last axis is one configuration or displacement: a single row, (width,), or several rows, (..., width).
@@ -19,7 +19,7 @@ struct Rows<'py> {
 
 impl<'py> Rows<'py> {
     fn new(given: &Bound<'py, PyAny>, name: &'static str, width: usize) -> PyResult<Self> {
-        let numbers = readonly(given, name)?;
+        let numbers = float64_array(given, name)?;
         if numbers.shape().last() != Some(&width) {
             return Err(PyValueError::new_err(format!(
                 "{name} has shape {}, must be ({width},) or (..., {width})",

@@ -14,7 +14,7 @@ use stepper_core::analysis::overlaps;
 use stepper_core::model::{Description, Field, HeightField, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
 use stepper_core::{Integrator, Options, Parameter, Precision};
 
-use crate::array::{array, assign_attribute, check_shape, check_shape_of, hint, read_only, readonly, unknown_field, whole};
+use crate::array::{array, assign_attribute, check_shape, check_shape_of, float64_array, hint, read_only, unknown_field, whole};
 use crate::configurations;
 use crate::error::{ModelError, to_py, value_error};
 use crate::getters::getters;
@@ -67,13 +67,13 @@ pub(crate) fn add_fields(class: &Bound<'_, PyType>) -> PyResult<()> {
 fn described(given: &Bound<'_, PyAny>) -> PyResult<Description> {
     let given = given.cast::<PyDict>()?.copy()?;
     let meshes = assets(&given, "meshes", &["vertices", "faces"], |mesh: &mut Mesh, [vertices, faces]| {
-        mesh.vertices = rows(&readonly(&vertices, "vertices")?, "vertices")?;
+        mesh.vertices = rows(&float64_array(&vertices, "vertices")?, "vertices")?;
         let faces = given.py().import("numpy")?.call_method1("ascontiguousarray", (faces, "uint32"))?;
         mesh.faces = rows(&faces.cast::<PyArrayDyn<u32>>()?.readonly(), "faces")?;
         Ok(())
     })?;
     let height_fields = assets(&given, "height_fields", &["elevation"], |field: &mut HeightField, [elevation]| {
-        field.elevation = readonly(&elevation, "elevation")?.as_slice()?.to_vec();
+        field.elevation = float64_array(&elevation, "elevation")?.as_slice()?.to_vec();
         Ok(())
     })?;
     Ok(Description { meshes, height_fields, ..pythonize::depythonize(&given)? })
@@ -212,7 +212,7 @@ impl Model {
                 let known = REPLACEABLE.iter().map(|field| field.name).collect();
                 return Err(unknown_field(given.py(), "Model.replace", &name, known, "help(stepper.Model)")?);
             };
-            let numbers = readonly(&given, &name)?;
+            let numbers = float64_array(&given, &name)?;
             // The conversion to an array gives a scalar the shape (1,).
             let scalar = shape.is_empty() && numbers.shape() == [1];
             if !scalar {

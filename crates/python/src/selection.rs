@@ -5,9 +5,9 @@ use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyInt};
 
-use crate::array::{check_shape, check_shape_of, is_single_number, readonly, shape_text};
+use crate::array::{check_shape, check_shape_of, float64_array, is_single_number, shape_text};
 
-/// Selection of environments by an argument `envs`: their indices, in the order of the argument.
+/// Selection of environments by an argument `envs`: indices of the environments, in the order of the argument.
 pub(crate) struct Selection {
     pub(crate) envs: Vec<usize>,
     /// Whether the argument `envs` has indices; false for a mask and for None. With indices, the other array arguments of the method have a
@@ -59,7 +59,7 @@ impl Selection {
     /// Rows of an array for all `n` environments of the batch, from the rows of an array argument.
     ///
     /// If the environments were selected by indices, the argument has one row for each index, and the other environments get zeros. If they
-    /// were selected by a mask, the argument already has a row for each environment.
+    /// were not selected by indices, the argument already has a row for each environment.
     pub(crate) fn scattered<T: Copy + Default>(&self, rows: &[T], n: usize) -> Vec<T> {
         if !self.by_index {
             return rows.to_vec();
@@ -74,9 +74,9 @@ impl Selection {
 
     /// Numbers of the array argument `name`, with a row for each environment.
     ///
-    /// If the environments were selected by a mask, the shape of the argument must be `full`, (num_envs, ...). If they were selected by
-    /// indices, the argument must have a row for each index. The shape `shared`, a single row for all environments, is allowed too; the
-    /// result then has a single row.
+    /// The shape of the argument must be `full`, (num_envs, ...). If the environments were selected by indices, the argument must have a
+    /// row for each index instead. `shared` is the shape of a single row for all environments, if such an argument is allowed too. The
+    /// result is then this row.
     pub(crate) fn numbers<'py>(
         &self,
         given: &Bound<'py, PyAny>,
@@ -84,7 +84,7 @@ impl Selection {
         full: &[usize],
         shared: Option<&[usize]>,
     ) -> PyResult<Numbers<'py>> {
-        let numbers = readonly(given, name)?;
+        let numbers = float64_array(given, name)?;
         let mut selected = full.to_vec();
         if self.by_index {
             selected[0] = self.envs.len();
@@ -118,7 +118,7 @@ impl Numbers<'_> {
     }
 }
 
-/// Indices of environments from the array argument `name`; a scalar is one index. Indices must be below `n`, the number of environments.
+/// Indices of environments from the array argument `name`; a scalar is one index. Indices must be from 0 to `n` - 1, for `n` environments.
 pub(crate) fn indices(array: &Bound<'_, PyAny>, n: usize, name: &str) -> PyResult<Vec<usize>> {
     let shape = shape_of(array)?;
     if shape.len() > 1 {

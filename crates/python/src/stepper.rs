@@ -28,7 +28,7 @@ use pyo3::types::PyDict;
 use stepper_core::{Precision, Simulation};
 
 use crate::arguments::{Env, Whole, no_others};
-use crate::array::{assign_attribute, check_shape_of, described, hint, read_only, readonly, whole};
+use crate::array::{assign_attribute, check_shape_of, described, float64_array, hint, read_only, whole};
 use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
@@ -104,7 +104,7 @@ impl Stepper {
 
     /// Numbers of the array argument `name`: rows (num_envs, width), or a single row (width,) for all environments.
     fn rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-        let numbers = readonly(given, name)?;
+        let numbers = float64_array(given, name)?;
         let full = [self.n(), width];
         // A single environment has no axis of environments.
         check_shape_of(given, name, numbers.shape(), &[&full[..], &[width]][usize::from(!self.batched)..])?;

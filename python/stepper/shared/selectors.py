@@ -4,12 +4,14 @@
     geom_friction[floor,box][0]          sliding friction of two geoms
     geom_friction[*_foot][0]             names by pattern
     dof_damping[root][2]                 third degree of freedom of a joint
-    body_mass[3]                         element without a name, by its index: a row of the field
+    body_mass[3]                         element by its index, a row of the field
     gravity[2]                           number of a field of the whole model, by its column
     geom_friction['a,b'][0]              quotes around a name with , [ ] ' or ", or a name that consists of digits
 
 The shape of the selected numbers follows NumPy's indexing. A single name or index that selects one row gives no axis for elements.
-Several names or a pattern give one. Likewise, a single column gives no axis, and several columns give one.
+Several names, a pattern, or a joint with several degrees of freedom give one. A single column gives no axis for columns, and several
+columns give one. In fields with one number for each degree of freedom, columns count within a joint; a single joint then gives no axis for
+elements.
 """
 
 from __future__ import annotations
@@ -223,7 +225,7 @@ def numbers_of(model: Model, selector: Selector, where: str = "selector") -> fro
 def places(model: Model, selector: Selector, where: str = "selector") -> NDArray[np.int64]:
     """Indices in the flattened field of the numbers that a selector selects, with the axes (elements, columns).
 
-    A single name or index that selects one row gives no axis for elements. A single column gives no axis for columns.
+    For single names, indices and columns, axes are absent as described at the head of this module.
 
     Raises:
         ValueError: An unknown field, element or column.
@@ -339,7 +341,7 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
 
 
 def _labels(model: Model, kind: str) -> list[list[str]]:
-    """Texts by which a selector can name each element of a kind.
+    """Texts by which a selector can name each element of a kind. For "dof" and "coordinate", the elements are the joints.
 
     The first text is the name of the element, or "" if the element has no name. Further texts are "body/geom" for geoms, and "geom/geom"
     for contact pairs.
@@ -363,10 +365,11 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
         sim: The stepper.
         values: Values by selector; None restores the model's value.
         envs: Boolean mask (num_envs,) or indices (n,); None selects all environments.
-        fields: Complete arrays by name of the field.
+        fields: Complete arrays by name of the field. The result contains them unchanged.
 
     Returns:
-        Arrays by name of the field. Numbers that no selector names keep their current values.
+        Arrays by name of the field, with rows for all environments, or for the indices in `envs`. Numbers that no selector names keep
+        their current values.
 
     Raises:
         ValueError: A selector is unknown, a shape is wrong, or a number is given twice.

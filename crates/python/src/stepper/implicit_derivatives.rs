@@ -7,7 +7,7 @@ use pyo3::types::PyDict;
 use stepper_core::Precision;
 use stepper_derivative::{DerivativeQuery, DerivativeRows, StatePart, differentiate};
 
-use crate::array::{array, readonly};
+use crate::array::{array, float64_array};
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
@@ -38,7 +38,7 @@ impl Stepper {
             return Err(PyValueError::new_err("offsets must be (num_envs, points, columns)"));
         };
         slf.apply(py)?;
-        let ctrl = readonly(&ctrl, "ctrl")?;
+        let ctrl = float64_array(&ctrl, "ctrl")?;
         let (ctrl, offsets) = (ctrl.as_slice()?, offsets.as_slice()?);
         let (n, model) = (slf.n(), slf.simulation.model());
         let [nq, nv, na] = [model.nq(), model.nv(), model.na()];

@@ -4,7 +4,7 @@ use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntyped
 use pyo3::prelude::*;
 use stepper_derivative::{PerturbedCopies, find_kinks};
 
-use crate::array::readonly;
+use crate::array::float64_array;
 use crate::error::value_error;
 use crate::stepper::{Reading, Stepper};
 
@@ -32,7 +32,7 @@ impl Stepper {
         smooth_at_rest: bool,
         tolerance: f64,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
-        let (ranges, limit_positions) = (readonly(&ranges, "ranges")?, readonly(&limit_positions, "limit_positions")?);
+        let (ranges, limit_positions) = (float64_array(&ranges, "ranges")?, float64_array(&limit_positions, "limit_positions")?);
         let columns = one_sided.shape().last().copied().unwrap_or(0);
         let copies = PerturbedCopies {
             count,

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use stepper_core::{AppliedInput, SavedState};
 
-use crate::array::{check_shape, readonly};
+use crate::array::{check_shape, float64_array};
 use crate::error::value_error;
 use crate::stepper::{Reading, Stepper, Writing, precision_name};
 
@@ -50,7 +50,7 @@ impl Stepper {
             slf.applied[input as usize] = None;
             slf.simulation.apply(input, &[]).map_err(value_error)?;
             let Some(given) = given else { continue };
-            check_shape(input.name(), readonly(given, input.name())?.shape(), &[&slf.applied_shape(input)])?;
+            check_shape(input.name(), float64_array(given, input.name())?.shape(), &[&slf.applied_shape(input)])?;
             slf.assign(py, input, given)?;
         }
         Ok(())

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
-use crate::array::{array, check_shape_of, described, read_only_of_environments, readonly, unknown_field};
+use crate::array::{array, check_shape_of, described, float64_array, read_only_of_environments, unknown_field};
 use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -20,8 +20,11 @@ impl Stepper {
     /// Sets parameters of the selected environments.
     ///
     /// The dictionary `fields` has an array for each field name, and the actuator model under the key "actuators". An array has one row
-    /// for each environment of the batch, or for each index of a selection by index. A value None restores the values of the model, or
-    /// the drives (models of single actuators) that the stepper was created with. An empty or missing `fields` restores everything.
+    /// for each environment of the batch, or for each index of a selection by index. For a stepper without an environment axis and a
+    /// selection without indices, an array has the shape of the field in the model.
+    ///
+    /// A value None restores the values of the model, or the drives (models of single actuators) that the stepper was created with. An
+    /// empty or missing `fields` restores everything.
     pub(super) fn randomize_from_dict(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
         let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
@@ -45,7 +48,7 @@ impl Stepper {
                 let full: Vec<usize> = std::iter::once(self.n()).chain(tail.iter().copied()).collect();
                 selection.numbers(&value, &name, &full, None)?.as_slice()?.to_vec()
             } else {
-                let numbers = readonly(&value, &name)?;
+                let numbers = float64_array(&value, &name)?;
                 check_shape_of(&value, &name, numbers.shape(), &[&tail])?;
                 numbers.as_slice()?.to_vec()
             };
@@ -63,7 +66,7 @@ impl Stepper {
         self.simulation.randomize_all(&assigned, actuators, envs).map_err(value_error)
     }
 
-    /// Dictionary of the parameters that differ between environments: a read-only array for each field name, and a `stepper.ActuatorModel`
+    /// Dictionary of the per-environment parameters: a read-only array for each field that `randomize` set, and a `stepper.ActuatorModel`
     /// with the drives under the key "actuators".
     pub(super) fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
@@ -84,11 +87,11 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Sets parameters of each environment, with the effect of `Model.replace`. Dependent quantities are recomputed.
+    /// Sets parameters of some or all environments, with the effect of `Model.replace`. Dependent quantities are recomputed.
     ///
     /// An environment then moves, bit for bit, as in a `Stepper` of the model that `Model.replace` returns. Parameters are not part of the
-    /// state: `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are
-    /// never randomized cost neither time nor memory.
+    /// state: `reset` and `set_state` keep them, and pickles and recordings include them. Fields that a call does not name
+    /// keep their values. Fields that are never randomized cost neither time nor memory.
     ///
     /// Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
     /// geom_friction for a geom of an explicit pair is an error without pair_friction. Give pair_friction in this call or an earlier one,
@@ -101,12 +104,13 @@ impl Stepper {
     /// Args:
     ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
     ///         values. Each array has the axis of environments, then an axis for the selected elements and one for the selected columns, as
-    ///         in NumPy's indexing. A single name, index or column has no axis. An array (num_envs,) sets all selected entries of an
-    ///         environment to one value, and a scalar sets the selected entries of all environments. None restores the values of the model.
-    ///         The first argument may also be `envs`, without values.
+    ///         in NumPy's indexing. A single name, index or column has no axis. If `envs` has indices, the axis of environments has one
+    ///         entry per index, otherwise num_envs. An array with this axis alone sets all selected entries of an environment to one
+    ///         value. A scalar sets the selected entries of all selected environments. None restores the values of the model. The first
+    ///         argument may also be `envs`, without values.
     ///     envs: Environments to change, as in `reset`.
     ///     **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
-    ///         the model; a call without fields restores all of them.
+    ///         the model. A call with neither values nor fields restores all fields and drives; an empty dict as `values` changes nothing.
     ///
     ///         * gravity (num_envs, 3), m/s^2
     ///         * body_mass (num_envs, nbody), kg; body_ipos (num_envs, nbody, 3), centre of mass, m; body_inertia (num_envs, nbody, 3),
@@ -116,16 +120,19 @@ impl Stepper {
     ///         * geom_size and geom_pos (num_envs, ngeom, 3), m. Masses do not change.
     ///         * jnt_stiffness (num_envs, njnt), N/m or N m/rad; jnt_range (num_envs, njnt, 2), m or rad
     ///         * dof_damping, dof_armature, dof_frictionloss (num_envs, nv)
-    ///         * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo: the force is gain . (1, length, velocity) times the
-    ///           input plus bias . (1, length, velocity), with the first three entries. Entries that the type of an actuator does not use
-    ///           are 0.
+    ///         * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo. With affine gain and bias, the force is
+    ///           gain[:3] . (1, length, velocity) times the input plus bias[:3] . (1, length, velocity). Entries that the type of an
+    ///           actuator does not use are 0.
     ///         * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
-    ///           keep their drives, and None restores the drives that were given to the constructor. A component (servo, motor, lag, limits, friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
-    ///           delay there. Delay lines, lags and integrals are state: they are kept until `reset`.
+    ///           keep their drives, and None restores the drives that were given to the constructor. A new drive must have the structure
+    ///           of the constructor's drive: both or neither have a servo, a sampling period, a motor and a torque-speed curve. Gear, rotor
+    ///           inertia and control of the motor are the same. A new drive can have lag, limits or friction only if the constructor's
+    ///           drive has them in at least one environment. Delays must not exceed the longest delay there. Delay lines, lags and
+    ///           integrals are state: they are kept until `reset`.
     ///
     /// Raises:
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
-    ///     ValueError: A shape is wrong, or a drive has an invalid value, a new component or a longer delay. No parameter changes.
+    ///     ValueError: A shape is wrong, or a drive has an invalid value, another structure or a longer delay. No parameter changes.
     ///     ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides the value. Or the
     ///         value needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
     ///         environment. No parameter changes.

@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use stepper_core::RayCast;
 
-use crate::array::{OwnNumbers, check_shape, readonly};
+use crate::array::{OwnNumbers, check_shape, float64_array};
 use crate::elements::Kind;
 use crate::error::value_error;
 use crate::stepper::{Stepper, borrow};
@@ -62,7 +62,7 @@ impl Stepper {
                 found.into_iter().filter(|&g| Some(model.geoms[g].body) != except).collect()
             }
         };
-        let (points, directions) = (readonly(&points, "points")?, readonly(&directions, "directions")?);
+        let (points, directions) = (float64_array(&points, "points")?, float64_array(&directions, "directions")?);
         let count = if points.ndim() >= 2 { points.shape()[points.ndim() - 2] } else { 0 };
         for (name, shape) in [("points", points.shape()), ("directions", directions.shape())] {
             check_shape(name, shape, &[&slf.shape(&[count, 3]), &[count, 3]])?;

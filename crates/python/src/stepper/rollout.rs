@@ -8,7 +8,7 @@ use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{Precision, StepInputs};
 
 use crate::arguments::{Whole, no_others};
-use crate::array::{check_shape, described, readonly, shape_text};
+use crate::array::{check_shape, described, float64_array, shape_text};
 use crate::error::value_error;
 use crate::options::unknown;
 use crate::stepper::interruption::watched;
@@ -121,7 +121,7 @@ impl Stepper {
 
     /// Controls from the argument `ctrl`, (T, num_envs, nu), or (T, nu) for all environments.
     fn controls<'py>(&self, given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-        let given = readonly(given, "ctrl")?;
+        let given = float64_array(given, "ctrl")?;
         let nu = self.simulation.model().nu();
         let (found, full) = (given.shape(), self.shape(&[nu]));
         let fits = !found.is_empty() && (found[1..] == full || found[1..] == [nu]);

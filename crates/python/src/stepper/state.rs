@@ -7,7 +7,7 @@ use pyo3::types::{PyBool, PyDict};
 use stepper_core::{Episode, Field, StateRows};
 
 use crate::arguments::{Env, Flag, no_others};
-use crate::array::{array, check_shape, read_only, readonly, seeds};
+use crate::array::{array, check_shape, float64_array, read_only, seeds};
 use crate::error::value_error;
 use crate::getters::getters;
 use crate::selection::{Numbers, Selection};
@@ -44,7 +44,7 @@ impl Stepper {
     /// Times from the optional argument `time`, s: one for each selected environment, or a single one for all.
     fn times<'py>(&self, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
         let Some(given) = given else { return Ok(None) };
-        let times = readonly(given, "time")?;
+        let times = float64_array(given, "time")?;
         if times.len() == 1 {
             return Ok(Some(Numbers::Given(times)));
         }

@@ -77,6 +77,8 @@ fn row<const N: usize>(numbers: &[f64]) -> [f64; N] {
     std::array::from_fn(|k| numbers.get(k).copied().unwrap_or(0.0))
 }
 
+/// Calls `f` for each of the [`GEAR`] columns of every actuator in the field `actuator_gear`. `f` may change all columns of an actuator on
+/// a site, and the first column of other actuators. A change of other columns has no effect.
 pub(crate) fn gear(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
     for actuator in &mut model.actuators {
         let before = actuator.gear_row();

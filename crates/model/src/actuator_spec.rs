@@ -1,4 +1,4 @@
-//! Actuator models: delay, lag, servo, motor and friction. Also their checks, and their effects on the model.
+//! Actuator models: delay, lag, servo, motor, force limits and friction. Also checks of actuator models, and their effects on the model.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,9 +14,9 @@ pub struct ActuatorSpec {
     pub delay_steps: Vec<f64>,
     /// Time constant of the first-order lag between control and force, s; 0 means no lag.
     pub lag: Vec<f64>,
-    /// Lowest force of the actuator, N or N m.
+    /// Lowest force of the actuator, N or N m; -infinity for no limit.
     pub low: Vec<f64>,
-    /// Highest force of the actuator, N or N m.
+    /// Highest force of the actuator, N or N m; infinity for no limit.
     pub high: Vec<f64>,
     /// Dry friction, N or N m. The friction at the joint is this value times the absolute value of the actuator's gear.
     pub friction: Vec<f64>,
@@ -26,7 +26,9 @@ pub struct ActuatorSpec {
     pub motor: Option<Motor>,
 }
 
-/// PID servo. The control is the target of the actuator's length, which is the joint position or tendon length, times the gear.
+/// PID servo. The control is the target of the actuator's length: joint position or tendon length, times the actuator's `gear`.
+///
+/// For a motor with voltage control, the output of the servo is a fraction of the nominal voltage. Gains then have 1 in place of N or N m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {
@@ -114,7 +116,7 @@ impl ActuatorSpec {
         self.motor.as_ref().filter(|m| !m.stall_torque.is_empty()).map(|m| m.voltage)
     }
 
-    /// Whether the actuator's force has limits.
+    /// Whether the actuator's force has limits, in any environment.
     pub fn is_limited(&self) -> bool {
         self.low.iter().chain(&self.high).any(|x| x.is_finite())
     }
@@ -134,7 +136,9 @@ impl ActuatorSpec {
     /// Returns the changed model and the changed specs.
     ///
     /// Rotor inertia is added to the armature in the model, and servos replace affine forces of the model. Delays of the model are added to
-    /// the delays of the specs, and force limits of both are combined. `num_envs` is the number of environments, `h` the time step, s.
+    /// the delays of the specs; the changed model keeps its own delays. If a spec has a servo, a torque-speed curve or force limits, the
+    /// force limits of the model's actuator are combined with those of the spec, and removed from the model. `num_envs` is the number of
+    /// environments, `h` the time step, s.
     ///
     /// # Errors
     /// For the first value out of range, and for the first part of a spec that the actuator cannot have, such as a servo on a site. The
@@ -150,12 +154,14 @@ impl ActuatorSpec {
             }
             let Some(spec) = spec else { continue };
             let actuator = label(&model.actuators[i].name, i);
-            spec.check(num_envs, h).and_then(|()| spec.give(model, i)).map_err(|error| ActuatorError { actuator, error })?;
+            spec.check(num_envs, h).and_then(|()| spec.apply_to(model, i)).map_err(|error| ActuatorError { actuator, error })?;
         }
         Ok((combined, specs))
     }
 
-    fn give(&mut self, model: &mut Description, i: usize) -> Result<(), DeviceError> {
+    /// Applies the spec to actuator `i` of the model. If the spec has a servo, a torque-speed curve or force limits, the force limits of
+    /// the model's actuator move to the spec.
+    fn apply_to(&mut self, model: &mut Description, i: usize) -> Result<(), DeviceError> {
         let actuator = &mut model.actuators[i];
         if self.servo.is_some() {
             if actuator.activation != Activation::None {
@@ -196,15 +202,19 @@ impl ActuatorSpec {
 
     fn check(&self, num_envs: usize, h: f64) -> Result<(), DeviceError> {
         let mut lists: Vec<(&'static str, &[f64], Range)> = vec![
-            ("delay", &self.delay, Range::Finite),
-            ("delay_steps", &self.delay_steps, Range::Finite),
-            ("lag", &self.lag, Range::Finite),
+            ("delay", &self.delay, Range::FiniteAtLeastZero),
+            ("delay_steps", &self.delay_steps, Range::FiniteAtLeastZero),
+            ("lag", &self.lag, Range::FiniteAtLeastZero),
             ("limits", &self.low, Range::Any),
             ("limits", &self.high, Range::Any),
-            ("friction", &self.friction, Range::Finite),
+            ("friction", &self.friction, Range::FiniteAtLeastZero),
         ];
         if let Some(s) = &self.servo {
-            lists.extend([("kp", &s.kp[..], Range::Finite), ("ki", &s.ki, Range::Finite), ("kd", &s.kd, Range::Finite)]);
+            lists.extend([
+                ("kp", &s.kp[..], Range::FiniteAtLeastZero),
+                ("ki", &s.ki, Range::FiniteAtLeastZero),
+                ("kd", &s.kd, Range::FiniteAtLeastZero),
+            ]);
             lists.push(("integral_limit", &s.integral_limit, Range::AtLeastZero));
             lists.extend((!s.period.is_empty()).then_some(("period", &s.period[..], Range::Positive)));
         }
@@ -216,7 +226,7 @@ impl ActuatorSpec {
             } else if m.voltage {
                 return Err(DeviceError::VoltageWithoutCurve);
             }
-            Range::Finite.check("rotor_inertia", &[m.rotor_inertia])?;
+            Range::FiniteAtLeastZero.check("rotor_inertia", &[m.rotor_inertia])?;
             Range::Positive.check("gear", &[m.gear])?;
         }
         for (name, x, range) in lists {
@@ -244,9 +254,11 @@ impl ActuatorSpec {
 #[derive(Clone, Copy)]
 enum Range {
     Any,
+    /// At least 0, or infinite.
     AtLeastZero,
-    Finite,
+    FiniteAtLeastZero,
     Positive,
+    /// Above 0, and at most 1.
     Share,
 }
 
@@ -255,7 +267,7 @@ impl Range {
         let (fits, must): (fn(f64) -> bool, _) = match self {
             Self::Any => (|x| !x.is_nan(), "a number"),
             Self::AtLeastZero => (|x| x >= 0.0, "a number of at least 0"),
-            Self::Finite => (|x| x >= 0.0 && x.is_finite(), "a finite number of at least 0"),
+            Self::FiniteAtLeastZero => (|x| x >= 0.0 && x.is_finite(), "a finite number of at least 0"),
             Self::Positive => (|x| x > 0.0 && x.is_finite(), "a finite number above 0"),
             Self::Share => (|x| x > 0.0 && x <= 1.0, "a number above 0 and at most 1"),
         };

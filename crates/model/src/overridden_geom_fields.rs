@@ -20,7 +20,7 @@ const OVERRIDING_FIELDS: [(&str, &str); 10] = [
 /// Explicit pairs of a model, and geom fields with new values that contacts of these pairs ignore.
 pub(super) struct OverriddenGeomFields<'a> {
     model: &'a Model,
-    /// Indices of the model's explicit pairs whose geoms can collide.
+    /// Indices of the explicit pairs that have contacts: their geoms can collide, and no earlier explicit pair has the same geoms.
     pairs: Vec<usize>,
     fields: Vec<OverriddenField>,
 }
@@ -33,7 +33,7 @@ struct OverriddenField {
 }
 
 impl<'a> OverriddenGeomFields<'a> {
-    /// Finds the explicit pairs of a model that can collide, and the geom fields among `names` that a field of the pair overrides.
+    /// Finds the explicit pairs of a model that have contacts, and the geom fields among `names` that a field of such pairs overrides.
     pub(super) fn new<'n>(model: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Self {
         if model.pairs.is_empty() {
             return Self { model, pairs: vec![], fields: vec![] };
@@ -51,10 +51,11 @@ impl<'a> OverriddenGeomFields<'a> {
         Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
     }
 
-    /// Checks that every changed value of a geom has an effect, because no explicit pair overrides it. `given` lists the changed fields,
-    /// each with its name and new values.
+    /// Checks that no explicit pair overrides a changed value of a geom. `given` lists the changed fields, each with its name and new
+    /// values.
     ///
-    /// A geom field is not checked if `given` also contains the pair field that overrides it.
+    /// A geom field is not checked if `given` also contains the pair field that overrides it. Pairs with condim 1 have no friction, and
+    /// override no `geom_friction`.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] with the first geom whose new value has no effect, the pair and the remedy.

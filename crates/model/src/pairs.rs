@@ -1,18 +1,19 @@
 //! Pairs of geoms that can collide, by the rules of MuJoCo 4.
 //!
-//! Two geoms collide if none of these filters drops them. An explicit [`Pair`](crate::Pair) passes all but the first two (MuJoCo
+//! Two geoms collide if none of these filters drops them. Filters 4 to 6 do not apply to an explicit [`Pair`](crate::Pair) (MuJoCo
 //! `engine_collision_driver.c`, `filterBodyPair` and `filterBitmask`; documentation, "Collision detection"):
 //!
 //! 1. both are fixed to the same rigid group, a body with everything welded to it (MuJoCo's `body_weldid`). A mocap body is a separate
 //!    group, and everything fixed to the world is one group;
 //! 2. no degree of freedom moves either of them;
-//! 3. one group is the parent of the other, unless the parent is the group of the world;
-//! 4. their bodies are excluded;
-//! 5. neither's `contype` shares a bit with the other's `conaffinity`.
+//! 3. both are planes or height fields;
+//! 4. one group is the parent of the other, unless the parent is the group of the world;
+//! 5. their bodies are excluded;
+//! 6. neither's `contype` shares a bit with the other's `conaffinity`.
 //!
-//! Excluded overlaps ([`Description::excluded_overlaps`]) are checked before explicit pairs. Each names two geoms that overlap in the
-//! reference pose, and excludes all pairs of their two bodies, like `<exclude>` in MJCF and `disable_collisions` in SRDF. If one of the
-//! bodies is the world, only these two geoms are excluded.
+//! Excluded overlaps ([`Description::excluded_overlaps`]) are checked after filter 3, and drop explicit pairs too. Each names two geoms
+//! that overlap in the reference pose, and excludes all pairs of their two bodies, like `<exclude>` in MJCF and `disable_collisions` in
+//! SRDF. If one of the bodies is the world, only these two geoms are excluded.
 //!
 //! Margins and gaps of a pair are **sums** of those of the geoms. A gap is beyond the margin: a contact is found within margin + gap, and
 //! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`). MuJoCo 2 and 3 used the larger of two margins, and contacts
@@ -200,7 +201,7 @@ impl Filter {
     /// Comparison of the priorities of two geoms without an explicit pair (`Greater` if the first has the higher priority), and dimension
     /// (condim) of their contact.
     ///
-    /// The geom with the higher priority determines the friction; with equal priorities the larger friction applies.
+    /// The geom with the higher priority determines friction and dimension; with equal priorities the larger values apply.
     #[inline(always)]
     pub fn precedence(&self, geoms: [usize; 2]) -> (Ordering, u8) {
         precedence(geoms.map(|g| &self.geoms[g]))
@@ -250,7 +251,7 @@ fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
 }
 
 /// Combines the contact parameters of two geoms without an explicit pair. The geom with the higher priority determines the friction; with
-/// equal priorities each coefficient is the larger of the two.
+/// equal priorities each coefficient is the larger of the two. Restitution is the larger of the two, whatever the priorities.
 fn mix(geoms: [usize; 2], [a, b]: [&Geom; 2]) -> Pair {
     let (order, condim) = precedence([a, b]);
     let friction = match order {
@@ -270,9 +271,8 @@ fn mix(geoms: [usize; 2], [a, b]: [&Geom; 2]) -> Pair {
 }
 
 impl Description {
-    /// Pairs of geoms that can collide, in ascending order of the geom indices. Geoms with an explicit pair collide regardless of bit
-    /// masks, excluded bodies and the filter of parent and child. If two explicit pairs have the same geoms, the first one applies. Geoms
-    /// that cannot move relative to each other are never in the list.
+    /// Pairs of geoms that can collide, by the filters at the head of `pairs.rs`, in ascending order of the geom indices. If two explicit
+    /// pairs have the same geoms, the first one applies.
     pub fn collision_pairs(&self) -> Vec<Pair> {
         let filter = Filter::new(self);
         let mut pairs: Vec<Pair> = filter.all().filter_map(|g| filter.pair(g)).collect();

@@ -54,7 +54,7 @@ impl Visited for bool {
     }
 }
 
-/// Integer. A new value is clamped to the range of the integer type.
+/// Integer. A new value is truncated to an integer, and clamped to the range of the integer type.
 impl Visited for u8 {
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
         let mut value = f64::from(*self);
@@ -63,7 +63,7 @@ impl Visited for u8 {
     }
 }
 
-/// Integer. A new value is clamped to the range of the integer type.
+/// Integer. A new value is truncated to an integer, and clamped to the range of the integer type.
 impl Visited for u32 {
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
         let mut value = f64::from(*self);
@@ -385,7 +385,7 @@ impl Model {
         }
         OverriddenGeomFields::new(self, fields.iter().map(|field| field.0)).check(fields)?;
         let strict = !self.omitted.iter().any(|o| o.changes_motion);
-        // Meshes have no replaceable field, so that their hulls can be reused.
+        // No field changes the vertices of a mesh, so that the hulls can be reused.
         model.finish_with(strict, Source::Same(&self.hulls))
     }
 }
@@ -400,7 +400,7 @@ pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> R
     let mut next = values.iter();
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
     let held = field.read_in(model);
-    // A zero may change its sign, because nothing depends on it.
+    // A zero may be stored with the other sign, because nothing depends on the sign of a zero.
     let wrong = (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits());
     let Some(k) = wrong else { return Ok(()) };
     let remedy = match field.name {

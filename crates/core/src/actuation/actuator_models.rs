@@ -1,7 +1,8 @@
 //! Actuator models of a simulation, whose parameters can differ between environments and can be changed.
 //!
-//! A spec ([`ActuatorSpec`]) describes the components of one actuator, such as servo, lag and limits. The components of a spec and the
-//! length of its delay line cannot change after compilation. The parameters of the components can.
+//! A spec ([`ActuatorSpec`]) describes the components of one actuator, such as servo, lag and limits. Most parameters of the components can
+//! change after compilation, but not the gear, the rotor inertia and the control of a motor. Components cannot be added, and delay lines
+//! cannot become longer (`check_fit`).
 
 use crate::model::actuator_spec::{ActuatorSpec, any_nonzero};
 use crate::model::{ActuatorError, DeviceError, Model, label};
@@ -9,14 +10,15 @@ use crate::model::{ActuatorError, DeviceError, Model, label};
 /// Actuator models of a simulation: specs as the user gave them, and per-environment specs.
 #[derive(Clone, Debug)]
 pub struct ActuatorModels {
-    /// Model with the effects of the actuator models, such as armature and gears.
+    /// Model with the effects of the actuator models: armature of rotors, and forces of servos. Force limits that moved to
+    /// `specs` are absent.
     pub model: Model,
     /// Actuator specs in the form that the simulation compiles, with the delays and force limits of the model's actuators.
     pub specs: Vec<Option<ActuatorSpec>>,
     /// Actuator specs as the user gave them, and ideal specs for actuators that have only a delay in the model. `None` for actuators
     /// without an actuator model.
     made: Vec<Option<ActuatorSpec>>,
-    /// Per-environment specs; `None` if all environments have the same parameters.
+    /// Specs with the parameters of all environments; `None` while all environments have those of `made`.
     per_env: Option<Vec<Option<ActuatorSpec>>>,
 }
 
@@ -28,7 +30,7 @@ pub struct ActuatorUpdate {
     /// Actuator specs of these environments alone, with the delays and force limits of the model's actuators. `None` leaves an actuator
     /// unchanged.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// New per-environment specs of all environments.
+    /// New value of [`ActuatorModels::per_env`].
     per_env: Option<Vec<Option<ActuatorSpec>>>,
 }
 
@@ -46,7 +48,7 @@ impl ActuatorModels {
         Ok(Self { model: combined, made: made.collect(), specs, per_env: None })
     }
 
-    /// Per-environment specs; `None` if all environments have the same parameters.
+    /// Specs with the parameters of all environments; `None` while all environments have the original parameters.
     pub fn per_env(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.per_env.as_deref()
     }
@@ -59,8 +61,8 @@ impl ActuatorModels {
 
     /// Computes new parameters of actuator models for the environments `envs`, and checks them. This object does not change.
     ///
-    /// `given` has one entry for every actuator; each list has one value, or one per environment. `None` as an entry leaves an actuator
-    /// unchanged. `None` for `given` restores the original parameters.
+    /// `given` has one entry for every actuator; each list has one value, or one for each of `envs`. `None` as an entry leaves an
+    /// actuator unchanged. `None` for `given` restores the original parameters.
     ///
     /// # Errors
     /// A number out of its range or an unsupported setting, with the actuator's name.
@@ -88,6 +90,8 @@ impl ActuatorModels {
             match (&self.specs[i], &mut per_env[i]) {
                 (Some(compiled), Some(own)) => {
                     let spec = spec.get_or_insert_with(ActuatorSpec::ideal);
+                    // The compiled actuator has no force range, because the compiled spec contains it. `combine` has left the range of a
+                    // new spec without limits in the model.
                     if let (Some(range), None) = (combined.actuators[i].force_range, self.model.actuators[i].force_range) {
                         spec.narrow(range);
                     }
@@ -146,15 +150,18 @@ fn assign(spec: &mut ActuatorSpec, given: &mut ActuatorSpec, envs: &[usize], num
     }
 }
 
-/// Checks that a spec has the same components as `made`, and valid parameters for `n` of the `num_envs` environments. `h` is the time step,
-/// s.
-fn check_fit(spec: &ActuatorSpec, made: &ActuatorSpec, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError> {
+/// Checks that an actuator which was compiled with the spec `compiled` can have the new parameters `spec` in `n` of the `num_envs`
+/// environments. `h` is the time step, s.
+///
+/// Servo, sampling period, motor and torque-speed curve must exist in both specs or in neither. Gear, rotor inertia and control of the
+/// motor must be equal. Lag, limits and losses of the new spec must exist in the compiled one, and the new delays must not be longer.
+fn check_fit(spec: &ActuatorSpec, compiled: &ActuatorSpec, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError> {
     let sampled = |t: &ActuatorSpec| t.servo.as_ref().is_some_and(|s| !s.period.is_empty());
     for (name, here, there) in [
-        ("servo", spec.servo.is_some(), made.servo.is_some()),
-        ("motor", spec.motor.is_some(), made.motor.is_some()),
-        ("period", sampled(spec), sampled(made)),
-        ("stall_torque", spec.curve().is_some(), made.curve().is_some()),
+        ("servo", spec.servo.is_some(), compiled.servo.is_some()),
+        ("motor", spec.motor.is_some(), compiled.motor.is_some()),
+        ("period", sampled(spec), sampled(compiled)),
+        ("stall_torque", spec.curve().is_some(), compiled.curve().is_some()),
     ] {
         match (here, there) {
             (true, false) => return Err(DeviceError::MadeWithout { name }),
@@ -162,12 +169,12 @@ fn check_fit(spec: &ActuatorSpec, made: &ActuatorSpec, n: usize, num_envs: usize
             _ => {}
         }
     }
-    if let (Some(own), Some(made)) = (&spec.motor, &made.motor) {
+    if let (Some(own), Some(compiled)) = (&spec.motor, &compiled.motor) {
         let control = |voltage: bool| if voltage { "\"voltage\"" } else { "\"torque\"" }.to_owned();
         for (name, here, there) in [
-            ("control", control(own.voltage), control(made.voltage)),
-            ("gear", own.gear.to_string(), made.gear.to_string()),
-            ("rotor_inertia", own.rotor_inertia.to_string(), made.rotor_inertia.to_string()),
+            ("control", control(own.voltage), control(compiled.voltage)),
+            ("gear", own.gear.to_string(), compiled.gear.to_string()),
+            ("rotor_inertia", own.rotor_inertia.to_string(), compiled.rotor_inertia.to_string()),
         ] {
             if here != there {
                 return Err(DeviceError::Shared { name, found: here, must: there });
@@ -176,15 +183,15 @@ fn check_fit(spec: &ActuatorSpec, made: &ActuatorSpec, n: usize, num_envs: usize
     }
     let friction = if any_nonzero(&spec.friction) { "friction" } else { "efficiency" };
     for (name, here, there) in [
-        ("lag", any_nonzero(&spec.lag), any_nonzero(&made.lag)),
-        ("limits", spec.is_limited(), made.is_limited()),
-        (friction, spec.loses(), made.loses()),
+        ("lag", any_nonzero(&spec.lag), any_nonzero(&compiled.lag)),
+        ("limits", spec.is_limited(), compiled.is_limited()),
+        (friction, spec.loses(), compiled.loses()),
     ] {
         if here && !there {
             return Err(DeviceError::MadeWithout { name });
         }
     }
-    let (longest, room) = (spec.longest(n, h), made.longest(num_envs, h));
+    let (longest, room) = (spec.longest(n, h), compiled.longest(num_envs, h));
     if longest > room {
         return Err(DeviceError::LineTooShort { longest, room, timestep: h });
     }

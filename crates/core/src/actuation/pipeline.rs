@@ -3,7 +3,8 @@
 //! (`actuation/force_limits.rs`), friction (`actuation/losses.rs`), and the length and velocity terms of a continuous servo
 //! (`stages/s01_actuate.rs`).
 //!
-//! The output of a servo is called its effort. It is a force, or the fraction of the voltage of a motor with voltage control.
+//! The output of a servo is called its effort. It is a force or, for a motor with voltage control, a fraction of
+//! the nominal voltage.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
 
@@ -25,7 +26,7 @@ enum PipelineParameter {
     MinForce,
     MaxForce,
     Kp,
-    /// Integral gain of the servo times the sampling period.
+    /// Integral gain of the servo times the time between two updates of the integral: the sampling period, but at least the time step.
     Ki,
     Kd,
     /// Largest magnitude of the integral, in units of the effort.
@@ -44,6 +45,7 @@ enum PipelineParameter {
     Friction,
 }
 
+/// Number of variants of [`PipelineParameter`].
 const PARAMETERS: usize = 16;
 
 /// Kind of servo in an actuator's pipeline.
@@ -64,7 +66,7 @@ struct ActuatorPipeline {
     delay_samples: usize,
     /// Whole and fractional part of the delay in steps, if it is the same in all environments; otherwise `None`.
     delay: Option<(usize, f64)>,
-    /// Address of the pipeline's stored values in the memory: delay line, output and input of the lag, integral, phase, held sample.
+    /// Address of the pipeline's stored values in the memory: delay line, output and input of the lag, integral, phase, held effort.
     memory_start: usize,
     /// Index of the pipeline's delay line among all delay lines.
     line_index: usize,
@@ -216,7 +218,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
             for &u in given {
                 valid = valid.and(u.is_finite());
             }
-            // Lanes that get their first control since a reset. It fills their delay lines and lags.
+            // Lanes that get their first control since a reset. This control fills their delay lines and lags.
             let start = valid.and(R::Mask::from_bits(memory.waiting));
             memory.waiting &= !valid.bits();
             ctrl.copy_from_slice(given);
@@ -361,6 +363,7 @@ fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) ->
 }
 
 impl ActuatorPipeline {
+    /// Address of the stored values of the lag; those of the servo follow.
     fn lag_at(&self) -> usize {
         self.memory_start + self.delay_samples
     }

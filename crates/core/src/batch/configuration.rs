@@ -29,16 +29,17 @@ impl<S: LaneScalar> Batch<S> {
         Ok(())
     }
 
-    /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. Resets all environments.
+    /// Sets the actuator models, one entry for every actuator. `None` is an actuator without a model. The new groups are at the
+    /// model's reset state; the caller resets the environments completely.
     ///
-    /// The caller gets both arguments from [`ActuatorSpec::combine`], which moves delays and force limits of actuators from the model to
-    /// the specs.
+    /// The caller gets both arguments from [`ActuatorSpec::combine`], which adds delays and force limits of the model's actuators to the
+    /// specs.
     ///
     /// # Errors
     /// [`Error::Memory`].
     pub(super) fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
         let (compiled, h) = (compile(model, specs, &self.settings), self.settings.timestep);
-        // The pipelines of a single group give the memory per environment, before anything is allocated for all of them.
+        // The pipelines of a single group give the memory per environment. It is checked before anything is allocated for all environments.
         let of_group = ActuatorPipelines::<S>::new(specs, self.lanes.min(self.num_envs), self.lanes, h);
         let stored = (of_group.memory + model.nu()) * size_of::<S>() + of_group.lines * size_of::<usize>();
         check_memory(self.num_envs, bytes_per_env(&compiled, self.max_contacts) + stored + of_group.bytes().div_ceil(self.lanes))?;
@@ -72,7 +73,7 @@ impl<S: LaneScalar> Batch<S> {
     /// Restores the model's parameters in all environments.
     pub(super) fn clear_overrides(&mut self) {
         self.overrides = ParameterOverrides::default();
-        // Idle workers still have the overridden parameters in their lane models, so that they are discarded.
+        // The lane models of idle workers still have the overridden parameters, so that these workers are discarded.
         self.workers.idle_workers().clear();
     }
 

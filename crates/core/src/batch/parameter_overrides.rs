@@ -1,4 +1,4 @@
-//! Parameters of the compiled model that differ between environments, as a step reads them.
+//! Parameters of the compiled model that differ between environments, as a batch stores them for its workers.
 
 use stepper_real::Scalar;
 
@@ -10,8 +10,8 @@ use crate::compile::Params;
 pub struct ParameterOverrides<S> {
     /// Indices of the overridden parameters in [`Params`], ascending. All groups have the same indices.
     pub indices: Vec<u32>,
-    /// Values of the overridden parameters: for every group, an array with one row per parameter and one column per lane. Empty without
-    /// overrides.
+    /// Values of the overridden parameters: for every group, an array with one row per index in `indices`, and one column per lane. The
+    /// list is empty without overrides.
     pub numbers: Vec<Vec<S>>,
 }
 

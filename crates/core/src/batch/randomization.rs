@@ -2,8 +2,8 @@
 //!
 //! Two types store them. [`Randomization`] has the fields of the model that the user set, for example `geom_friction`.
 //! [`ParameterOverrides`] has the parameters of the compiled model that differ as a result, for example the friction of a pair.
-//! [`Randomization::differences`] computes them from the fields: it makes a variant of the model for each environment. A step reads only
-//! the overrides.
+//! [`Randomization::differences`] computes these parameters: it makes a variant of the model with the fields of each environment. Steps use
+//! the overrides, and do not read the fields. Parameters of actuator models are stored elsewhere (`ActuatorModels`, `ActuatorPipelines`).
 //!
 //! [`ParameterOverrides`]: crate::batch::parameter_overrides::ParameterOverrides
 
@@ -76,7 +76,7 @@ impl Randomization {
         envs.iter().map(of_env).collect()
     }
 
-    /// Stores the fields `assigned` for the environments `envs`.
+    /// Stores the fields `assigned` for the environments `envs`. A field whose values are restored in all environments is removed.
     pub fn store_fields(&mut self, model: &Model, num_envs: usize, assigned: &[Assignment<'_>], envs: &[usize]) {
         for &(name, values) in assigned {
             if values.is_none() && envs.len() == num_envs {

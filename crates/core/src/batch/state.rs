@@ -102,7 +102,7 @@ impl<S: Scalar> Group<S> {
             separation_cache: SeparationCache::new(compiled, lanes),
             time: vec![0.0; lanes],
             status: vec![0; lanes],
-            saturated: vec![0; if compiled.efforts_are_bounded() { compiled.actuators.len() * lanes } else { 0 }],
+            saturated: vec![0; if compiled.actuator_forces_are_bounded() { compiled.actuators.len() * lanes } else { 0 }],
             residual: zeros(1),
             sweeps: zeros(1),
             newton_steps: zeros(1),

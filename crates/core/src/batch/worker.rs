@@ -332,7 +332,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// last call in the group.
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
         let s = &mut self.step.workspace;
-        // A worker with a single group still has the state of the last call in its workspace.
+        // In a batch of a single group (`current`), the workspace still has the state of the last call.
         if !s.current {
             load_state(group, s, true);
         }
@@ -409,7 +409,8 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     }
 }
 
-/// Adds one to the count of every actuator if the last step clamped its force, or a sum of forces that contains it.
+/// Adds one to the count of each actuator, in the lanes in which the last step clamped the actuator's force, or a sum of forces that
+/// contains this force.
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     kernel!(R, || {
         for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {

@@ -297,8 +297,8 @@ impl<R: Real> Scene<'_, R> {
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
 
-    /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps. `feature` is the number of the
-    /// contact within the pair, which stays the same from step to step.
+    /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps ([`Scene::store_point`]). `feature`
+    /// is the number of the contact within the pair, which stays the same from step to step.
     #[inline(always)]
     pub(crate) fn add_point(
         &self,
@@ -314,6 +314,8 @@ impl<R: Real> Scene<'_, R> {
 
     /// Adds `point` as a contact in those lanes of `near` in which its gap can close within two steps. `feature` is the number of the
     /// contact within the pair, which stays the same from step to step.
+    ///
+    /// The gap is the distance of `point` minus the margin of the pair. The contact gets the pair's sliding friction and restitution.
     ///
     /// In the lanes `over_face`, a ball stays over a face of the other geom, see
     /// [`Slot::over_face`](crate::collision::contact_set::Slot::over_face). The function is compiled separately, as [`Scene::test_pair`]

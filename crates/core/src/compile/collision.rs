@@ -117,7 +117,8 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(if swap { [b.geom, a.geom] } else { [a.geom, b.geom] })
     }
 
-    /// Compiled form of the dynamic pair `index`; `None` if its geoms do not collide, or if the pair is explicit and therefore listed.
+    /// Compiled form of the dynamic pair `index`; `None` if there is no such pair, if its geoms do not collide, or if the pair
+    /// is explicit and therefore listed.
     pub fn pair(&self, index: usize) -> Option<CompiledPair<S>> {
         let [a, b] = self.members_of(index)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);
@@ -233,7 +234,8 @@ pub const NO_PAIR_GROUP: u32 = u32::MAX;
 /// Number of the pair group of each pair in `pairs`; [`NO_PAIR_GROUP`] for a pair without a group. A pair group has all listed pairs that
 /// join the same two frames in the same order, and at least two pairs.
 ///
-/// Pairs with torsional or rolling friction or with contact springs have no group. The list is empty if no pair has a group.
+/// A pair group has two or more listed pairs whose first geoms have the same frame, and whose second geoms have the same frame. Pairs with
+/// torsional or rolling friction or with contact springs have no group.
 pub(super) fn pair_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
     let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3 && pair.spring.is_none()) {

@@ -1,7 +1,8 @@
 //! Compiled model: the numbers that the step reads, and only those that this scene needs.
 //!
-//! Bodies that cannot move relative to their parent are merged into one *link*. A *frame* is anything to which a geom can be fixed: frame 0
-//! is the world, frames `1..=links` are the links, and the other frames are mocap bodies. Pairs that can never collide are left out.
+//! A *link* consists of a body with joints and all bodies that are fixed to that body. A *frame* is anything to which a geom can be fixed:
+//! frame 0 is the world, frames `1..=links` are the links, and the other frames are mocap bodies. Pairs that can never collide are left
+//! out.
 
 use std::ops::Deref;
 
@@ -93,9 +94,8 @@ pub struct ModelStructure<S: Scalar> {
     /// Listed pairs: pairs of geoms that can collide, that have a collision function, and that are not in `dynamic_pairs`. Their order is
     /// fixed.
     pub pairs: Vec<CompiledPair<S>>,
-    /// Number of the pair group of each pair in `pairs`; `NO_PAIR_GROUP` for a pair without a group. A pair group has all listed pairs that
-    /// join the same two frames, and at least two. They have at most sliding friction and no contact springs. The list is empty if no pair
-    /// has a group.
+    /// Number of the pair group of each pair in `pairs`; `NO_PAIR_GROUP` for a pair without a group. The list
+    /// is empty if no pair has a group. `pair_groups` in `compile/collision.rs` defines the groups.
     pub pair_groups: Vec<u32>,
     /// Whether any pair has contact springs.
     pub has_contact_springs: bool,
@@ -184,8 +184,8 @@ impl<S: Scalar> ModelStructure<S> {
         }
     }
 
-    /// Whether any actuator force has bounds.
-    pub fn efforts_are_bounded(&self) -> bool {
+    /// Whether any actuator force, or any sum of actuator forces on a degree of freedom, has bounds.
+    pub fn actuator_forces_are_bounded(&self) -> bool {
         let bounded = |t: &CompiledActuatorDynamics<S>| t.limited || t.motor.is_some();
         let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.dynamics.as_ref().is_some_and(bounded));
         own || !self.actuator_force_ranges.is_empty()

@@ -51,7 +51,7 @@ impl<R: Real> LaneModel<R> {
         R::select(heavy, R::one() / R::select(heavy, mass, R::one()), R::zero())
     }
 
-    /// Total mass of all moving bodies, kg.
+    /// Total mass of all links, kg.
     #[inline(always)]
     pub fn moving_mass(&self) -> R {
         let mut sum = R::zero();

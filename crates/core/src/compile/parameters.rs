@@ -2,7 +2,7 @@
 //!
 //! All parameters are in one flat list, so that one index identifies each number. The list consists of tables, such as that of the contact
 //! parameters of all pairs. A batch stores only overridden parameters: their indices, and a value for every lane. Before a worker steps a
-//! group, it overwrites the shared values with them (`load_lanes`). The stages of a step read all parameters from a
+//! group, it writes the group's values to its lane model (`load_lanes`). The stages of a step read all parameters from a
 //! [`LaneModel`](crate::compile::LaneModel), one value per lane.
 //!
 //! Each table has a row type, which defines the width of its rows and how they are read and written.
@@ -12,7 +12,7 @@ use stepper_real::Real;
 use crate::compile::parameter_row::{ParameterRow, parameter_rows};
 
 parameter_rows! {
-    /// Friction and restitution coefficients of a contact.
+    /// Friction and restitution coefficients of a contact, or of a geom.
     ContactParams {
         /// Sliding friction coefficient; 0 for a frictionless contact.
         mu: T,
@@ -38,7 +38,7 @@ parameter_rows! {
     DofParams {
         /// Viscous damping, N s/m or N m s/rad.
         damping: T,
-        /// Stiffness that the joint's implicit spring adds to the mass matrix, N/m or N m/rad; 0 if the spring has a negative stiffness.
+        /// Stiffness of the joint's spring in the implicit terms, N/m or N m/rad; 0 if the spring has a negative stiffness.
         stiffness: T,
         /// Armature inertia, kg or kg m^2.
         armature: T,
@@ -77,9 +77,10 @@ parameter_rows! {
         force: [T; 3],
     }
 
-    /// Drag coefficients of a body's inertia box in the surrounding fluid. Rotation comes before translation.
+    /// Drag coefficients of a body's inertia box in the surrounding fluid, rotation before translation. For a geom, whose fluid forces have
+    /// the ellipsoid model, the coefficients are 0.
     FluidParams {
-        /// Centre of mass of the body in its link's frame, m.
+        /// Centre of mass of the body, or origin of the geom, in the frame to which the object is fixed, m.
         pos: [T; 3],
         /// Viscous drag coefficients: three of rotation, N m s, and three of translation, N s/m.
         viscous: [T; 6],
@@ -150,7 +151,7 @@ parameter_tables! {
     /// Contact parameters of the geom with index `geom` in the model. The table has all geoms if the model has dynamic pairs, which the
     /// broad phase finds in every step, and is empty otherwise. A dynamic pair combines the parameters of its two geoms.
     geom_contacts: geom_contact(geom) -> ContactParams<T>;
-    /// Centre of mass of a body of the model in the frame of its link, m.
+    /// Centre of mass of a body of the model in the frame to which the body is fixed, m.
     bodies: body_com(body) -> [T; 3];
     /// Mass of a body of the model, kg.
     masses: mass(body) -> T;
@@ -159,7 +160,7 @@ parameter_tables! {
     moments: body_inertia(body) -> [T; 6];
     /// Gravity compensation force with index `i`, and its point of application.
     compensations: compensation(i) -> CompensationParams<T>;
-    /// Drag coefficients in the surrounding fluid of the body with index `i` in the list of bodies in a fluid.
+    /// Drag coefficients of the body with index `i` in the compiled model's list of bodies and geoms in a fluid.
     fluid: fluid(i) -> FluidParams<T>;
     /// Position of the object with index `i` among the objects that sensors read, in the frame to which it is fixed, m.
     places: place(i) -> [T; 3];
@@ -228,7 +229,7 @@ impl<T: Copy> Params<T> {
         self.geom(geom).bounding_radius
     }
 
-    /// Inscribed radius of geom `geom`, m: half its least width, see [`GeomParams`].
+    /// Inscribed radius of geom `geom`, m, see [`GeomParams`].
     #[inline(always)]
     pub fn inscribed_radius(&self, geom: usize) -> T {
         self.geom(geom).inscribed_radius

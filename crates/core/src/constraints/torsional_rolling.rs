@@ -152,6 +152,8 @@ struct Friction<R: Real> {
 }
 
 impl<R: Real> Friction<R> {
+    /// Friction of the contacts in slot `k`, in the lanes `lanes` (bits): `mu` of the slot, and the torsional and rolling coefficients of
+    /// the lanes' pairs.
     #[inline(always)]
     fn of(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
         let [mut spin, mut roll] = [R::zero(); 2];

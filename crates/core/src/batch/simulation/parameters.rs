@@ -1,4 +1,4 @@
-//! Setters of per-environment parameters of a simulation.
+//! Per-environment parameters of a simulation: setters, getters and checks.
 
 use std::borrow::Cow;
 
@@ -26,12 +26,12 @@ impl Simulation {
     /// Sets per-environment values of some fields in the environments `envs`, ascending. Other fields and the state do not change.
     ///
     /// Each array has one row for every environment of the simulation, in the shape of its [`Parameter`]. Rows of environments outside
-    /// `envs` are not read. `None` restores the model's values.
+    /// `envs` have no effect, but their numbers must fit the precision too. `None` restores the model's values.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Length`] for an array of the wrong length;
-    /// [`Error::ParameterTooLarge`]. [`Error::Model`] for numbers that make the model invalid or change its structure; the error names the
-    /// environment. Nothing is changed then.
+    /// [`Error::ParameterTooLarge`] for a number that a simulation in 32 bits cannot hold. [`Error::Model`] for numbers that make the
+    /// model invalid or change its structure; the error names the environment. Nothing is changed then.
     pub fn randomize(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
         self.randomize_all(assigned, ActuatorNumbers::Kept, envs)
     }
@@ -86,7 +86,7 @@ impl Simulation {
     }
 
     /// Computes new parameters of the actuator models for the environments `envs`, and checks them. The simulation does not change.
-    /// `None` if no actuator has a model, or if `actuators` requests no change.
+    /// The result is `None` if no actuator has a model, or if `actuators` is `Kept`.
     fn actuator_update(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ActuatorUpdate>, Error> {
         let specs = match actuators {
             ActuatorNumbers::Kept => return Ok(None),
@@ -99,7 +99,7 @@ impl Simulation {
             (Some(actuator_models), _) => Ok(Some(actuator_models.prepare_update(&self.model, specs, envs, self.num_envs, h)?)),
             (None, None) => Ok(None),
             (None, Some(specs)) => {
-                // No actuator has a model, so that the call below returns an error if `specs` has an entry for any of them.
+                // No actuator has a model, so that the call below returns an error if any entry of `specs` is not an ideal actuator.
                 let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h)?;
                 none.prepare_update(&self.model, Some(specs), envs, self.num_envs, h)?;
                 Ok(None)
@@ -108,7 +108,8 @@ impl Simulation {
     }
 
     /// Actuator models with per-environment parameters, one entry for every actuator. Each parameter is a list of one number for all
-    /// environments, or of one number for each environment. `None` if all environments have the same actuator models.
+    /// environments, or of one number for each environment. `None` if every environment has the parameters of
+    /// [`Simulation::set_actuator_models`], because none were set since, or all were restored at once.
     pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.per_env()
     }
@@ -137,6 +138,7 @@ impl Simulation {
         self.randomization.differences(&self.model, self.shared_model(), Some(&with_actuator_models), assigned, envs)
     }
 
+    /// Assignment of a field: its name and `values`, after checks of their number and size.
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
         let name = parameter.name();
         let must = self.num_envs * self.model.field(name).expect("a field of the model").1.len();

@@ -136,9 +136,8 @@ impl ActuatorSpec {
     /// Returns the changed model and the changed specs.
     ///
     /// Rotor inertia is added to the armature in the model, and servos replace affine forces of the model. Delays of the model are added to
-    /// the delays of the specs; the changed model keeps its own delays. If a spec has a servo, a torque-speed curve or force limits, the
-    /// force limits of the model's actuator are combined with those of the spec, and removed from the model. `num_envs` is the number of
-    /// environments, `h` the time step, s.
+    /// the delays of the specs; the changed model keeps its own delays. Force limits of the model's actuator move to a spec that has a
+    /// servo, a torque-speed curve or force limits. `num_envs` is the number of environments, `h` the time step, s.
     ///
     /// # Errors
     /// For the first value out of range, and for the first part of a spec that the actuator cannot have, such as a servo on a site. The

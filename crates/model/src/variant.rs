@@ -121,8 +121,8 @@ impl<'a> Variants<'a> {
     /// A field with `None` in `values` gets the values of the base model. `base_values` has these values for each field, in the same order.
     ///
     /// # Errors
-    /// Those of [`Model::replace`], and [`ModelError::Invalid`] if a value needs another structure of the compiled model: a constraint row
-    /// or a force that the base model does not have, such as dry friction, or fewer joint limits.
+    /// Those of [`Model::replace`]. [`ModelError::Invalid`] also if the structure of the compiled base model does not fit. For example, a
+    /// value needs a constraint row or a force that the base model does not have, or removes a joint limit.
     pub fn with(&mut self, values: &[Option<&[f64]>], base_values: &[Vec<f64>]) -> Result<&Model, ModelError> {
         let mut given = Vec::with_capacity(values.len());
         for ((field, values), base_values) in self.fields.iter().zip(values).zip(base_values) {
@@ -137,8 +137,8 @@ impl<'a> Variants<'a> {
     }
 }
 
-/// Checks that the structure compiled from `base` fits the variant `model`: the same joints have limits, the same bodies have mass, geoms
-/// with fluid forces keep their sizes, and no dry friction, spring or servo is new.
+/// Checks that the structure compiled from `base` fits the variant `model`. The same joints must have limits, and the same bodies mass.
+/// Geoms with fluid forces must keep their sizes. No dry friction, spring or servo may be new.
 fn same_structure(base: &Model, model: &Model) -> Checked {
     base.joints.iter().zip(&model.joints).enumerate().try_for_each(|(i, (old, new))| joint(i, old, new))?;
     base.bodies.iter().zip(&model.bodies).enumerate().try_for_each(|(i, (old, new))| body(i, old, new))?;

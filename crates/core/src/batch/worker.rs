@@ -409,8 +409,8 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     }
 }
 
-/// Adds one to the count of each actuator, in the lanes in which the last step clamped the actuator's force, or a sum of forces that
-/// contains this force.
+/// Adds one to the count of each actuator in the lanes in which the last step clamped its force. A clamped sum of forces counts for all
+/// actuators in the sum.
 fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     kernel!(R, || {
         for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {

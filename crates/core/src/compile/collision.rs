@@ -117,8 +117,8 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(if swap { [b.geom, a.geom] } else { [a.geom, b.geom] })
     }
 
-    /// Compiled form of the dynamic pair `index`; `None` if there is no such pair, if its geoms do not collide, or if the pair
-    /// is explicit and therefore listed.
+    /// Compiled form of the dynamic pair `index`; `None` if there is no such pair, or if its geoms do not collide. The result
+    /// is also `None` for an explicit pair, which is listed.
     pub fn pair(&self, index: usize) -> Option<CompiledPair<S>> {
         let [a, b] = self.members_of(index)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);

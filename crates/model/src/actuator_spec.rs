@@ -136,7 +136,7 @@ impl ActuatorSpec {
     /// Returns the changed model and the changed specs.
     ///
     /// Rotor inertia is added to the armature in the model, and servos replace affine forces of the model. Delays of the model are added to
-    /// the delays of the specs; the changed model keeps its own delays. Force limits of the model's actuator move to a spec that has a
+    /// the delays of the specs; they stay in the changed model too. Force limits of the model's actuator move to a spec that has a
     /// servo, a torque-speed curve or force limits. `num_envs` is the number of environments, `h` the time step, s.
     ///
     /// # Errors

@@ -8,9 +8,9 @@ use crate::math::lanes::{DestinationLanes, columns, lane_bits, set_columns, set_
 /// Memory of the actuator pipelines of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
-    /// Lanes (bits) whose pipelines have not received a control yet. Their first control fills the delay lines.
+    /// Lanes (bits) whose pipelines have not received a control yet. Their first control fills the delay lines and lags.
     pub waiting: u32,
-    /// Stored values of all actuators: delay lines, lagged efforts, integrals, phases and held samples.
+    /// Stored values of all actuators: delay lines, lagged efforts, integrals, phases and held efforts.
     pub numbers: Vec<S>,
     /// Position of the newest sample in every delay line, the same in all lanes.
     pub cursors: Vec<u32>,

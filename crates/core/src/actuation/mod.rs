@@ -5,9 +5,10 @@
 //!     -> gear and friction -> joint
 //! ```
 //!
-//! Delay, sampled servos and lag act between steps (`pipeline.rs`). The parts that depend on the motion within a step can be implicit
-//! (`forces.rs`). Losses are rows of dry friction, and the rotor's inertia is armature. Lengths, velocities and forces are those of the
-//! actuator, as in MJCF: a length is the joint's position times `gear`, and a force times `gear` is the joint's force.
+//! Before each step, the pipelines compute delay, servo and lag (`pipeline.rs`). Length and velocity terms of servos and affine forces act
+//! within the step, where they can be implicit (`forces.rs`). Losses are rows of dry friction, and the rotor's inertia is armature.
+//! Lengths, velocities and forces are those of the actuator, as in MJCF: a length is the joint's position times `gear`, and a force times
+//! `gear` is the joint's force.
 
 pub mod actuator_models;
 pub mod affine_force;

@@ -310,7 +310,7 @@ impl StepSettings {
     }
 
     /// Largest numbers of Gauss-Seidel iterations and of Newton iterations in a solve.
-    pub fn effort(&self) -> [u32; 2] {
+    pub fn iteration_limits(&self) -> [u32; 2] {
         match self.solver {
             Solver::Auto => [self.iterations.min(AUTO_SWEEPS), self.iterations],
             Solver::Pgs => [self.iterations, 0],

@@ -273,7 +273,7 @@ impl Pass {
     ) {
         match self {
             Self::Nominal => {
-                let [sweeps, newton_steps] = options.effort();
+                let [sweeps, newton_steps] = options.iteration_limits();
                 let tolerance = R::of(options.tolerance);
                 let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
                 let outcome = stepper_solve::solve(problem.system, problem.impulses, settings, constrained, newton);

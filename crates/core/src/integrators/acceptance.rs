@@ -58,7 +58,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     fn solve_further(&mut self, lanes: R::Mask, outcome: &mut Outcome<R>) {
         let StepContext { input: StepInput { compiled, options, .. }, evaluation } = self.context;
         let goal = self.residual_for_energy();
-        let ([_, steps], Outcome { residual, newton_steps, .. }) = (options.effort(), &mut *outcome);
+        let ([_, steps], Outcome { residual, newton_steps, .. }) = (options.iteration_limits(), &mut *outcome);
         let VelocitySolution { impulses, newton, .. } = &mut *self.velocity;
         let search = Search { steps, tolerance: goal, terms: Terms::LeastNorm };
         newton.solve(&self.problem.rows, impulses, search, lanes, [residual, newton_steps]);

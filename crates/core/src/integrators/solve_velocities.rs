@@ -129,7 +129,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         let Self { problem, velocity, .. } = self;
         let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
         let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
-        let [_, newton_steps] = options.effort();
+        let [_, newton_steps] = options.iteration_limits();
         if newton_steps >= MIN_NEWTON_STEPS_FOR_RETRY && unsolved.any() {
             let mut changed = R::Mask::splat(false);
             for i in 0..problem.curvature_terms.len() {

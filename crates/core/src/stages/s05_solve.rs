@@ -41,7 +41,7 @@ pub fn solve_to<R: Real>(
     velocity: &mut VelocitySolution<R>,
     contacts: &Contacts<R>,
 ) -> Outcome<R> {
-    let [sweeps, newton_steps] = options.effort();
+    let [sweeps, newton_steps] = options.iteration_limits();
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
     let rows = &problem.rows;
     let VelocitySolution { impulses, newton, capture, .. } = velocity;

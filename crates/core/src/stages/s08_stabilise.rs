@@ -129,7 +129,7 @@ pub fn limit_baumgarte<R: Real>(
     }
     position.v_free.copy_from_slice(v_free);
     // Iteration limits of the solver.
-    let [sweeps, newton_steps] = options.effort();
+    let [sweeps, newton_steps] = options.iteration_limits();
     let tolerance = R::of(options.tolerance);
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
     kernel!(R, || {
@@ -178,7 +178,7 @@ pub fn limit_baumgarte<R: Real>(
 fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>) -> R::Mask {
     let PositionInput { compiled, options, lanes, .. } = *input;
     damp_rows(input, &velocity.impulses, position);
-    let [sweeps, newton] = options.effort();
+    let [sweeps, newton] = options.iteration_limits();
     let accuracy_factor = options.accuracy_factor();
     let tolerance = (CORRECTION_TOLERANCE / accuracy_factor).max(options.tolerance);
     let sweeps = sweeps.min((CORRECTION_ITERATIONS * accuracy_factor) as u32);

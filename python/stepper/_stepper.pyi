@@ -1128,11 +1128,11 @@ class Stepper:
         envs: ArrayLike | None = None,
         **fields: ArrayLike | ActuatorModel | None,
     ) -> None:
-        """Sets parameters of each environment, with the effect of `Model.replace`. Dependent quantities are recomputed.
+        """Sets parameters of some or all environments, with the effect of `Model.replace`. Dependent quantities are recomputed.
 
         An environment then moves, bit for bit, as in a `Stepper` of the model that `Model.replace` returns. Parameters are not part of the
-        state: `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are
-        never randomized cost neither time nor memory.
+        state: `reset` and `set_state` keep them, and pickles and recordings include them. Fields that a call does not name
+        keep their values. Fields that are never randomized cost neither time nor memory.
 
         Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
         geom_friction for a geom of an explicit pair is an error without pair_friction. Give pair_friction in this call or an earlier one,
@@ -1145,12 +1145,13 @@ class Stepper:
         Args:
             values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
                 values. Each array has the axis of environments, then an axis for the selected elements and one for the selected columns, as
-                in NumPy's indexing. A single name, index or column has no axis. An array (num_envs,) sets all selected entries of an
-                environment to one value, and a scalar sets the selected entries of all environments. None restores the values of the model.
-                The first argument may also be `envs`, without values.
+                in NumPy's indexing. A single name, index or column has no axis. If `envs` has indices, the axis of environments has one
+                entry per index, otherwise num_envs. An array with this axis alone sets all selected entries of an environment to one
+                value. A scalar sets the selected entries of all selected environments. None restores the values of the model. The first
+                argument may also be `envs`, without values.
             envs: Environments to change, as in `reset`.
             **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of
-                the model; a call without fields restores all of them.
+                the model. A call with neither values nor fields restores all fields and drives; an empty dict as `values` changes nothing.
 
                 * gravity (num_envs, 3), m/s^2
                 * body_mass (num_envs, nbody), kg; body_ipos (num_envs, nbody, 3), centre of mass, m; body_inertia (num_envs, nbody, 3),
@@ -1160,9 +1161,9 @@ class Stepper:
                 * geom_size and geom_pos (num_envs, ngeom, 3), m. Masses do not change.
                 * jnt_stiffness (num_envs, njnt), N/m or N m/rad; jnt_range (num_envs, njnt, 2), m or rad
                 * dof_damping, dof_armature, dof_frictionloss (num_envs, nv)
-                * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo: the force is gain . (1, length, velocity) times the
-                  input plus bias . (1, length, velocity), with the first three entries. Entries that the type of an actuator does not use
-                  are 0.
+                * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo. With affine gain and bias, the force is
+                  gain[:3] . (1, length, velocity) times the input plus bias[:3] . (1, length, velocity). Entries that the type of an
+                  actuator does not use are 0.
                 * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
                   keep their drives, and None restores the drives that were given to the constructor. A component (servo, motor, lag, limits, friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
                   delay there. Delay lines, lags and integrals are state: they are kept until `reset`.

@@ -224,7 +224,7 @@ struct ContactFriction<'a> {
 
 fn contact_friction(sim: &Simulation, env: usize) -> ContactFriction<'_> {
     let own = |wanted: Parameter, width: usize| {
-        let values = sim.own_parameters().find(|(parameter, _)| *parameter == wanted)?.1;
+        let values = sim.per_env_fields().find(|(parameter, _)| *parameter == wanted)?.1;
         Some(&values[env * width..(env + 1) * width])
     };
     let model = sim.model();

@@ -74,7 +74,7 @@ pub struct DynamicPairs<S> {
     /// Indices in `members` of the geoms that are not fixed to the world, if the broad phase searches for pairs of two such geoms. Empty if
     /// these pairs are listed, so that only pairs of a moving and a static geom are dynamic.
     pub moving: Vec<u32>,
-    /// Largest bounding radius of a geom in `members` plus its margin, m.
+    /// Largest sum of bounding radius and margin of a geom in `members`, m, with the sizes of the model.
     pub widest: f64,
     /// Index of the first dynamic pair in the compiled model. Smaller indices belong to the pairs in the compiled model's list of pairs.
     first: usize,

@@ -78,7 +78,7 @@ fn nothing_changes_when_one_environment_is_refused() {
     masses[last] = -1.0;
     let error = sim.randomize(&[(Parameter::BodyMass, Some(&masses))], &[0, 1, 2]).unwrap_err().to_string();
     assert!(error.contains("environment 2: body") && error.contains("mass is -1 kg"), "{error}");
-    assert!(sim.own_parameters().next().is_none());
+    assert!(sim.per_env_fields().next().is_none());
     assert_eq!(sim.parameter_bytes(), 0);
     let error = sim.randomize(&[(Parameter::BodyMass, Some(&masses[1..]))], &[0]).unwrap_err().to_string();
     assert!(error.contains("body_mass has"), "{error}");

@@ -70,13 +70,13 @@ impl Stepper {
     /// with the drives under the key "actuators".
     pub(super) fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        for (parameter, values) in self.simulation.own_parameters() {
+        for (parameter, values) in self.simulation.per_env_fields() {
             let name = parameter.name();
             let (tail, _) = self.simulation.model().field(name).expect("a field of the model");
             let values = array(py, &self.shape(&tail), values.to_vec(), Precision::F64)?;
             all.set_item(name, read_only_of_environments(values, name)?)?;
         }
-        if let Some(specs) = self.simulation.own_actuators() {
+        if let Some(specs) = self.simulation.per_env_actuators() {
             let rows = pythonize::pythonize(py, specs).map_err(|e| PyValueError::new_err(e.to_string()))?;
             let class = py.import("stepper")?.getattr("ActuatorModel")?;
             all.set_item(ACTUATORS, class.call_method1("_from_rows", (self.model.clone_ref(py), rows))?)?;

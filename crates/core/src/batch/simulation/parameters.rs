@@ -68,7 +68,7 @@ impl Simulation {
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`.
     pub fn reset_parameters(&mut self, envs: &[usize]) -> Result<(), Error> {
-        let all: Vec<(Parameter, Option<&[f64]>)> = self.own_parameters().map(|(parameter, _)| (parameter, None)).collect();
+        let all: Vec<(Parameter, Option<&[f64]>)> = self.per_env_fields().map(|(parameter, _)| (parameter, None)).collect();
         self.randomize_all(&all, ActuatorNumbers::Original, envs)
     }
 
@@ -107,10 +107,10 @@ impl Simulation {
         }
     }
 
-    /// Actuator models with per-environment parameters, one entry for every actuator. Each parameter is a list of one number for all
+    /// Actuator models of all environments, one entry for every actuator. Each parameter is a list of one number for all
     /// environments, or of one number for each environment. `None` if every environment has the parameters of
     /// [`Simulation::set_actuator_models`], because none were set since, or all were restored at once.
-    pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
+    pub fn per_env_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.per_env()
     }
 
@@ -149,8 +149,8 @@ impl Simulation {
         Ok((name, values))
     }
 
-    /// Names and values of the per-environment parameters. Each array has one row per environment, with all values of the parameter.
-    pub fn own_parameters(&self) -> impl Iterator<Item = (Parameter, &[f64])> {
+    /// Per-environment fields of the model, with their values. Each array has one row per environment, with all values of the field.
+    pub fn per_env_fields(&self) -> impl Iterator<Item = (Parameter, &[f64])> {
         self.randomization.fields().map(|(name, values)| (name.parse().expect("the name of a parameter"), values))
     }
 

@@ -15,10 +15,10 @@
 //! that overlap in the reference pose, and excludes all pairs of their two bodies, like `<exclude>` in MJCF and `disable_collisions` in
 //! SRDF. If one of the bodies is the world, only these two geoms are excluded.
 //!
-//! Margins and gaps of a pair are **sums** of those of the geoms. A gap is beyond the margin: a contact is found within margin + gap, and
-//! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`). MuJoCo 2 and 3 used the larger of two margins, and contacts
-//! pushed within margin - gap. Measured with 4.0.0: geoms with margins of 0.05 and 0.02 m, and gaps of 0.03 and 0.01 m, rest at
-//! a distance of 0.07 m.
+//! Margins and gaps of two geoms without an explicit pair are **sums** of those of the geoms. A gap is beyond the margin: a contact is
+//! found within margin + gap, and pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`). MuJoCo 2 and 3 used the larger
+//! of two margins, and contacts pushed within margin - gap. Measured with 4.0.0: geoms with margins of 0.05 and 0.02 m, and gaps of 0.03
+//! and 0.01 m, rest at a distance of 0.07 m.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashSet};

@@ -131,8 +131,9 @@ impl Stepper {
     ///           integrals are state: they are kept until `reset`.
     ///
     /// Raises:
-    ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
-    ///     ValueError: A shape is wrong, or a drive has an invalid value, another structure or a longer delay. No parameter changes.
+    ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`, or `values` is no dict.
+    ///     ValueError: A selector or a shape is wrong, or two selectors set the same number. Or a drive has an invalid value, another
+    ///         structure or a longer delay. No parameter changes.
     ///     ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides the value. Or the
     ///         value needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
     ///         environment. No parameter changes.

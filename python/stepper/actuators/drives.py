@@ -17,19 +17,20 @@ Envs: TypeAlias = "np.ndarray[Any, Any] | None"
 
 @dataclass(frozen=True, kw_only=True)
 class PID:
-    """Servo (PID controller) that replaces the force law of an actuator. The control is then the target of the actuator's length.
+    """Servo (PID controller) that replaces the affine force of an actuator. The control is then the target of the actuator's length.
 
-    The length is MJCF's gear times the joint position. effort = kp (control - length) + I - kd velocity, where I is the sum of
-    ki (control - length) dt. I stays constant in a step in which the effort exceeds a limit and the new I would increase the excess. Every
-    number is a scalar for all environments or an array (num_envs,).
+    The length is MJCF's gear times the joint position or tendon length. effort = kp (control - length) + I - kd velocity, where I is the
+    sum of ki (control - length) dt. I stays constant in a step in which the effort exceeds a limit and the new I would increase the excess.
+    Every number is a scalar for all environments or an array (num_envs,).
 
     Attributes:
         kp: Proportional gain, N or N m per unit of length.
         ki: Integral gain, N or N m per unit of length and second.
         kd: Derivative gain, N or N m per unit of velocity.
         integral_limit: Largest absolute value of the integral term I, N or N m; None sets no limit.
-        period: Sampling period of a digital controller, s, at least one time step; the effort is constant between samples. None makes the
-            servo continuous. The integrators midpoint and implicit then treat kp and kd implicitly and are stable for any time step.
+        period: Sampling period of a digital controller, s; the effort is constant between samples. A period below the time step acts as the
+            time step. None makes the servo continuous. The integrators midpoint and implicit then treat kp and kd implicitly and are stable
+            for any time step.
     """
 
     kp: Number
@@ -46,7 +47,7 @@ class PID:
 
         Args:
             num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) of the environments whose numbers are returned; None selects all.
+            envs: Mask (num_envs,) or indices of the environments whose numbers are returned; None selects all.
         """
         limit = math.inf if self.integral_limit is None else self.integral_limit
         return {
@@ -96,7 +97,7 @@ class DCMotor:
 
         Args:
             num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) of the environments whose numbers are returned; None selects all.
+            envs: Mask (num_envs,) or indices of the environments whose numbers are returned; None selects all.
         """
 
         def curve(name: str) -> list[float]:
@@ -117,17 +118,17 @@ class DCMotor:
 class Drive:
     """Model of an actuator with delay, servo, lag, motor, gear and friction. The default is an ideal actuator.
 
-    The control passes these stages in this order: control range, delay, servo, lag, force law of the actuator, limits, torque-speed curve,
-    gear, friction. Every number is a scalar for all environments or an array (num_envs,). See docs/reference/actuators.md.
+    The control passes these parts in this order: control range, delay, servo, lag, affine force of the actuator, limits, torque-speed
+    curve, gear, friction. Every number is a scalar for all environments or an array (num_envs,). See docs/reference/actuators.md.
 
     Attributes:
         delay: Delay of the control, s. If it is no multiple of the time step, a step uses the mean of the delayed control over the step.
             With a sampled servo (`PID.period`), the delay is rounded up to whole steps.
         delay_steps: Delay of the control, time steps; it is added to `delay`.
         lag: Time constant of a first-order lag of the control, or of the effort of a servo, s; 0 disables the lag.
-        limits: Smallest and largest effort, N or N m, in addition to `forcerange` of the actuator.
+        limits: Lowest and highest force of the actuator, N or N m, in addition to its `forcerange`.
         motor: DC motor with gear.
-        servo: Servo that replaces the force law and the control range of the actuator.
+        servo: Servo that replaces the affine force and the control range of the actuator.
         friction: Dry friction on the actuator's side of MJCF's gear, N or N m. The friction at the joint is this value times the absolute
             value of the gear.
     """
@@ -154,7 +155,7 @@ class Drive:
 
         Args:
             num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) of the environments whose numbers are returned; None selects all.
+            envs: Mask (num_envs,) or indices of the environments whose numbers are returned; None selects all.
         """
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         return {

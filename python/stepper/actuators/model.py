@@ -59,7 +59,7 @@ class ActuatorModel:
         Args:
             model: The model.
             num_envs: Number of environments, for checks of array sizes.
-            envs: Mask (num_envs,) of the environments whose numbers are returned; None selects all.
+            envs: Mask (num_envs,) or indices of the environments whose numbers are returned; None selects all.
 
         Raises:
             ValueError: A name or pattern matches no actuator, or an array has a wrong shape.

@@ -123,12 +123,12 @@ impl Stepper {
     ///         * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo. With affine gain and bias, the force is
     ///           gain[:3] . (1, length, velocity) times the input plus bias[:3] . (1, length, velocity). Entries that the type of an
     ///           actuator does not use are 0.
-    ///         * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
-    ///           keep their drives, and None restores the drives that were given to the constructor. A new drive must have the structure
-    ///           of the constructor's drive: both or neither have a servo, a sampling period, a motor and a torque-speed curve. Gear, rotor
-    ///           inertia and control of the motor are the same. A new drive can have lag, limits or friction only if the constructor's
-    ///           drive has them in at least one environment. Delays must not exceed the longest delay there. Delay lines, lags and
-    ///           integrals are state: they are kept until `reset`.
+    ///         * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Arrays in drives
+    ///           have num_envs entries, also if `envs` has indices. Other actuators keep their drives, and None restores the drives that
+    ///           were given to the constructor. A new drive must have the structure of the constructor's drive: both or neither have a
+    ///           servo, a sampling period, a motor and a torque-speed curve. Gear, rotor inertia and control of the motor are the same. A
+    ///           new drive can have lag, limits or friction only if the constructor's drive has them in at least one environment. Delays
+    ///           must not exceed the longest delay there. Delay lines, lags and integrals are state: they are kept until `reset`.
     ///
     /// Raises:
     ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`, or `values` is no dict.

@@ -89,9 +89,10 @@ impl Stepper {
 impl Stepper {
     /// Sets parameters of some or all environments, with the effect of `Model.replace`. Dependent quantities are recomputed.
     ///
-    /// An environment then moves, bit for bit, as in a `Stepper` of the model that `Model.replace` returns. Parameters are not part of the
-    /// state: `reset` and `set_state` keep them, and pickles and recordings include them. Fields that a call does not name
-    /// keep their values. Fields that are never randomized cost neither time nor memory.
+    /// With hard contact, an environment then moves, bit for bit, as in a `Stepper` of the model that `Model.replace` returns. With
+    /// MuJoCo's contact law, the inverse weights stay those of the stepper's model. Parameters are not part of the state: `reset` and
+    /// `set_state` keep them, and pickles and recordings include them. Fields that a call does not name keep their values. Fields that are
+    /// never randomized cost neither time nor memory.
     ///
     /// Contacts of an explicit pair use pair_friction and pair_restitution, and ignore geom_friction and geom_restitution. So a new
     /// geom_friction for a geom of an explicit pair is an error without pair_friction. Give pair_friction in this call or an earlier one,

@@ -53,8 +53,8 @@ pub struct Group<S> {
     pub time: Vec<f64>,
     /// Status flags of the last call, per lane.
     pub status: Vec<u32>,
-    /// For each actuator and lane, number of steps of the last call in which the actuator's force or servo effort reached its bounds. Empty
-    /// if no actuator has bounds.
+    /// For each actuator and lane, number of steps of the last call that clamped the actuator's force, or a sum of forces that contains it.
+    /// Empty if no actuator force has bounds.
     pub saturated: Vec<u32>,
     /// Residual of the last step, m/s, per lane.
     pub residual: Vec<S>,

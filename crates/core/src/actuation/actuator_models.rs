@@ -18,7 +18,7 @@ pub struct ActuatorModels {
     /// Actuator specs as the user gave them, and ideal specs for actuators that have only a delay in the model. `None` for actuators
     /// without an actuator model.
     made: Vec<Option<ActuatorSpec>>,
-    /// Specs with the parameters of all environments; `None` while all environments have those of `made`.
+    /// Specs with the parameters of all environments. `None` until parameters change, and after a call that restores all environments.
     per_env: Option<Vec<Option<ActuatorSpec>>>,
 }
 
@@ -48,7 +48,7 @@ impl ActuatorModels {
         Ok(Self { model: combined, made: made.collect(), specs, per_env: None })
     }
 
-    /// Specs with the parameters of all environments; `None` while all environments have the original parameters.
+    /// Specs with the parameters of all environments. `None` until parameters change, and after a call that restores all environments.
     pub fn per_env(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.per_env.as_deref()
     }

@@ -108,8 +108,8 @@ impl Simulation {
     }
 
     /// Actuator models of all environments, one entry for every actuator. Each parameter is a list of one number for all
-    /// environments, or of one number for each environment. `None` if every environment has the parameters of
-    /// [`Simulation::set_actuator_models`], because none were set since, or all were restored at once.
+    /// environments, or of one number for each environment. `None` without actuator models, until their
+    /// parameters change, and after a call that restores all environments.
     pub fn per_env_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.per_env()
     }

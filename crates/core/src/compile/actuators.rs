@@ -127,8 +127,8 @@ pub struct CompiledForceRange<S> {
     pub bounds: [S; 2],
     /// Actuators on joints and tendons that act on this degree of freedom: index of the actuator, and moment arm.
     pub actuators: Vec<(usize, S)>,
-    /// Actuators on sites that act on this degree of freedom: index of the actuator, and index of its moment arm in the list of arms of all
-    /// wrenches.
+    /// Actuators on sites that act on this degree of freedom. Each has the index of the actuator, and the index of its moment arm in the
+    /// list of arms of all wrenches.
     pub site_actuators: Vec<(usize, usize)>,
     /// Whether any of these actuators is a servo, whose force depends on its length or velocity.
     pub has_servos: bool,

@@ -1049,8 +1049,9 @@ class Stepper:
         fields: Sequence[str] | None = None,
         out: dict[str, _Array] | None = None,
     ) -> dict[str, _Array]:
-        """Makes `nstep` steps with each of T controls in one call. If no mocap body moves, the results equal those of T calls of `step`, bit
-        for bit.
+        """Makes `nstep` steps with each of T controls in one call.
+
+        If no mocap body moves, the results equal those of T calls of `step`, bit for bit.
 
         Each thread steps its environments through all T controls. `qfrc_applied` and `xfrc_applied` are constant. Mocap bodies reach the
         poses `mocap_pos` and `mocap_quat` at the end of the call.
@@ -1165,13 +1166,17 @@ class Stepper:
                 * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo. With affine gain and bias, the force is
                   gain[:3] . (1, length, velocity) times the input plus bias[:3] . (1, length, velocity). Entries that the type of an
                   actuator does not use are 0.
-                * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Other actuators
-                  keep their drives, and None restores the drives that were given to the constructor. A component (servo, motor, lag, limits, friction) must exist in `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest
-                  delay there. Delay lines, lags and integrals are state: they are kept until `reset`.
+                * actuators, a `stepper.ActuatorModel`: its drives replace the drives of the matching actuators completely. Arrays in drives
+                  have num_envs entries, also if `envs` has indices. Other actuators keep their drives, and None restores the drives that
+                  were given to the constructor. A new drive must have the structure of the constructor's drive: both or neither have a
+                  servo, a sampling period, a motor and a torque-speed curve. Gear, rotor inertia and control of the motor are the same. A
+                  new drive can have lag, limits or friction only if the constructor's drive has them in at least one environment. Delays
+                  must not exceed the longest delay there. Delay lines, lags and integrals are state: they are kept until `reset`.
 
         Raises:
-            TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
-            ValueError: A shape is wrong, or a drive has an invalid value, a new component or a longer delay. No parameter changes.
+            TypeError, IndexError: An argument `envs` is invalid, as in `reset`, or `values` is no dict.
+            ValueError: A selector or a shape is wrong, or two selectors set the same number. Or a drive has an invalid value, another
+                structure or a longer delay. No parameter changes.
             ModelError: The field must be the same in all environments, a value is invalid, or an explicit pair overrides the value. Or the
                 value needs a feature that the model lacks, such as dry friction in a joint without it. The message has field, element and
                 environment. No parameter changes.

@@ -331,3 +331,34 @@ def test_a_saturated_servo_beside_a_drive_is_resolved(integrator):
         sim.step([0.1, 1.0])
         assert sim.status == stepper.Status.OK
         assert sim.actuator_saturation[1] == 1
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "euler", "implicit"])
+@pytest.mark.parametrize("on_site", ["motor", "position"])
+def test_a_bounded_sum_contains_forces_on_sites(integrator, on_site):
+    """A servo on the joint asks for 1 N m, an actuator on a site for 5 N m, and the bound of their sum is 2 N m."""
+    actuator = "<motor {}/>" if on_site == "motor" else '<position {} kp="1" kv="1"/>'
+    model = stepper.load(f"""<mujoco><option gravity="0 0 0"/><worldbody><body>
+      <joint name="a" axis="0 0 1" actuatorfrcrange="-2 2"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 .5"/><site name="s" pos="1 0 0"/>
+      </body></worldbody><actuator><position joint="a" kp="1"/>{actuator.format('site="s" gear="0 5 0 0 0 0"')}</actuator></mujoco>""")
+    sim = stepper.Stepper(model, options=stepper.Options(integrator=integrator, timestep=H))
+    sim.step([1.0, 1.0])
+    # Rounding of the inverse inertia.
+    assert sim.qvel[0] == pytest.approx(H * 2 / 0.5, rel=1e-14)
+    assert sim.actuator_saturation.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("contact", "integrator"),
+    [
+        *(("hard", name) for name in ("midpoint", "implicit", "euler", "rk4")),
+        *(("mujoco", name) for name in ("euler", "implicitfast", "rk4")),
+    ],
+)
+def test_a_drive_at_its_limit_counts_as_saturated(contact, integrator):
+    model = stepper.load("""<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="a" axis="0 0 1"/><geom size=".2" mass="1"/></body>
+      </worldbody><actuator><motor name="m" joint="a"/></actuator></mujoco>""")
+    drive = ActuatorModel({"m": Drive(servo=PID(kp=50, kd=0.1), limits=(-1, 1))})
+    sim = stepper.Stepper(model, options=stepper.Options(contact=contact, integrator=integrator), actuators=drive)
+    sim.step([1.0], nstep=10)
+    assert sim.actuator_saturation.tolist() == [10]

@@ -142,7 +142,7 @@ impl Stepper {
 #[pymethods]
 impl Stepper {
     /// Makes `nstep` steps with each of T controls in one call.
-    /// 
+    ///
     /// If no mocap body moves, the results equal those of T calls of `step`, bit for bit.
     ///
     /// Each thread steps its environments through all T controls. `qfrc_applied` and `xfrc_applied` are constant. Mocap bodies reach the

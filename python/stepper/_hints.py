@@ -20,6 +20,12 @@ T = TypeVar("T")
 _RESULT = "each step computes it from the state, which sim.set_state(...) sets"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
 """Advice for errors on assignments to attributes of a model, by attribute, where the general advice would be wrong."""
+_FIXED = "it follows from the model's file: change the file, and load it again"
+_KINDS = {
+    **{kind: (kind.lower(),) for kind in ("Body", "Geom", "Pair", "Site", "Actuator", "Sensor", "Tendon", "Keyframe")},
+    "Joint": ("jnt", "dof"),
+}
+"""Beginnings of the names of model fields with values of an element, by class of the element: `body_mass` has `Body.mass`."""
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
@@ -146,10 +152,13 @@ def not_assigned(owner: type, name: str) -> AttributeError:
     # The fields of `Model.replace` are properties. The other attributes of a model are computed from its file.
     if isinstance(there, property) or (owner is Stepper and name in _REMEDIES):
         reason = remedy_of(name)
+    elif owner.__name__ in _KINDS:
+        fields = [f"{prefix}_{name}" for prefix in _KINDS[owner.__name__] if isinstance(getattr(Model, f"{prefix}_{name}", None), property)]
+        reason = remedy_of(fields[0]) if fields else _FIXED
     elif callable(there):
         reason = "it is a method"
     elif owner is Model:
-        reason = _OF_MODEL.get(name, "it follows from the model's file: change the file, and load it again")
+        reason = _OF_MODEL.get(name, _FIXED)
     else:
         reason = _RESULT
     return AttributeError(f"{name} of a stepper.{owner.__name__} cannot be assigned: {reason}")

@@ -1025,7 +1025,7 @@ class Stepper:
         Args:
             ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
                 current controls (`Stepper.ctrl`), as in MuJoCo.
-            nstep: Number of steps.
+            nstep: Number of steps. With 0, the call only sets the controls, for quantities that follow from them, such as `qacc_smooth`.
             envs: Environments, as in `reset`. The other environments keep their state, controls, sensor readings and flags. A SIMD group
                 without a selected environment takes no time. But if sensors or actuators have delays, or if the stepper is recorded, all
                 environments step, and then the states of the unselected environments are restored.
@@ -1201,7 +1201,7 @@ class Stepper:
             env: Index of an environment. None saves all environments.
         """
     def contacts(self, envs: ArrayLike | None = None) -> NDArray[np.void]:
-        """Contacts of the last step: all that the solver considered.
+        """Contacts of the last step: all that the solver considered. If the state was set since then, those of a trial step.
 
         They are the contacts that the motion can close within the step. Contacts that do not touch (distance > 0) mostly have no force.
         Distances are relative to the margin, at which contacts begin to push. The `gap` of a geom, with which MuJoCo 4 also reports

@@ -224,3 +224,45 @@ def test_a_cold_start_forgets_what_a_correction_keeps():
     assert np.array_equal(warm.qpos, plant.qpos)
     assert np.array_equal(warm.sensordata, plant.sensordata)
     assert np.abs(cold.qvel - plant.qvel).max() > 1e-6
+
+
+@pytest.mark.parametrize("contact", ["hard", "mujoco"])
+@pytest.mark.parametrize("num_envs", [1, 11])
+def test_contacts_of_a_state_that_was_set_are_those_of_the_next_step(contact, num_envs):
+    """Like the forces of sensors and bodies; an environment whose state was not set keeps the contacts of its last step."""
+    model = stepper.load("""<mujoco><worldbody><geom type="plane" size="5 5 .1"/><body pos="0 0 .1"><freejoint/>
+      <geom type="box" size=".1 .2 .1"/></body></worldbody></mujoco>""")
+    sim = stepper.Stepper(model, num_envs, options=stepper.Options(contact=contact))
+    qpos = np.tile(model.qpos0, (num_envs, 1))
+    qpos[:, 2] -= np.linspace(1e-4, 1e-3, num_envs)
+    qpos[num_envs // 2, 2] = 3.0 if num_envs > 1 else qpos[0, 2]
+    before = sim.contacts()
+    sim.set_state(qpos=qpos)
+    state, found, forces = sim.get_state(), sim.contacts(), sim.body_contact_force[:, 1, 2]
+    assert sim.get_state() == state
+    np.testing.assert_array_equal(sim.contacts(), found)
+    on_body = np.bincount(found["env"], (found["force"][:, None] @ found["frame"])[:, 0, 2], minlength=num_envs)
+    # Rounding of a sum of four forces.
+    np.testing.assert_allclose(on_body, forces, rtol=1e-12, atol=1e-12)
+    sim.step()
+    np.testing.assert_array_equal(sim.contacts(), found)
+    assert len(before)
+    sim.set_state(qpos=model.qpos0, envs=[0])
+    kept = found["env"] > 0
+    np.testing.assert_array_equal(sim.contacts()[-kept.sum() or len(found) :], found[kept])
+
+
+def test_a_call_without_steps_sets_the_controls():
+    model = stepper.load("""<mujoco><worldbody><body><joint name="a" axis="0 0 1"/><geom size=".1" mass="1"/></body></worldbody>
+      <actuator><motor joint="a"/></actuator></mujoco>""")
+    sim, other = stepper.Stepper(model, 3), stepper.Stepper(model, 3)
+    ctrl = np.array([[1.0], [2.0], [3.0]])
+    sim.step(ctrl, nstep=0)
+    np.testing.assert_array_equal(sim.ctrl, ctrl)
+    assert not sim.time.any()
+    sim.step([[5.0]], 0, envs=[1])
+    ctrl[1] = 5.0
+    assert sim.qacc_smooth[1] == 5 * sim.qacc_smooth[0] > 0
+    sim.step()
+    other.step(ctrl)
+    np.testing.assert_array_equal(sim.qvel, other.qvel)

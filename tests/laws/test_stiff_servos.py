@@ -337,10 +337,12 @@ def test_a_saturated_servo_beside_a_drive_is_resolved(integrator):
 @pytest.mark.parametrize("on_site", ["motor", "position"])
 def test_a_bounded_sum_contains_forces_on_sites(integrator, on_site):
     """A servo on the joint asks for 1 N m, an actuator on a site for 5 N m, and the bound of their sum is 2 N m."""
-    actuator = "<motor {}/>" if on_site == "motor" else '<position {} kp="1" kv="1"/>'
+    site = 'site="s" gear="0 5 0 0 0 0"'
+    actuator = f"<motor {site}/>" if on_site == "motor" else f'<position {site} kp="1" kv="1"/>'
     model = stepper.load(f"""<mujoco><option gravity="0 0 0"/><worldbody><body>
-      <joint name="a" axis="0 0 1" actuatorfrcrange="-2 2"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 .5"/><site name="s" pos="1 0 0"/>
-      </body></worldbody><actuator><position joint="a" kp="1"/>{actuator.format('site="s" gear="0 5 0 0 0 0"')}</actuator></mujoco>""")
+      <joint name="a" axis="0 0 1" actuatorfrcrange="-2 2"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 .5"/>
+      <site name="s" pos="1 0 0"/></body></worldbody>
+      <actuator><position joint="a" kp="1"/>{actuator}</actuator></mujoco>""")
     sim = stepper.Stepper(model, options=stepper.Options(integrator=integrator, timestep=H))
     sim.step([1.0, 1.0])
     # Rounding of the inverse inertia.
@@ -348,13 +350,14 @@ def test_a_bounded_sum_contains_forces_on_sites(integrator, on_site):
     assert sim.actuator_saturation.tolist() == [1, 1]
 
 
-EXPLICIT = [("mujoco", name) for name in ("euler", "implicitfast", "rk4")]
+LAWS = {"hard": ("midpoint", "implicit", "euler", "rk4"), "mujoco": ("euler", "implicitfast", "rk4")}
 
 
-@pytest.mark.parametrize(("contact", "integrator"), [*(("hard", name) for name in ("midpoint", "implicit", "euler", "rk4")), *EXPLICIT])
+@pytest.mark.parametrize(("contact", "integrator"), [(law, name) for law, names in LAWS.items() for name in names])
 def test_a_drive_at_its_limit_counts_as_saturated(contact, integrator):
-    model = stepper.load("""<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="a" axis="0 0 1"/><geom size=".2" mass="1"/></body>
-      </worldbody><actuator><motor name="m" joint="a"/></actuator></mujoco>""")
+    model = stepper.load("""<mujoco><option gravity="0 0 0"/><worldbody>
+      <body><joint name="a" axis="0 0 1"/><geom size=".2" mass="1"/></body></worldbody>
+      <actuator><motor name="m" joint="a"/></actuator></mujoco>""")
     drive = ActuatorModel({"m": Drive(servo=PID(kp=50, kd=0.1), limits=(-1, 1))})
     sim = stepper.Stepper(model, options=stepper.Options(contact=contact, integrator=integrator), actuators=drive)
     sim.step([1.0], nstep=10)

@@ -4,7 +4,7 @@ use numpy::PyArrayDescr;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyByteArray, PyDict, PyTuple};
-use stepper_core::Simulation;
+use stepper_core::Contact;
 
 /// Contact as a row of the structured array of contacts, with the memory layout of its dtype.
 #[repr(C)]
@@ -46,18 +46,14 @@ fn dtype(py: Python<'_>) -> PyResult<Py<PyArrayDescr>> {
     Ok(made.cast_into::<PyArrayDescr>()?.unbind())
 }
 
-/// Structured array for `Stepper.contacts`: the contacts of the environments `envs`, one environment after the other.
-pub(crate) fn structured<'py>(
-    py: Python<'py>,
-    simulation: &Simulation,
-    envs: impl IntoIterator<Item = usize>,
-) -> PyResult<Bound<'py, PyAny>> {
+/// Structured array for `Stepper.contacts`: the contacts `contacts` of each of the environments `envs`, one environment after the other.
+pub(crate) fn structured<'py>(py: Python<'py>, envs: &[usize], contacts: &[Vec<Contact>]) -> PyResult<Bound<'py, PyAny>> {
     static DTYPE: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
     let dtype = DTYPE.get_or_try_init(py, || dtype(py))?;
     let mut rows = Vec::new();
-    for env in envs {
-        rows.extend(simulation.contacts(env).iter().map(|c| Row {
-            env: env as i32,
+    for (env, contacts) in envs.iter().zip(contacts) {
+        rows.extend(contacts.iter().map(|c| Row {
+            env: *env as i32,
             geom: c.geoms.map(|g| g as i32),
             body: c.bodies.map(|b| b as i32),
             unused: 0,

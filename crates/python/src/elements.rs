@@ -8,7 +8,7 @@ use pyo3::types::PyString;
 use stepper_core::Precision;
 use stepper_core::model::{Activation, JointKind, Keyframe as CoreKeyframe, Model as Core, Shape, Transmission};
 
-use crate::array::{array, described, read_only};
+use crate::array::{array, assign_attribute, described, hint, read_only};
 use crate::model::Model;
 
 /// Declares the kinds of elements, such as `Body`. Each kind is a Python class with a read-only attribute for each field. `Model` gets a
@@ -42,6 +42,14 @@ macro_rules! elements {
 
             #[pymethods]
             impl $class {
+                fn __getattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
+                    Err(hint(slf, "no_attribute", name)?)
+                }
+
+                fn __setattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>, value: &Bound<'_, PyAny>) -> PyResult<()> {
+                    assign_attribute(slf, name, value)
+                }
+
                 fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
                     let fields: Vec<String> = [$((stringify!($field), &self.$field)),*]
                         .into_iter()

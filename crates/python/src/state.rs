@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
 use stepper_core::SavedState;
 
+use crate::array::hint;
 use crate::error::value_error;
 
 /// Complete state of one or all environments of a `Stepper`; see `Stepper.get_state`.
@@ -26,6 +27,10 @@ impl State {
     fn new(bytes: &[u8]) -> PyResult<Self> {
         let saved = SavedState::from_bytes(bytes).map_err(value_error)?;
         Ok(Self { saved })
+    }
+
+    fn __getattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
+        Err(hint(slf, "no_attribute", name)?)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

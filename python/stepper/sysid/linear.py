@@ -60,7 +60,7 @@ class Directions:
         """Points above and below a point along each direction, in the unit of the point.
 
         Args:
-            x: The point, (n,).
+            x: The point, (n,), in the units of the parameters.
 
         Returns:
             The points, (2 n, n): for each direction the point above x, then that below.

@@ -8,7 +8,7 @@ use crate::analysis::inverse_weights::inverse_weights;
 use crate::batch::capacity::{bytes_per_env, check_memory, contact_capacity};
 use crate::batch::inputs::Field;
 use crate::batch::parameter_overrides::ParameterOverrides;
-use crate::batch::state::{Group, StoredContact};
+use crate::batch::state::{ContactOfGeoms, Group, StoredContact};
 use crate::batch::worker::{LaneScalar, WorkerSpec, lanes};
 use crate::batch::worker_pool::WorkerPool;
 use crate::batch::worst_row::WorstRow;
@@ -194,8 +194,13 @@ impl<S: LaneScalar> Batch<S> {
     }
 
     /// Contacts of the last step: the two geoms of each, as indices in the model, and the stored contact.
-    pub(super) fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {
+    pub(super) fn contacts(&self, env: usize) -> Vec<ContactOfGeoms> {
         let (group, lane) = self.lane(env);
+        self.contacts_of(group, lane)
+    }
+
+    /// Contacts that are stored in a lane of a group: the two geoms of each, as indices in the model, and the stored contact.
+    pub(super) fn contacts_of(&self, group: &Group<S>, lane: usize) -> Vec<ContactOfGeoms> {
         let geoms = |c: StoredContact| {
             self.compiled.pair_geoms(c.id.pair()).expect("a pair index of this compiled model").map(|g| self.compiled.geoms[g].index)
         };

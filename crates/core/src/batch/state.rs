@@ -278,6 +278,9 @@ impl<S: Scalar> Group<S> {
     }
 }
 
+/// Stored contact with its two geoms, as indices in the model.
+pub(super) type ContactOfGeoms = ([usize; 2], StoredContact);
+
 /// Contact of one environment, as the state stores it.
 #[derive(Clone, Copy, Debug)]
 pub struct StoredContact {

@@ -10,7 +10,7 @@ use crate::batch::call::{Call, Part, Schedule};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::StepInputs;
 use crate::batch::rollout::{Numbers, Recording, RecordingChunk};
-use crate::batch::state::Group;
+use crate::batch::state::{ContactOfGeoms, Group};
 use crate::batch::worker::{GroupPosition, LaneScalar, Worker};
 use crate::error::Error;
 use crate::math::lanes::{DestinationLanes, each_of};
@@ -97,6 +97,35 @@ impl<S: LaneScalar> Batch<S> {
         });
         self.groups = groups;
         Ok(())
+    }
+
+    /// Contacts of each of the environments `envs` in their last step: the two geoms of each, as indices in the model, and the stored
+    /// contact. If a state was set since the last step, its contacts are those of a trial step with the inputs `inputs`.
+    ///
+    /// # Errors
+    /// [`Error::Threads`].
+    pub(super) fn present_contacts(&mut self, inputs: &StepInputs<'_>, envs: &[usize]) -> Result<Vec<Vec<ContactOfGeoms>>, Error> {
+        let mut copies: Vec<Option<Group<S>>> = vec![None; self.groups.len()];
+        for &env in envs {
+            let (group, lane) = self.lane(env);
+            if group.sensing.fresh >> lane & 1 == 1 {
+                copies[env / self.lanes].get_or_insert_with(|| group.clone());
+            }
+        }
+        if copies.iter().any(Option::is_some) {
+            self.workers.start_threads()?;
+            let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
+            self.share_groups(copies.iter_mut(), |worker, first, copy| {
+                if let Some(group) = copy {
+                    worker.find_contacts(&call, group, first);
+                }
+            });
+        }
+        let contacts = |&env: &usize| {
+            let (group, lane) = self.lane(env);
+            self.contacts_of(copies[env / self.lanes].as_ref().unwrap_or(group), lane)
+        };
+        Ok(envs.iter().map(contacts).collect())
     }
 
     /// Computes derived quantities of all environments in one pass over the groups. Each quantity has an output array in the precision of

@@ -34,6 +34,9 @@ pub trait Worker<S: Scalar>: Send {
     /// Computes derived quantities of one group, whose first environment is `first`. Each has an array in `out`, with one row per
     /// environment.
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
+    /// Replaces the contacts stored in `group`, a copy of a group whose first environment is `first`, in lanes whose state was set since
+    /// the last step. The new contacts are those of a trial step.
+    fn find_contacts(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize);
     /// Casts the rays of one group, whose first environment is `first`. Writes the distances, m, and the geoms of the first hits to `rows`,
     /// one row per environment.
     fn cast_rays(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, query: &RayQuery<'_, S>, rows: (&mut [S], &mut [i32]));
@@ -272,6 +275,13 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
                 self.derivation.derive(&self.step.compiled, call.settings, &mut self.step.workspace, quantity, out);
             }
         }
+    }
+
+    fn find_contacts(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
+        self.load_overrides(call, group, first);
+        let reader = Reader { call, compiled: &self.step.compiled, first, probe: self.probe };
+        reader.load_to_derive(group, &mut self.step.workspace, true, false);
+        group.store_contacts(&self.step.workspace.state.contacts);
     }
 
     fn cast_rays(

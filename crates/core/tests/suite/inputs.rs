@@ -71,7 +71,7 @@ fn calls() -> Vec<(&'static str, Call, Vec<usize>)> {
         ("qfrc", |sim, x| step(sim, StepInputs { qfrc: x, ..StepInputs::default() }), vec![0, n * nv]),
         ("xfrc", |sim, x| step(sim, StepInputs { xfrc: x, ..StepInputs::default() }), vec![0, n * 6 * nbody]),
         ("eq_active", |sim, x| step(sim, StepInputs { eq_active: x, ..StepInputs::default() }), vec![0, n]),
-        ("set_ctrl", |sim, x| sim.set_ctrl(x, 1), vec![nu, n * nu]),
+        ("set_ctrl", |sim, x| sim.set_ctrl(x), vec![nu, n * nu]),
         ("applied forces", |sim, x| sim.apply(AppliedInput::QfrcApplied, x), vec![0, n * nv]),
         ("applied poses", |sim, x| sim.apply(AppliedInput::MocapQuat, x), vec![0, n * 4]),
         ("applied equalities", |sim, x| sim.apply(AppliedInput::EqActive, x), vec![0, n]),
@@ -339,7 +339,7 @@ fn an_equality_is_switched_per_environment() {
 #[test]
 fn errors_compare() {
     let mut sim = simulation();
-    let error = |sim: &mut Simulation| sim.set_ctrl(&[0.0; 3], 1).unwrap_err();
+    let error = |sim: &mut Simulation| sim.set_ctrl(&[0.0; 3]).unwrap_err();
     assert_eq!(error(&mut sim), error(&mut sim));
     assert_ne!(error(&mut sim), Error::NoEnvironments);
 }

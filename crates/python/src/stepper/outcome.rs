@@ -25,7 +25,7 @@ impl Stepper {
         read_only(PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "actuator_saturation")
     }
 
-    /// Contacts of the last step: all that the solver considered.
+    /// Contacts of the last step: all that the solver considered. If the state was set since then, those of a trial step.
     ///
     /// They are the contacts that the motion can close within the step. Contacts that do not touch (distance > 0) mostly have no force.
     /// Distances are relative to the margin, at which contacts begin to push. The `gap` of a geom, with which MuJoCo 4 also reports
@@ -48,14 +48,17 @@ impl Stepper {
     ///     Force and torque satisfy |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
     #[pyo3(signature = (envs=None, **others), text_signature = "($self, envs=None)")]
     fn contacts<'py>(
-        slf: Reading<'_>,
+        mut slf: Writing<'_>,
         py: Python<'py>,
         envs: Option<Bound<'py, PyAny>>,
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         no_others("Stepper.contacts", others, &["envs"])?;
-        let selection = slf.selection(envs.as_ref())?;
-        structured(py, &slf.simulation, selection.envs)
+        let envs = slf.selection(envs.as_ref())?.envs;
+        slf.apply(py)?;
+        let simulation = &mut slf.simulation;
+        let contacts = py.detach(|| simulation.present_contacts(&envs)).map_err(value_error)?;
+        structured(py, &envs, &contacts)
     }
 
     /// Constraint with the largest residual in the last unsolved step (`status` NOT_CONVERGED) of the last call of `step`.

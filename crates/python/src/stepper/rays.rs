@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use stepper_core::RayCast;
 
-use crate::array::{OwnNumbers, check_shape, float64_array};
+use crate::array::{OwnNumbers, check_shape, float64_array, shape_text};
 use crate::elements::Kind;
 use crate::error::value_error;
 use crate::stepper::{Stepper, borrow};
@@ -63,7 +63,10 @@ impl Stepper {
             }
         };
         let (points, directions) = (float64_array(&points, "points")?, float64_array(&directions, "directions")?);
-        let count = if points.ndim() >= 2 { points.shape()[points.ndim() - 2] } else { 0 };
+        let &[.., count, _] = points.shape() else {
+            let shape = shape_text(points.shape());
+            return Err(PyValueError::new_err(format!("points has shape {shape}, must be (n, 3) for n rays, as [[0, 0, 1]] for one")));
+        };
         for (name, shape) in [("points", points.shape()), ("directions", directions.shape())] {
             check_shape(name, shape, &[&slf.shape(&[count, 3]), &[count, 3]])?;
         }

@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::{AppliedInput, Precision, StepInputs};
 
-use crate::arguments::Whole;
+use crate::arguments::{Whole, no_others};
 use crate::array::{array, with_numbers};
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -14,25 +14,25 @@ use crate::stepper::{Stepper, borrow};
 
 impl Stepper {
     /// Copies the controls of the argument `ctrl` to the simulation, where they apply until they are replaced. None keeps the current
-    /// controls. With `nstep` = 0 the argument is only checked.
-    fn take_ctrl(&mut self, given: Option<&Bound<'_, PyAny>>, nstep: usize) -> PyResult<()> {
+    /// controls.
+    fn take_ctrl(&mut self, given: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let Some(given) = given else { return Ok(()) };
         let (n, nu) = (self.n(), self.simulation.model().nu());
         let taken = with_numbers(given, |shape, numbers| {
             let fits = matches!(*shape, [row] if row == nu) || (self.batched && matches!(*shape, [rows, row] if rows == n && row == nu));
             if fits {
-                self.simulation.set_ctrl(numbers, nstep).expect("checked above");
+                self.simulation.set_ctrl(numbers).expect("checked above");
             }
             fits
         });
-        if taken == Some(true) { Ok(()) } else { self.convert_ctrl(given, nstep) }
+        if taken == Some(true) { Ok(()) } else { self.convert_ctrl(given) }
     }
 
     /// Slow path of [`Stepper::take_ctrl`] for controls that must be converted: lists, other dtypes and layouts. A wrong shape is an error.
     #[cold]
-    fn convert_ctrl(&mut self, given: &Bound<'_, PyAny>, nstep: usize) -> PyResult<()> {
+    fn convert_ctrl(&mut self, given: &Bound<'_, PyAny>) -> PyResult<()> {
         let rows = self.rows(given, "ctrl", self.simulation.model().nu())?;
-        self.simulation.set_ctrl(rows.as_slice()?, nstep).map_err(value_error)
+        self.simulation.set_ctrl(rows.as_slice()?).map_err(value_error)
     }
 
     /// Makes `nstep` steps with the given inputs and the applied inputs (forces, mocap poses ...). A signal can interrupt them, unless they
@@ -131,7 +131,7 @@ impl Stepper {
     /// Args:
     ///     ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
     ///         current controls (`Stepper.ctrl`), as in MuJoCo.
-    ///     nstep: Number of steps.
+    ///     nstep: Number of steps. With 0, the call only sets the controls, for quantities that follow from them, such as `qacc_smooth`.
     ///     envs: Environments, as in `reset`. The other environments keep their state, controls, sensor readings and flags. A SIMD group
     ///         without a selected environment takes no time. But if sensors or actuators have delays, or if the stepper is recorded, all
     ///         environments step, and then the states of the unselected environments are restored.
@@ -145,13 +145,20 @@ impl Stepper {
     ///         environments have made the same number of steps, which is the exception's attribute `steps`. The results equal those of a
     ///         call with this number as `nstep`, except that moving mocap bodies have not reached their targets. A recording with moving
     ///         mocap bodies can be replayed up to this call only. Exceptions of other signal handlers interrupt the call in the same way.
-    #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
-    fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, envs: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None, **others), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
+    fn step(
+        slf: &Bound<'_, Self>,
+        ctrl: Option<&Bound<'_, PyAny>>,
+        nstep: Whole<'_>,
+        envs: Option<&Bound<'_, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        no_others("Stepper.step", others, &["ctrl", "nstep", "envs"])?;
         let mut this = borrow(slf)?;
         let nstep = nstep.from(0, "nstep")? as usize;
         let interrupted = match envs {
             None => {
-                this.take_ctrl(ctrl, nstep)?;
+                this.take_ctrl(ctrl)?;
                 this.advance(slf.py(), StepInputs::default(), nstep)?
             }
             Some(_) => {

@@ -17,23 +17,18 @@ impl Simulation {
 
     /// Sets the controls of the next steps, (num_envs, nu) or (nu) for all environments. They remain in force until they are replaced.
     ///
-    /// If `nstep` is 0, the function only checks the controls.
-    ///
     /// # Errors
     /// [`Error::Length`] when `rows` has another number of values.
-    pub fn set_ctrl(&mut self, rows: &[f64], nstep: usize) -> Result<(), Error> {
-        self.set_ctrl_of(rows, nstep, &[])
+    pub fn set_ctrl(&mut self, rows: &[f64]) -> Result<(), Error> {
+        self.set_ctrl_of(rows, &[])
     }
 
-    /// Sets the controls of the environments in a mask; an empty mask selects all. If `nstep` is 0, the function only checks the controls.
-    fn set_ctrl_of(&mut self, rows: &[f64], nstep: usize, mask: &[bool]) -> Result<(), Error> {
+    /// Sets the controls of the environments in a mask; an empty mask selects all.
+    fn set_ctrl_of(&mut self, rows: &[f64], mask: &[bool]) -> Result<(), Error> {
         let nu = self.model.nu();
         if rows.len() != self.ctrl.len() && rows.len() != nu {
             let detail = format!(" ({} environments x {nu})", self.num_envs);
             return Err(Error::Length { name: "ctrl", found: rows.len(), must: self.ctrl.len(), detail });
-        }
-        if nstep == 0 {
-            return Ok(());
         }
         self.invalidate_caches();
         let each = rows.len() == self.ctrl.len();
@@ -101,7 +96,7 @@ impl Simulation {
     fn make_steps(&mut self, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, Error> {
         self.check_inputs(inputs, 1)?;
         if !inputs.ctrl.is_empty() {
-            self.set_ctrl_of(inputs.ctrl, nstep, inputs.mask)?;
+            self.set_ctrl_of(inputs.ctrl, inputs.mask)?;
         }
         self.invalidate_caches();
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(inputs) };
@@ -164,7 +159,7 @@ impl Simulation {
         let steps = with_batch!(&mut self.engine, batch => batch.make_steps(&inputs, schedule, Some(recording), watch))?;
         if let Some(last) = steps.checked_sub(1) {
             let row = ctrl.len() / controls;
-            self.set_ctrl(&ctrl[last / nstep * row..][..row], steps)?;
+            self.set_ctrl(&ctrl[last / nstep * row..][..row])?;
         }
         Ok(steps)
     }

@@ -6,7 +6,7 @@ use crate::analysis::quantities::body_poses;
 use crate::batch::engine::with_batch;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{Error, Simulation};
-use crate::batch::state::StoredContact;
+use crate::batch::state::ContactOfGeoms;
 use crate::batch::worst_row::WorstRow;
 use crate::math::spatial::contact_frame;
 use crate::model::write_whole;
@@ -230,10 +230,31 @@ impl Simulation {
     #[track_caller]
     pub fn contacts(&self, env: usize) -> Vec<Contact> {
         self.assert_env(env);
+        with_batch!(&self.engine, batch => batch.contacts(env)).into_iter().map(|stored| self.contact(stored)).collect()
+    }
+
+    /// Contacts of each of the environments `envs`, as [`Simulation::contacts`]. If a state was set since the last step, its contacts are
+    /// those of a trial step with the applied inputs and the controls in force. The trial step does not change the state.
+    ///
+    /// # Errors
+    /// [`Error::Threads`] when threads cannot be started.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn present_contacts(&mut self, envs: &[usize]) -> Result<Vec<Vec<Contact>>, Error> {
+        envs.iter().for_each(|&env| self.assert_env(env));
+        let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
+        let stored = with_batch!(&mut self.engine, batch => batch.present_contacts(&inputs, envs))?;
+        Ok(stored.into_iter().map(|contacts| contacts.into_iter().map(|stored| self.contact(stored)).collect()).collect())
+    }
+
+    /// Contact of two geoms, given by their indices in the model, from a stored contact.
+    fn contact(&self, (geoms, c): ContactOfGeoms) -> Contact {
         // The stored impulses are integrals over a step. Division by `h` gives mean forces.
         let h = self.timestep();
         let force = |impulse: [f64; 3]| impulse.map(|x| x / h);
-        let contact = |(geoms, c): ([usize; 2], StoredContact)| Contact {
+        Contact {
             geoms,
             bodies: geoms.map(|g| self.model.geoms[g].body),
             pos: c.pos,
@@ -241,8 +262,7 @@ impl Simulation {
             distance: c.distance,
             force: force(c.impulse),
             torque: force(c.torque),
-        };
-        with_batch!(&self.engine, batch => batch.contacts(env)).into_iter().map(contact).collect()
+        }
     }
 
     /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world.

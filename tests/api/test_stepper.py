@@ -401,7 +401,8 @@ def test_contacts_say_who_touches_whom_where_and_how_hard():
 
 def test_no_contacts_are_an_empty_array_with_the_same_fields():
     sim = simulate(TWO_BALLS)
-    sim.set_state(qpos=sim.qpos + [0, 0, 10, 0, 0, 0, 0, 0, 0, 20, 0, 0, 0, 0])
+    lift = np.array([0, 0, 10, 0, 0, 0, 0, 0, 0, 20, 0, 0, 0, 0])
+    sim.set_state(qpos=sim.qpos + lift)
     assert sim.contacts().shape == (0,)
     assert sim.contacts().dtype.names == ("env", "geom", "body", "pos", "normal", "distance", "force", "torque", "frame")
 

@@ -235,7 +235,7 @@ REFUSED = {
         (Drive(lag=[1, 2]), r"lag has shape \(2,\), must be \(\) or \(3,\)"),
         (Drive(lag=0.1), "servo is missing, but the Stepper was created with servo; give servo here too"),
         (Drive(servo=PID(kp=1.0)), "period is missing"),
-        (Drive(servo=PID(kp=1.0, period=0.01), delay_steps=4.5), r"up to 5 steps .* room for 4; give Stepper\(..., act.* the longest"),
+        (Drive(servo=PID(kp=1.0, period=0.01), delay_steps=4.5), r"up to 5 steps .* holds 4 steps; give Stepper\(..., act.* the longest"),
         (Drive(servo=PID(kp=1.0, period=[0.01, 0.0, 0.01])), "period is 0"),
         (Drive(servo=PID(kp=1.0, period=0.01), friction=0.1), r"friction is given, .* give friction to Stepper\(..., actuators=\)"),
     ],
@@ -252,7 +252,7 @@ REFUSED = {
     "right_elbow": [
         (Drive(servo=PID(kp=1.0)), "servo is given"),
         (Drive(motor=DCMotor(efficiency=0.5)), "motor is given"),
-        (Drive(delay=0.001), "room for 0"),
+        (Drive(delay=0.001), "holds 0 steps"),
     ],
 }  # fmt: skip
 

@@ -136,14 +136,14 @@ pub enum DeviceError {
     /// Delay that is longer than the simulation's delay line, the buffer of past values. Its length is fixed when the simulation is
     /// created.
     #[error(
-        "delay is up to {longest} steps of {timestep} s, and its line has room for {room}; give Simulation::set_actuator_models the longest delay \
+        "delay is up to {longest} steps of {timestep} s, and its delay line holds {capacity} steps; give Simulation::set_actuator_models the longest delay \
          there will be, if only to one environment"
     )]
     LineTooShort {
         /// Longest delay that was given, in steps.
         longest: usize,
         /// Length of the simulation's delay line, the buffer of past values, in steps.
-        room: usize,
+        capacity: usize,
         /// Time step, s.
         timestep: f64,
     },

@@ -191,9 +191,9 @@ fn check_fit(spec: &ActuatorSpec, compiled: &ActuatorSpec, n: usize, num_envs: u
             return Err(DeviceError::MadeWithout { name });
         }
     }
-    let (longest, room) = (spec.longest(n, h), compiled.longest(num_envs, h));
-    if longest > room {
-        return Err(DeviceError::LineTooShort { longest, room, timestep: h });
+    let (longest, capacity) = (spec.longest(n, h), compiled.longest(num_envs, h));
+    if longest > capacity {
+        return Err(DeviceError::LineTooShort { longest, capacity, timestep: h });
     }
     Ok(())
 }

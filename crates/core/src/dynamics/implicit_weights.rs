@@ -9,7 +9,7 @@ pub struct ImplicitWeights<R> {
     pub damping: R,
     /// Factor of the stiffness, s^2; zero makes springs explicit.
     pub stiffness: R,
-    /// Time step h, s, if the step evaluates a late fraction of the damping ([`Self::late_fraction`]); otherwise zero.
+    /// Time step h, s, if the step evaluates a late fraction of the damping (`late_fraction`); otherwise zero.
     pub late_step: R,
 }
 

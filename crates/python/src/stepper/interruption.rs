@@ -22,7 +22,7 @@ impl Interrupted {
     /// gets the same text as a note.
     pub(super) fn raise(self, py: Python<'_>, call: &str, of: usize, also: &str) -> PyErr {
         let Self { steps, error } = self;
-        let message = format!("{call} was interrupted after {steps} of {of} steps, in every environment{also}");
+        let message = format!("{call} was interrupted after {steps} of {of} steps, in every stepped environment{also}");
         let plain = error.get_type(py).is(PyKeyboardInterrupt::type_object(py))
             && error.value(py).str().is_ok_and(|text| text.is_empty().unwrap_or(false));
         let error = if plain { PyKeyboardInterrupt::new_err(message.clone()) } else { error };

@@ -9,8 +9,8 @@ use crate::batch::stepping::Watch;
 use crate::error::check_length;
 
 impl Simulation {
-    /// Controls in force, (num_envs, nu): those that the next step uses if it gets no new ones. After a reset they are those of the initial
-    /// keyframe if there is one, otherwise zeros.
+    /// Controls in force, (num_envs, nu): those that the next step uses if it gets no new ones. [`Simulation::reset`] sets
+    /// them to zero.
     pub fn ctrl(&self) -> &[f64] {
         &self.ctrl
     }

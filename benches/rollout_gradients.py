@@ -163,10 +163,10 @@ class Judged:
     worst: list[str]
 
     def row(self, kind: str) -> list[int]:
-        """Returns four numbers of derivatives: all, those with a reliable difference, those that agree with it, those with the wrong sign.
+        """Returns numbers of derivatives: all, those with a reliable finite difference, those that agree with it, those of the wrong sign.
 
         Args:
-            kind: Rollouts to count: "no kink" or "near a kink". At a kink, such as a change of contacts, a step has no derivative.
+            kind: Derivatives to count: those of rollouts with "no kink" or "near a kink".
         """
         own = {verdict: count for (k, verdict), count in self.counts.items() if k == kind}
         judged = sum(own.get(v, 0) for v in ("agrees", "differs", "wrong sign"))

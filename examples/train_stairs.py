@@ -120,9 +120,10 @@ if ENVIRONMENT not in gymnasium.registry:
 
 
 def teacher_actions(teacher: Policy, now: Moment) -> Array:
-    """Actions of the rough task, (num_envs, nu), that the policy of `Go1Velocity` chooses for a view of all environments.
+    """Actions of the task on stairs, (num_envs, nu), that the policy of `Go1Velocity` chooses in the states of all environments (`now`).
 
-    The function builds the observations of `Go1Velocity`. Set points of its actions become changes of set points from the stance.
+    The function builds the observations of `Go1Velocity`. Actions of this policy are joint angles; actions of the task on stairs are their
+    differences from the stance, divided by `action_scale`.
     """
     model = now.sim.model
     parts = (

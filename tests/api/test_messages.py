@@ -54,6 +54,7 @@ def sim():
     (lambda sim: setattr(sim.model.joint(0), "damping", 2.0), AttributeError, r"damping of a stepper.Joint .*model.replace\(dof_damping="),
     (lambda sim: setattr(sim.model.body(1), "parentid", 2), AttributeError, "parentid of .* follows from the model's file"),
     (lambda sim: sim.rays([0, 0, 1], [0, 0, -1]), ValueError, r"points has shape \(3,\), must be \(n, 3\) for n rays, as \[\[0, 0, 1\]\]"),
+    (lambda sim: sim.read("geom_friction"), ValueError, r"it is a field of the model: sim.model.geom_friction, or sim.randomized\["),
     (lambda sim: sim.record(3), TypeError, r"path is 3 \(int\), must be a path"),
     (lambda sim: sim.record("run", chunk="8"), TypeError, r"chunk \(bytes\) is '8', must be a whole number of at least 1"),
     (lambda _: stepper.replay(3), TypeError, r"path is 3 \(int\), must be a path"),

@@ -83,6 +83,8 @@ macro_rules! elements {
         }
 
         impl Kind {
+            const ALL: &[Self] = &[$(Self::$class,)*];
+
             const fn word(self) -> &'static str {
                 match self {
                     $(Self::$class => stringify!($kind),)*
@@ -478,7 +480,11 @@ impl Kind {
             if let Some(index) = names.iter().position(|known| *known == name && !name.is_empty()) {
                 return Ok(index);
             }
-            let text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, name, names))?.extract()?;
+            let mut text: String = given.py().import("stepper._hints")?.call_method1("unknown", (word, &name, names))?.extract()?;
+            // The name of another kind of element, such as a site for a body.
+            if let Some(other) = Self::ALL.iter().find(|kind| !name.is_empty() && kind.names(model).contains(&name.as_str())) {
+                text = format!("{name:?} is no {word}, but a {}: {text}", other.word());
+            }
             return Err(PyKeyError::new_err(text));
         }
         let index = given.py().import("operator")?.call_method1("index", (given,));

@@ -268,7 +268,7 @@ def _with_start_values(model: Model, blocks: list[Block]) -> Model:
 
 
 def _given_noise(simulator: Simulator, noise: Mapping[str, ArrayLike]) -> Array:
-    """Noise of each column of the readings from the argument `noise` of `identify`, (width,); NaN where it must be estimated."""
+    """Standard deviation of the noise of each column of the readings, (width,), as given to `identify`; NaN without a value."""
     known = np.full(simulator.width, np.nan)
     channels = {channel.name: channel for channel in simulator.channels}
     for name, given in noise.items():

@@ -21,7 +21,8 @@ pub struct PositionSolution<R: Real> {
     /// One number per constraint, scalar rows first. For a contact it is the sum of the inverse masses of its two bodies, 1/kg, which adds
     /// to the mobility that scales damping. For a scalar row (equality, limit, dry friction) it is 0.
     pub(crate) unconstrained_mobility: Vec<R>,
-    /// Impulses of the velocity solution. The damping of the position solve acts on the difference from them.
+    /// Impulses of the velocity solution. The compliance that damps the position rows acts on the difference between the impulses of the
+    /// position solve and these.
     pub(crate) reference: Reference<R>,
     /// Islands: sets of kinematic trees that constraint rows connect.
     pub(crate) islands: Islands,

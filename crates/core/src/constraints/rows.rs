@@ -27,7 +27,8 @@ pub(crate) fn unbounded<R: Real>() -> [R; 2] {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the row of the degree of freedom `dof`, times `sign` (1 or -1), to the problem.
+    /// Adds the row whose velocity is that of the degree of freedom `dof`, times `sign` (1 or -1), to the problem. `impulse_index` is the
+    /// place of its impulse in the list of impulses of scalar rows.
     #[inline(always)]
     pub(crate) fn add_dof_row(&mut self, input: &RowInput<'_, R>, dof: usize, impulse_index: usize, sign: R, law: RowLaw<R>) {
         self.builder.unit_column(input.compiled, input.mass, dof);

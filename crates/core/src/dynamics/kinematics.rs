@@ -21,7 +21,7 @@ pub struct Kinematics<R: Real> {
     pub mocap_velocities: Vec<V6<R>>,
     /// Inertia of every link about the reference point of its kinematic tree.
     pub inertia: Vec<Inertia<R>>,
-    /// Rotation angles of all hinges from their reference, in the order of the joints, rad, their sines, and their cosines.
+    /// Three lists over all hinges in the order of the joints: rotation angle from the reference, rad; its sine; its cosine.
     turns: [Vec<R>; 3],
 }
 

@@ -76,7 +76,7 @@ impl<'py> FloatOutput<'py> {
 }
 
 impl Stepper {
-    /// Implementation of the Python method `rollout`, without the initial state and the check that no recorder is set.
+    /// Implementation of the Python method `rollout`. The caller has set the initial state, and checked that the stepper is not recorded.
     fn roll_out<'py>(
         &mut self,
         py: Python<'py>,

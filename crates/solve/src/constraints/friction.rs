@@ -119,8 +119,8 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
-    /// Hard contact with the friction coefficient `mu`, the offsets `g`, and the block `gram` of the Delassus matrix. `active` are the
-    /// lanes in which an impulse can move the contact along its normal, `immovable` those in which none can.
+    /// Hard contact with the friction coefficient `mu`, the offsets `g`, and the block `gram` of the Delassus matrix. Of the lanes in
+    /// which the contact exists, `active` are those in which an impulse can move it along its normal, and `immovable` the others.
     #[inline(always)]
     fn new(span: Span, [active, immovable]: [R::Mask; 2], mu: R, g: [R; N], gram: &[[R; N]; N]) -> Self {
         let (local, trace) = L::new(gram, active);

@@ -92,11 +92,11 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // depend on the predicted velocity. With Euler's rule there is no prediction.
     let mut velocity_loop = VelocityLoop { context, free, problem, velocity, builder, collisions };
     let (solver, energy_unresolved) = velocity_loop.solve_velocities(probe);
-    // Velocities are limited in lanes whose motion is too fast for the time step, whose energy is ambiguous, or whose Baumgarte correction
-    // is very large.
+    // Velocities are limited in lanes whose motion is too fast for the time step, whose kinetic energy the solver's residual may change
+    // noticeably (ambiguous energy), or whose Baumgarte correction is very large.
     let mut outcome = velocity_loop.bound_velocities(position, solver, probe);
-    // With the Runge-Kutta method, the energy of lanes without constraints is not checked here, because `replace_step` below replaces their
-    // solution.
+    // With the Runge-Kutta method, the energy of lanes without constraints is not checked here. `replace_step` below replaces their
+    // solution, except where the motion is too fast; there the velocity is limited already.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     outcome.energy_unresolved =
         span!(probe, GuardEnergy, || resolution.find_energy_gain(context, free, velocity, excluded)).or(energy_unresolved);

@@ -20,7 +20,7 @@ pub(super) struct Ball<'a> {
     /// Radius of the ball, m.
     pub(super) radius: f64,
     /// Largest distance at which a contact is added, m.
-    pub(super) prediction: f64,
+    pub(super) max_distance: f64,
 }
 
 /// Result of the test of a ball against one triangle of a surface.
@@ -59,7 +59,7 @@ impl Ball<'_> {
         is_nearest: impl FnOnce(&Outline, V, V) -> bool,
         out: &mut Manifold,
     ) -> TriangleTest {
-        let Self { facet, pair, height, radius, prediction } = *self;
+        let Self { facet, pair, height, radius, max_distance } = *self;
         let (normal, centre) = (facet.normal, pair.pos);
         let beyond = self.beyond_edges();
         let behind = dot(normal, pair.apart) <= 0.0;
@@ -78,7 +78,7 @@ impl Ball<'_> {
         let nearest = nearest_of_triangle(&facet.corners, centre);
         let apart = sub(centre, nearest);
         let separation = norm(apart);
-        if separation - radius > prediction {
+        if separation - radius > max_distance {
             return TriangleTest::Complete;
         }
         if separation <= CLOSE * pair.size {
@@ -129,11 +129,11 @@ impl Ball<'_> {
     /// `beyond` has the distance of the centre outside each edge, m. If the centre is behind the plane, it may be outside an edge by up to
     /// its depth times the edge's number in [`Facet::rises`].
     fn add_over(&self, beyond: &V, out: &mut Manifold) {
-        let Self { facet, pair, height, radius, prediction, .. } = *self;
+        let Self { facet, pair, height, radius, max_distance, .. } = *self;
         let (depth, tolerance) = (-height, pair.tolerance);
         let is_over = beyond.iter().all(|&x| x <= tolerance);
         let is_behind = || depth > 0.0 && beyond.iter().zip(facet.rises()).all(|(&x, rise)| x <= rise * depth);
-        if height - radius <= prediction && (is_over || is_behind()) {
+        if height - radius <= max_distance && (is_over || is_behind()) {
             out.points.push(ball_over(facet.normal, pair.pos, height, radius));
         }
     }

@@ -34,14 +34,14 @@ fn graze(faces: &[(f64, V); 6]) -> bool {
 /// overlap of edges is therefore smaller wherever faces are inclined.
 const CLEARLY_LESS: f64 = 0.95;
 
-/// Largest separation of two boxes along their 15 separating axes, for a contact at a distance of at most `prediction`, m.
+/// Largest separation of two boxes along their 15 separating axes, for a contact at a distance of at most `max_distance`, m.
 ///
 /// `ha` and `hb` are the half sizes, m. The result is `None` if the boxes are farther apart, or if they only touch in a sliver (see
 /// [`SLIVER`]). It is `Some(None)` if two edges or corners are closest: no axis then has the exact distance.
 ///
 /// Faces are preferred to edges (see [`CLEARLY_LESS`]), and faces of the first box to faces of the second, unless the difference exceeds
 /// rounding. The choice for boxes at rest therefore stays the same.
-pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Option<Option<Separation>> {
+pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, max_distance: f64) -> Option<Option<Separation>> {
     let r = &pair.mat;
     let p = pair.pos;
     let q = rotate_back(r, p);
@@ -65,11 +65,11 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
         take(q[j].abs() - hb[j] - (ha[0] * cos(0, j) + ha[1] * cos(1, j) + ha[2] * cos(2, j)), axis, tie);
     }
     let face = best;
-    if face.0 > prediction || graze(&faces) {
+    if face.0 > max_distance || graze(&faces) {
         return None;
     }
     let edge = edges(pair, ha, hb);
-    if edge.0 > prediction {
+    if edge.0 > max_distance {
         return None;
     }
     if edge.0 > (CLEARLY_LESS * face.0).max(face.0) + 1e-6 * pair.size {

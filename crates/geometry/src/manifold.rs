@@ -109,11 +109,11 @@ impl Clipper {
         self.work.reserve(2 * corners);
     }
 
-    /// Adds the contact points of two shapes along the normal of `facing` whose distance is at most `prediction`, m, in the frame of the
+    /// Adds the contact points of two shapes along the normal of `facing` whose distance is at most `max_distance`, m, in the frame of the
     /// first shape.
     ///
-    /// There is at least one point if the distance of the shapes along the normal is at most `prediction`.
-    pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, prediction: f64, out: &mut Manifold) {
+    /// There is at least one point if the distance of the shapes along the normal is at most `max_distance`.
+    pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, max_distance: f64, out: &mut Manifold) {
         let Facing { found, corners, .. } = *facing;
         let n = found.normal;
         let axes = contact_frame(n);
@@ -122,11 +122,11 @@ impl Clipper {
         let tilts = pair.flats(n, corners).map(|m| m.map_or(f64::INFINITY, |m| 1.0 - dot(m, n)));
         if tilts.iter().any(|t| *t <= FLAT) {
             self.fill(pair, &views, corners);
-            self.faces(pair, &axes, usize::from(tilts[0] > FLAT), prediction, out);
-        } else if !self.level_faces(pair, &axes, tilts, facing, prediction, out) {
-            self.lines(pair, &views, &axes, corners, prediction, out);
+            self.faces(pair, &axes, usize::from(tilts[0] > FLAT), max_distance, out);
+        } else if !self.level_faces(pair, &axes, tilts, facing, max_distance, out) {
+            self.lines(pair, &views, &axes, corners, max_distance, out);
         }
-        if out.points.is_empty() && distance <= prediction {
+        if out.points.is_empty() && distance <= max_distance {
             // Halfway between the surfaces, on the line through the middle of the closest points.
             let [x, y] = found.points;
             let middle = scale(add(x, y), 0.5);
@@ -136,32 +136,32 @@ impl Clipper {
     }
 
     /// Adds the corners of the intersection of the two projected features as contact points, if their distance along the normal is at most
-    /// `prediction`, m.
+    /// `max_distance`, m.
     ///
     /// `axes` are the normal and the axes of the projection plane. `reference` is the index of the feature whose plane is perpendicular to
     /// the normal, or nearly so.
-    fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, prediction: f64, out: &mut Manifold) {
+    fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, max_distance: f64, out: &mut Manifold) {
         let (r, o) = (&self.features[reference], &self.features[1 - reference]);
         overlay(r, o, pair.tolerance, &mut self.work, &mut self.shared);
         if reference == 1 {
             self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
         }
-        self.emit(pair, axes, self.has_rim(), prediction, out);
+        self.emit(pair, axes, self.has_rim(), max_distance, out);
     }
 
     /// Adds the contact points of two edges that cross, if a face next to one of the edges is nearly perpendicular to the contact normal.
     /// Returns whether points were added.
     ///
     /// Such a face is as close to the other shape at other points as at the crossing, or will be soon. Points of the whole face at a
-    /// distance of at most `prediction`, m, are therefore added. `tilts` is 1 - cos(angle) between each shape's face normal and the contact
-    /// normal. Triangles of a surface get no points, because their neighbours have these points.
+    /// distance of at most `max_distance`, m, are therefore added. `tilts` is 1 - cos(angle) between each shape's face normal and the
+    /// contact normal. Triangles of a surface get no points, because their neighbours have these points.
     fn level_faces(
         &mut self,
         pair: &Pair<'_>,
         axes: &[V; 3],
         tilts: [f64; 2],
         facing: &Facing,
-        prediction: f64,
+        max_distance: f64,
         out: &mut Manifold,
     ) -> bool {
         let Some(reference) = tilts.iter().position(|t| *t <= LEVEL) else { return false };
@@ -173,7 +173,7 @@ impl Clipper {
         if !matches!(r.kind, Kind::Polygon | Kind::Disc) || o.corners.len() == 1 || !o.is_level(ALONG) {
             return false;
         }
-        self.faces(pair, axes, reference, prediction, out);
+        self.faces(pair, axes, reference, max_distance, out);
         // The closest points, or points of equal depth, must be among the added points. They are not if the edge does not belong to the
         // face.
         if out.deepest() > facing.found.separation - pair.rounding_radii() + EQUAL_DEPTH * pair.size {
@@ -195,7 +195,7 @@ impl Clipper {
     }
 
     /// Adds the contact points of a triangle of a surface with a shape that is above or below it, along the triangle's normal. The
-    /// triangle is the first shape of `pair`. Points at a distance of more than `prediction`, m, are left out.
+    /// triangle is the first shape of `pair`. Points at a distance of more than `max_distance`, m, are left out.
     ///
     /// `face` has the normal and the farthest corner of each shape. Corners of the second shape count if they are above or below the
     /// triangle. In the valley between two triangles they also count if they are behind both planes, see `Facet::rises` for the tangents
@@ -207,7 +207,7 @@ impl Clipper {
         face: &Facing,
         bulges: &[bool; 3],
         rises: &[f64; 3],
-        prediction: f64,
+        max_distance: f64,
         out: &mut Manifold,
     ) {
         let axes = contact_frame(face.found.normal);
@@ -220,12 +220,12 @@ impl Clipper {
         if rises.iter().any(|&x| x > 0.0) {
             behind(facet, other, rises, &mut self.shared);
         }
-        self.emit(pair, &axes, self.has_rim(), prediction, out);
+        self.emit(pair, &axes, self.has_rim(), max_distance, out);
     }
 
-    /// Adds the contact points of the second shape of `pair` with a half space, at a distance of at most `prediction`, m. The half space is
-    /// below the xy plane of the first shape's frame.
-    pub(super) fn half_space(&mut self, pair: &Pair<'_>, prediction: f64, out: &mut Manifold) {
+    /// Adds the contact points of the second shape of `pair` with a half space, at a distance of at most `max_distance`, m. The half
+    /// space is below the xy plane of the first shape's frame.
+    pub(super) fn half_space(&mut self, pair: &Pair<'_>, max_distance: f64, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
         let feature = &mut self.features[1];
@@ -236,29 +236,29 @@ impl Clipper {
         self.shared.extend(feature.corners.iter().map(|c| Shared { x: c.x, y: c.y, h: [0.0, c.h], id: c.id }));
         // The half space has no feature: `features[0]` belongs to an earlier pair.
         let rim = feature.kind == Kind::Disc;
-        self.emit(pair, &axes, rim, prediction, out);
+        self.emit(pair, &axes, rim, max_distance, out);
     }
 
-    /// Adds the contact points of a half space with those `points` that are at a distance of at most `prediction`, m. The points are in the
-    /// frame of the second shape, m.
+    /// Adds the contact points of a half space with those `points` that are at a distance of at most `max_distance`, m. The points are in
+    /// the frame of the second shape, m.
     ///
     /// The half space is below the xy plane of the first shape's frame.
-    pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], prediction: f64, out: &mut Manifold) {
+    pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], max_distance: f64, out: &mut Manifold) {
         let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
         self.shared.clear();
         let seen = points.iter().map(|p| view.project(*p)).enumerate();
         let shared = seen.map(|(i, [x, y, h])| Shared { x, y, h: [0.0, h], id: i as u32 });
-        self.shared.extend(shared.filter(|s| s.h[1] <= prediction));
-        self.emit(pair, &axes, false, prediction, out);
+        self.shared.extend(shared.filter(|s| s.h[1] <= max_distance));
+        self.emit(pair, &axes, false, max_distance, out);
     }
 
     /// Adds the contact points of two parallel edges or straight lines: both ends of the part in which they overlap. No points are added
-    /// for edges that are not parallel. Points at a distance of more than `prediction`, m, are left out.
+    /// for edges that are not parallel. Points at a distance of more than `max_distance`, m, are left out.
     ///
     /// `axes` are the normal and the axes of the projection plane. `corners` are the corners of the shapes that are farthest towards the
     /// other shape.
-    fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], prediction: f64, out: &mut Manifold) {
+    fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], max_distance: f64, out: &mut Manifold) {
         let edges = [edge(pair.a, views[0].towards(), corners[0], ALONG), edge(pair.b, views[1].towards(), corners[1], ALONG)];
         let [Some(p), Some(q)] = edges else { return };
         let (u, v) = (sub(p[1], p[0]), rotate(views[1].mat, sub(q[1], q[0])));
@@ -294,18 +294,19 @@ impl Clipper {
                 self.shared.push(Shared { x: 0.5 * (a[0] + b[0]), y: 0.5 * (a[1] + b[1]), h: [a[2], b[2]], id });
             }
         }
-        self.emit(pair, axes, false, prediction, out);
+        self.emit(pair, axes, false, max_distance, out);
     }
 
-    /// Adds the corners of the intersection of the two projected features as contact points, if their distance is at most `prediction`, m.
+    /// Adds the corners of the intersection of the two projected features as contact points, if their distance is at most `max_distance`,
+    /// m.
     ///
     /// If there are more than four points, the function adds four that span nearly the same area. Five points are kept if one feature is
     /// the end face of a cylinder (`rim`): four fixed points of the rim and its lowest point. `axes` are the normal and the axes of the
     /// projection plane.
-    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], rim: bool, prediction: f64, out: &mut Manifold) {
+    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], rim: bool, max_distance: f64, out: &mut Manifold) {
         let (ra, rb) = (pair.a.radius(), pair.b.radius());
         let distance = |s: &Shared| (s.h[1] - rb) - (s.h[0] + ra);
-        self.shared.retain(|s| distance(s) <= prediction);
+        self.shared.retain(|s| distance(s) <= max_distance);
         self.shared.sort_unstable_by_key(|s| s.id);
         self.shared.dedup_by_key(|s| s.id);
         if self.shared.len() > KEPT + usize::from(rim) {

@@ -42,23 +42,25 @@ impl Narrow {
         narrow
     }
 
-    /// Finds the contact points of two solids. Points at a distance of more than `limits.prediction` are left out. If both solids are hulls
-    /// that are near each other, the second value is their separating plane, see [`Manifold::separating_plane`].
+    /// Finds the contact points of two solids. Points at a distance of more than `limits.max_distance` are left out. If both solids are
+    /// hulls that are near each other, the second value is their separating plane, see [`Manifold::separating_plane`].
     ///
     /// A half space must be the first solid. `limits.approach` is the motion of the second solid in the frame of the first. If one solid is
     /// a surface, it is the motion of the convex shape in the frame of the surface.
     pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], limits: SearchLimits) -> (&[Point], Option<SeparatingPlane>) {
         let Self { workspace, found } = self;
-        let prediction = limits.prediction;
+        let max_distance = limits.max_distance;
         match solids {
             [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], limits, found, workspace),
-            [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], prediction, found, workspace),
+            [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], max_distance, found, workspace),
             [Solid::Surface(a), Solid::Convex(b)] => collide_surface(a, &poses[0], b, &poses[1], limits, found, workspace),
             [Solid::Convex(a), Solid::Surface(b)] => {
                 collide_surface(b, &poses[1], a, &poses[0], limits, found, workspace);
                 found.flip_normals();
             }
-            [Solid::HalfSpace, Solid::Surface(b)] => surface::collide_plane_surface(&poses[0], b, &poses[1], prediction, found, workspace),
+            [Solid::HalfSpace, Solid::Surface(b)] => {
+                surface::collide_plane_surface(&poses[0], b, &poses[1], max_distance, found, workspace)
+            }
             [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
             [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
         }
@@ -67,7 +69,7 @@ impl Narrow {
 }
 
 /// Finds the contact points of two convex shapes and writes them to `out`, in the world frame. There are none if the shapes are farther
-/// apart than `limits.prediction`. With `limits.approach`, contacts that cannot push within the step may be absent.
+/// apart than `limits.max_distance`. With `limits.approach`, contacts that cannot push within the step may be absent.
 ///
 /// There are at most [`MAX_POINTS`](crate::MAX_POINTS), in ascending order of [`Point::feature`]. Normals point from the first shape to the
 /// second.
@@ -81,16 +83,16 @@ pub fn collide(
     workspace: &mut Workspace,
 ) {
     let mut limits = limits.into();
-    let prediction = limits.prediction;
+    let max_distance = limits.max_distance;
     out.clear();
     let pair = Pair::new(a, pose_a, b, pose_b).rounded(limits.epsilon, pose_a, pose_b);
-    if !pair.is_near(prediction) {
+    if !pair.is_near(max_distance) {
         return;
     }
     if let (ConvexShape::Box { half: ha }, ConvexShape::Box { half: hb }) = (a, b) {
-        let Some(by_axes) = boxes::separation(&pair, *ha, *hb, prediction) else { return };
+        let Some(by_axes) = boxes::separation(&pair, *ha, *hb, max_distance) else { return };
         if let Some(found) = by_axes {
-            workspace.clipper.manifold(&pair, &Facing::new(&pair, found), prediction, out);
+            workspace.clipper.manifold(&pair, &Facing::new(&pair, found), max_distance, out);
             // The face's normal gives the exact distance if a feature of the other box is above the face.
             if found.separation <= 0.0 || (!out.is_single_unnamed() && out.deepest() <= found.separation + 1e-9 * pair.size) {
                 out.move_to_world(pose_a);
@@ -102,7 +104,7 @@ pub fn collide(
     limits.cached = limits.cached.map(|cached| CachedNormal { normal: unit_or(cached.normal, [0.0, 0.0, 1.0]), ..cached });
     let facing = separation::nearest(&pair, &limits, &mut workspace.polytope);
     if !limits.excludes_contact(&pair, &facing.found) {
-        workspace.clipper.manifold(&pair, &facing, prediction, out);
+        workspace.clipper.manifold(&pair, &facing, max_distance, out);
         out.move_to_world(pose_a);
     }
     out.separating_plane = (a.is_hull() && b.is_hull()).then(|| limits.separating_plane(&pair, &facing));
@@ -110,11 +112,11 @@ pub fn collide(
 
 /// Finds the contact points of a half space and a convex shape and writes them to `out`, in the world frame.
 ///
-/// The half space is below the xy plane of the pose `plane`. Only points at a distance of up to `prediction`, m, are added. Normals point
+/// The half space is below the xy plane of the pose `plane`. Only points at a distance of up to `max_distance`, m, are added. Normals point
 /// out of the half space.
-pub fn collide_plane(plane: &Pose, shape: &ConvexShape, pose: &Pose, prediction: f64, out: &mut Manifold, workspace: &mut Workspace) {
+pub fn collide_plane(plane: &Pose, shape: &ConvexShape, pose: &Pose, max_distance: f64, out: &mut Manifold, workspace: &mut Workspace) {
     out.clear();
     let pair = Pair::new(&ConvexShape::Sphere { radius: 0.0 }, plane, shape, pose);
-    workspace.clipper.half_space(&pair, prediction, out);
+    workspace.clipper.half_space(&pair, max_distance, out);
     out.move_to_world(plane);
 }

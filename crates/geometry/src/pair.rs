@@ -74,9 +74,9 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Whether the bounding balls of the two shapes are at most `prediction`, m, apart. False if a pose is not finite.
-    pub(super) fn is_near(&self, prediction: f64) -> bool {
-        let reach = self.size + prediction;
+    /// Whether the bounding balls of the two shapes are at most `max_distance`, m, apart. False if a pose is not finite.
+    pub(super) fn is_near(&self, max_distance: f64) -> bool {
+        let reach = self.size + max_distance;
         reach >= 0.0 && dot(self.apart, self.apart) <= reach * reach && self.is_finite()
     }
 

@@ -11,7 +11,7 @@ use crate::vectors::V;
 #[derive(Clone, Copy, Debug)]
 pub struct SearchLimits {
     /// Largest distance of the surfaces at which a contact is added, m.
-    pub prediction: f64,
+    pub max_distance: f64,
     /// Contact normal of the pair of hulls in the previous step, from which the search starts. This normal saves time, and changes the
     /// result by rounding errors at most.
     pub cached: Option<CachedNormal>,
@@ -22,18 +22,19 @@ pub struct SearchLimits {
 }
 
 impl SearchLimits {
-    /// Whether the separation `found` proves that the pair has no contact within `self.prediction` that can push within the step.
+    /// Whether the separation `found` proves that the pair has no contact within `self.max_distance` that can push within the step.
     pub(super) fn excludes(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         self.excludes_gap(found.normal, found.separation - pair.rounding_radii(), pair.size)
     }
 
-    /// Whether a separation of `gap`, m, along the unit vector `normal` proves that two shapes have no contact within `self.prediction`
+    /// Whether a separation of `gap`, m, along the unit vector `normal` proves that two shapes have no contact within `self.max_distance`
     /// that can push within the step. `size` is the size of the pair, m.
     pub(super) fn excludes_gap(&self, normal: V, gap: f64, size: f64) -> bool {
-        gap > self.prediction || self.approach.is_some_and(|a| a.is_separated(normal, gap, size))
+        gap > self.max_distance || self.approach.is_some_and(|a| a.is_separated(normal, gap, size))
     }
 
-    /// Whether a contact with the normal and separation of `found` has a distance above `self.prediction`, or cannot push within the step.
+    /// Whether a contact with the normal and separation of `found` has a distance above `self.max_distance`, or cannot push within the
+    /// step.
     pub(super) fn excludes_contact(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         let gap = found.separation - pair.rounding_radii();
         self.excludes(pair, found) || self.approach.is_some_and(|a| a.excludes_normal(found.normal, gap, pair.size))
@@ -47,8 +48,8 @@ impl SearchLimits {
 }
 
 impl From<f64> for SearchLimits {
-    /// Limits with `prediction` as the largest distance of a contact, m, without a cached normal or a motion.
-    fn from(prediction: f64) -> Self {
-        Self { prediction, cached: None, approach: None, epsilon: f64::EPSILON }
+    /// Limits with `max_distance` as the largest distance of a contact, m, without a cached normal or a motion.
+    fn from(max_distance: f64) -> Self {
+        Self { max_distance, cached: None, approach: None, epsilon: f64::EPSILON }
     }
 }

@@ -66,7 +66,7 @@ pub(super) fn nearest(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Pol
 
 /// Largest separation of two shapes without their rounding radii, computed without a cached normal.
 pub(super) fn search(pair: &Pair<'_>, limits: &SearchLimits, polytope: &mut Polytope) -> Facing {
-    let distance = limits.prediction + pair.rounding_radii();
+    let distance = limits.max_distance + pair.rounding_radii();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance, polytope) };
     // The normal in `own` is exactly that of the facet, without the rounding error of the search.
     let own = if limits.excludes(pair, &found) { None } else { facet(pair, found.normal, limits) };

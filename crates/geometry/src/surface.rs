@@ -462,7 +462,7 @@ impl Surface {
 
 /// Finds the contact points of a surface and a convex shape and writes them to `out`. There are at most [`MAX_SURFACE_POINTS`].
 ///
-/// The distance of each point is at most `limits.prediction`, m. Normals point from the surface to the shape. Points and normals are in
+/// The distance of each point is at most `limits.max_distance`, m. Normals point from the surface to the shape. Points and normals are in
 /// the world frame.
 ///
 /// If `limits.approach` is given, points that cannot push within the step may be absent. The normal of a contact at an edge or corner is a
@@ -478,14 +478,14 @@ pub fn collide_surface(
     out: &mut Manifold,
     workspace: &mut Workspace,
 ) {
-    let SearchLimits { prediction, approach, .. } = limits.into();
+    let SearchLimits { max_distance, approach, .. } = limits.into();
     out.clear();
     let nothing = ConvexShape::Sphere { radius: 0.0 };
     let whole = Pair::new(&nothing, pose_a, b, pose_b);
     if !whole.is_finite() {
         return;
     }
-    let reach = prediction + b.radius();
+    let reach = max_distance + b.radius();
     let core = ends(&whole);
     let nearer = approach.filter(|_| matches!(a, Surface::Mesh(_)));
     let [low, high] = search_box(&whole, core.as_deref(), reach, nearer);
@@ -504,7 +504,7 @@ pub fn collide_surface(
             Some(ends) => ends.iter().map(|end| dot(normal, sub(*end, corners[0]))).reduce(f64::min).unwrap_or_default(),
             None => dot(normal, whole.support_b(neg(normal))) - dot(normal, corners[furthest(&corners, normal)]),
         };
-        if along - b.radius() > prediction {
+        if along - b.radius() > max_distance {
             continue;
         }
         if let Some(approach) = &approach
@@ -536,7 +536,7 @@ pub fn collide_surface(
                 let mut is_far = || {
                     let apart = sub(centre, nearest_of_triangle(&corners, centre));
                     let (distance, n) = (norm(apart), unit_or(apart, normal));
-                    if distance - b.radius() > prediction {
+                    if distance - b.radius() > max_distance {
                         return true;
                     }
                     let cannot_push = approach.is_some_and(|a| a.excludes_normal(n, distance - b.radius(), whole.size));
@@ -552,7 +552,7 @@ pub fn collide_surface(
         let facet = a.facet(t as usize);
         let triangle = ConvexShape::Triangle(facet.corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
-        if let Some(facing) = touch(a, t as usize, &facet, &pair, along, prediction, out, workspace)
+        if let Some(facing) = touch(a, t as usize, &facet, &pair, along, max_distance, out, workspace)
             && left.as_ref().is_none_or(|(_, other)| facing.found.separation < other.found.separation)
         {
             left = Some((t, facing));
@@ -566,13 +566,13 @@ pub fn collide_surface(
     workspace.triangles = triangles;
     if culled && left.is_some() && workspace.all.is_empty() {
         // The closest point may belong to a skipped triangle: one whose contacts cannot push within the step. The second search skips none.
-        return collide_surface(a, pose_a, b, pose_b, prediction, out, workspace);
+        return collide_surface(a, pose_a, b, pose_b, max_distance, out, workspace);
     }
     // If no triangle accepted a point, rounding caused all to reject the closest one.
     if let Some((t, facing)) = left.filter(|_| workspace.all.is_empty()) {
         let triangle = ConvexShape::Triangle(a.facet(t as usize).corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
-        workspace.clipper.manifold(&pair, &facing, prediction, out);
+        workspace.clipper.manifold(&pair, &facing, max_distance, out);
         workspace.all.extend(out.points.drain(..).map(|p| Point { feature: feature_id(t, p.feature), ..p }));
     }
     reduce_points(&mut workspace.all, whole.size, MAX_SURFACE_POINTS, out);
@@ -596,20 +596,20 @@ pub(super) fn search_box(whole: &Pair<'_>, core: Option<&[V]>, reach: f64, appro
 
 /// Finds the contact points of a half space and the vertices of a mesh and writes them to `out`, in the world frame.
 ///
-/// The half space is below the xy plane of the pose `plane`. Points have a distance of at most `prediction`, m. A height field gets no
+/// The half space is below the xy plane of the pose `plane`. Points have a distance of at most `max_distance`, m. A height field gets no
 /// contact points.
 pub(super) fn collide_plane_surface(
     plane: &Pose,
     surface: &Surface,
     pose: &Pose,
-    prediction: f64,
+    max_distance: f64,
     out: &mut Manifold,
     workspace: &mut Workspace,
 ) {
     out.clear();
     let nothing = ConvexShape::Sphere { radius: 0.0 };
     if let Surface::Mesh(mesh) = surface {
-        workspace.clipper.cloud(&Pair::new(&nothing, plane, &nothing, pose), &mesh.vertices, prediction, out);
+        workspace.clipper.cloud(&Pair::new(&nothing, plane, &nothing, pose), &mesh.vertices, max_distance, out);
         out.move_to_world(plane);
     }
 }
@@ -623,7 +623,7 @@ fn feature_id(triangle: u32, feature: u32) -> u32 {
 /// Adds the contact points of triangle `t` and a shape to `out`. The shape is the second one of `pair`.
 ///
 /// `along` is the separation of the triangle and the shape without its rounding radius, along the normal of the triangle, m. Points at a
-/// distance of more than `prediction`, m, are left out. If there are no points because the closest point belongs to a neighbour, the
+/// distance of more than `max_distance`, m, are left out. If there are no points because the closest point belongs to a neighbour, the
 /// result is the separation of triangle and shape; else `None`.
 #[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch(
@@ -632,12 +632,12 @@ fn touch(
     facet: &Facet,
     pair: &Pair<'_>,
     along: f64,
-    prediction: f64,
+    max_distance: f64,
     out: &mut Manifold,
     workspace: &mut Workspace,
 ) -> Option<Facing> {
     if let ConvexShape::Sphere { radius } = *pair.b {
-        let ball = Ball { facet, pair, height: along, radius, prediction };
+        let ball = Ball { facet, pair, height: along, radius, max_distance };
         let grid = if let Surface::Grid(grid) = surface { Some(grid) } else { None };
         let is_below = grid.map(|grid| |p: V| grid.is_below(p));
         match ball.touch(is_below, |at, p, d| surface.is_nearest(t, facet, at, p, d), out) {
@@ -646,7 +646,7 @@ fn touch(
             TriangleTest::Unclear => {}
         }
     }
-    touch_any(surface, t, facet, pair, along, prediction, out, workspace)
+    touch_any(surface, t, facet, pair, along, max_distance, out, workspace)
 }
 
 /// Adds the contact points of triangle `t` and a shape by the general search, which works for all shapes. The arguments and the result are
@@ -658,7 +658,7 @@ fn touch_any(
     facet: &Facet,
     pair: &Pair<'_>,
     along: f64,
-    prediction: f64,
+    max_distance: f64,
     out: &mut Manifold,
     workspace: &mut Workspace,
 ) -> Option<Facing> {
@@ -667,7 +667,7 @@ fn touch_any(
     let over = |workspace: &mut Workspace, out: &mut Manifold| {
         let rises = if along < 0.0 { facet.rises() } else { [0.0; 3] };
         if facet.may_be_under(pair, &rises) {
-            workspace.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &rises, prediction, out);
+            workspace.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &rises, max_distance, out);
         }
     };
     let behind = dot(normal, pair.apart) <= 0.0;
@@ -695,9 +695,9 @@ fn touch_any(
         over(workspace, out);
         return None;
     }
-    let facing = separation::nearest(pair, &prediction.into(), &mut workspace.polytope);
+    let facing = separation::nearest(pair, &max_distance.into(), &mut workspace.polytope);
     let found = &facing.found;
-    if found.separation - pair.rounding_radii() > prediction {
+    if found.separation - pair.rounding_radii() > max_distance {
         return None;
     }
     let cos = dot(found.normal, normal);
@@ -710,7 +710,7 @@ fn touch_any(
     }
     let (at, p) = facet.furthest(found.normal);
     if cos > 0.0 && !matches!(at, Outline::Inside) && surface.is_nearest(t, facet, &at, p, found.normal) {
-        workspace.clipper.manifold(pair, &facing, prediction, out);
+        workspace.clipper.manifold(pair, &facing, max_distance, out);
         if out.is_single_unnamed() && 1.0 - cos <= LEVEL {
             // The other corners of a slightly tilted shape above the triangle are as close, or soon will be.
             over(workspace, out);
@@ -786,15 +786,15 @@ mod tests {
             let triangle = ConvexShape::Triangle(facet.corners);
             let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
             let pair = Pair::between(&triangle, &shape, [at.0, at.1, at.2], identity);
-            let (height, prediction) = (pair.separation(facet.normal), 0.1);
-            if height - radius > prediction {
+            let (height, max_distance) = (pair.separation(facet.normal), 0.1);
+            if height - radius > max_distance {
                 return Ok(());
             }
             let (mut own, mut any) = (Manifold::default(), Manifold::default());
-            let ball = Ball { facet: &facet, pair: &pair, height, radius, prediction };
+            let ball = Ball { facet: &facet, pair: &pair, height, radius, max_distance };
             let Surface::Grid(grid) = &surface else { unreachable!("made above") };
             let left = ball.touch(Some(|p: V| grid.is_below(p)), |at, p, d| surface.is_nearest(t, &facet, at, p, d), &mut own);
-            let left_any = touch_any(&surface, t, &facet, &pair, height, prediction, &mut any, &mut Workspace::default());
+            let left_any = touch_any(&surface, t, &facet, &pair, height, max_distance, &mut any, &mut Workspace::default());
             match left {
                 TriangleTest::Unclear => return Ok(()),
                 TriangleTest::Complete => prop_assert!(left_any.is_none()),

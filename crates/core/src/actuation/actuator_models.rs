@@ -17,7 +17,7 @@ pub struct ActuatorModels {
     pub specs: Vec<Option<ActuatorSpec>>,
     /// Actuator specs as the user gave them, and ideal specs for actuators that have only a delay in the model. `None` for actuators
     /// without an actuator model.
-    made: Vec<Option<ActuatorSpec>>,
+    originals: Vec<Option<ActuatorSpec>>,
     /// Specs with the parameters of all environments. `None` until parameters change, and after a call that restores all environments.
     per_env: Option<Vec<Option<ActuatorSpec>>>,
 }
@@ -45,7 +45,7 @@ impl ActuatorModels {
         let (combined, specs) = ActuatorSpec::combine(model, given, num_envs, h)?;
         let made =
             specs.iter().zip(given).map(|(spec, given)| Some(given.clone().unwrap_or_else(ActuatorSpec::ideal)).filter(|_| spec.is_some()));
-        Ok(Self { model: combined, made: made.collect(), specs, per_env: None })
+        Ok(Self { model: combined, originals: made.collect(), specs, per_env: None })
     }
 
     /// Specs with the parameters of all environments. `None` until parameters change, and after a call that restores all environments.
@@ -75,12 +75,12 @@ impl ActuatorModels {
         h: f64,
     ) -> Result<ActuatorUpdate, ActuatorError> {
         if envs.is_empty() || (given.is_none() && self.per_env.is_none()) {
-            return Ok(ActuatorUpdate { envs: vec![], specs: vec![None; self.made.len()], per_env: self.per_env.clone() });
+            return Ok(ActuatorUpdate { envs: vec![], specs: vec![None; self.originals.len()], per_env: self.per_env.clone() });
         }
-        let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| of_environments(made, envs))).collect();
-        let mut specs = given.map_or_else(as_made, <[_]>::to_vec);
+        let originals_of_envs = || self.originals.iter().map(|spec| spec.as_ref().map(|spec| of_environments(spec, envs))).collect();
+        let mut specs = given.map_or_else(originals_of_envs, <[_]>::to_vec);
         let wrong = |i: usize, error| ActuatorError { actuator: label(&model.actuators[i].name, i), error };
-        let mut per_env = self.per_env.as_ref().unwrap_or(&self.made).clone();
+        let mut per_env = self.per_env.as_ref().unwrap_or(&self.originals).clone();
         let (combined, mut new) = ActuatorSpec::combine(model, &specs, envs.len(), h)?;
         for (i, (spec, given)) in new.iter_mut().zip(&mut specs).enumerate() {
             let Some(given) = given else {
@@ -90,8 +90,8 @@ impl ActuatorModels {
             match (&self.specs[i], &mut per_env[i]) {
                 (Some(compiled), Some(own)) => {
                     let spec = spec.get_or_insert_with(ActuatorSpec::ideal);
-                    // The compiled actuator has no force range, because the compiled spec contains it. `combine` has left the range of a
-                    // new spec without limits in the model.
+                    // The compiled actuator has no force range, because the compiled spec contains it. For a new spec without limits,
+                    // `combine` leaves the range in the model, so that the spec gets it here.
                     if let (Some(range), None) = (combined.actuators[i].force_range, self.model.actuators[i].force_range) {
                         spec.narrow(range);
                     }

@@ -54,7 +54,8 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
 }
 
 /// Loads the inputs of a call, except the controls: applied forces, active equalities, trajectories of mocap bodies, and parameters of
-/// actuator dynamics. The gains among these parameters change in every step if a lag follows the servo.
+/// actuator dynamics. If a lag follows a continuous servo, the actuator pipelines replace the servo's gains in every step (`advance` in
+/// `actuation/pipeline.rs`).
 pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
     if let Some(pipelines) = call.pipelines {
         pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);

@@ -66,7 +66,8 @@ pub(crate) struct GeomPoses<R: Real> {
     /// Orientation matrix of each geom. If `full_orientation` of a moving geom is false, only the z axis is current.
     pub(crate) mat: Vec<M3<R>>,
     /// Upper bound of the displacement of any point of each geom during two time steps at `search_velocity`, m. The searches for contacts
-    /// use it. On a path ([`SweptPair`](crate::collision::swept_pair::SweptPair)), two durations of the path replace the two time steps.
+    /// use it. In a test of a pair's path ([`SweptPair`](crate::collision::swept_pair::SweptPair)), the bound is for twice the duration
+    /// of the path.
     pub(crate) search_displacement: Vec<R>,
     /// Upper bound of the displacement of any point of each geom during [`Scene::passing_time`], m. The tests whether geoms passed through
     /// each other use it.
@@ -78,8 +79,8 @@ pub(crate) struct GeomPoses<R: Real> {
     /// Ball that contains each geom during two time steps: centre in world axes and radius, m. For a plane, the radius is the bound of its
     /// displacement.
     pub(crate) balls: Vec<[R; 4]>,
-    /// Spatial velocities of the links, from which `search_displacement` is computed. In stage 3 they follow from the free velocity of the
-    /// step, on a path from the velocity of the searched motion.
+    /// Spatial velocities of the links, from which `search_displacement` is computed. In stage 3 they are those of the free velocity of
+    /// the step. In a test of a pair's path (`SweptPair`) they are the velocities along the path.
     pub(crate) search_velocity: Vec<V6<R>>,
 }
 
@@ -157,9 +158,9 @@ impl<R: Real> CollisionWorkspace<R> {
     /// Finds the static pairs (a moving geom and one fixed to the world, both bounded and convex) whose bounding boxes overlap in any of
     /// the lanes `alive`. The boxes of moving geoms are enlarged by their displacements.
     ///
-    /// `displacements` returns the upper bound of the displacement of every geom, m. If `checks_passing` is true, the function also finds
-    /// pairs of geoms that may have passed through a static geom, if their bounding balls overlap. Such a geom may be on the other side of
-    /// the static geom now, so that their boxes need not overlap.
+    /// `displacements` returns the upper bound of the displacement of every geom, m. If `checks_passing` is true, for moving geoms that
+    /// may have passed through a static geom, the function also finds the pairs with all static geoms whose bounding balls overlap
+    /// theirs. Such a moving geom may be on the other side of the static geom now, so that their boxes need not overlap.
     pub(crate) fn find_static(
         &mut self,
         compiled: &LaneModel<R>,
@@ -344,7 +345,7 @@ pub(crate) struct Scene<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a GeomPoses<R>,
-    /// Time step, s. On a path and in the tunnelling check, the duration of the motion.
+    /// Time step, s. In the test of a path (`SweptPair`) and in the tunnelling check, the duration of the tested motion.
     pub(crate) h: R,
     /// Distance by which every search distance is increased, m ([`slack`]).
     pub(crate) slack: R,

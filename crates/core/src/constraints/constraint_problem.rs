@@ -39,7 +39,7 @@ pub struct ConstraintProblem<R: Real> {
     /// Lanes in which a contact bounces, if the integrator is Euler's rule or the implicit rule. There the largest speed in the step bounds
     /// the speed of the position correction, instead of `max_correction_speed`. With the midpoint rule, [`Self::midpoint_impact_lanes`]
     /// returns such lanes.
-    pub euler_rebounding: R::Mask,
+    pub rebounding_at_step_end: R::Mask,
     /// Whether some rows may be immovable: no degree of freedom changes their velocity.
     pub(crate) may_have_immovable_rows: bool,
     /// Impact of every contact, contacts with three rows first. Empty if no contact is elastic.
@@ -126,7 +126,7 @@ impl<R: Real> ConstraintProblem<R> {
             constrained: none,
             needs_position_solve: none,
             biased: none,
-            euler_rebounding: none,
+            rebounding_at_step_end: none,
             may_have_immovable_rows: false,
             impacts: Vec::with_capacity(max_contacts + rolling_contacts),
             elastic: false,
@@ -153,14 +153,14 @@ impl<R: Real> ConstraintProblem<R> {
     /// Updates the offsets g of the rows, in the lanes `lanes`, after the free velocity has changed by `change`, evenly over the step.
     ///
     /// With the midpoint rule, the rows of an impact contain the free velocity at the time t of the impact. The velocity at this time
-    /// changes by t / h times the sum of `change` and `extra_before_impacts`. Callers pass `extra_before_impacts` if the forces before the
+    /// changes by t / h times the sum of `change` and `early_extra_change`. Callers pass `early_extra_change` if the forces before the
     /// impact changed by other amounts than the forces after it. The function overwrites both arrays.
     pub fn shift(
         &mut self,
         compiled: &LaneModel<R>,
         mass: &MassMatrix<R>,
         change: &mut [R],
-        extra_before_impacts: Option<&mut [R]>,
+        early_extra_change: Option<&mut [R]>,
         lanes: R::Mask,
     ) {
         let Self { rows, impacts, resolves_impacts, .. } = self;
@@ -180,7 +180,7 @@ impl<R: Real> ConstraintProblem<R> {
                 #[inline(always)]
                 |i, impact_lanes, factors| rows.shift_contact(i, change, impact_lanes, factors),
             );
-            if let Some(change) = extra_before_impacts {
+            if let Some(change) = early_extra_change {
                 mass.scale(compiled, change);
                 shift_impacts(
                     impacts,

@@ -214,15 +214,16 @@ impl<R: Real> Assembler<'_, R> {
             // The spring determines the position, so that no position correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
-        // Restitution: with Euler's rule `bounce_euler` and `bounce_euler_eliminated` apply it, with the midpoint rule `bounce_midpoint`.
-        let (bias, mut exists) = self.bounce_euler(input, slot, exists, [free[0], before[0]], bias);
+        // Restitution: with Euler's rule and the implicit rule, `bounce_at_step_end` and `bounce_at_step_end_eliminated` apply it, with
+        // the midpoint rule `bounce_at_impact_time`.
+        let (bias, mut exists) = self.bounce_at_step_end(input, slot, exists, [free[0], before[0]], bias);
         let mut offsets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut offsets);
-        let bias = if lengths.is_some() { self.bounce_euler_eliminated(slot, free[0], bias, &mut offsets[0][0]) } else { bias };
+        let bias = if lengths.is_some() { self.bounce_at_step_end_eliminated(slot, free[0], bias, &mut offsets[0][0]) } else { bias };
         let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
         let mut bounces = R::Mask::splat(false);
         if self.problem.resolves_impacts {
-            exists = self.bounce_midpoint(input, slot, exists, [free, change], bias, &mut offsets);
+            exists = self.bounce_at_impact_time(input, slot, exists, [free, change], bias, &mut offsets);
             bounces = self.problem.impacts.last().map_or(bounces, |impact| impact.lanes);
         }
         let lanes = self.approaching_lanes(input, contacts, k, exists.and(rigid), before[0], free_eliminated);

@@ -44,7 +44,7 @@ impl<R: Real> RowBuilder<R> {
         for (pair, lanes) in contacts.pairs(k, lanes) {
             let Some(spring) = compiled.pair(pair).spring else { continue };
             let there = R::Mask::from_bits(lanes);
-            let RowLaw { g, compliance, exists, .. } = spring_law(input, &spring, SpringRow { error, before, free, gram, taut: there });
+            let RowLaw { g, compliance, exists, .. } = spring_law(input, &spring, SpringRow { error, before, free, gram, acts: there });
             let bias = R::select(apart, input.closing_part(error) / input.h, g[0] - free);
             let there = there.and(exists);
             row.lanes = row.lanes.or(there);

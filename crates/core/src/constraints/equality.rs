@@ -383,7 +383,7 @@ impl<R: Real> Assembler<'_, R> {
             laws[k].g = [free[k]; 2];
             if let Some(spring) = &equality.spring {
                 let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.builder.gram(input.mass, k));
-                laws[k] = spring_law(input, spring, SpringRow { error, before, free, gram, taut: alive });
+                laws[k] = spring_law(input, spring, SpringRow { error, before, free, gram, acts: alive });
                 laws[k].exists = laws[k].exists.and(acts);
             }
             g[k] = laws[k].g;
@@ -446,8 +446,9 @@ pub(crate) struct SpringRow<R: Real> {
     pub(crate) before: R,
     pub(crate) free: R,
     pub(crate) gram: R,
-    /// Lanes in which the spring is taut and exerts a force. Damper and inertia act in all lanes.
-    pub(crate) taut: R::Mask,
+    /// Lanes in which the spring exerts a force: a tendon's spring only while it is stretched or shortened beyond its rest lengths.
+    /// Damper and inertia act in all lanes.
+    pub(crate) acts: R::Mask,
 }
 
 /// Law of the compliant row of a spring, damper and inertia, implicit in the velocity of the row.
@@ -468,7 +469,7 @@ pub(crate) struct SpringRow<R: Real> {
 #[inline(always)]
 pub(crate) fn spring_law<R: Real>(input: &RowInput<'_, R>, spring: &Spring<R::Scalar>, row: SpringRow<R>) -> RowLaw<R> {
     let RowInput { h, alive, in_the_middle, .. } = *input;
-    let k = R::select(row.taut, R::splat(spring.stiffness) * h, R::zero());
+    let k = R::select(row.acts, R::splat(spring.stiffness) * h, R::zero());
     let (d, a) = (R::splat(spring.damping) * h, R::splat(spring.inertia));
     let (quarter, half) = (h * k * R::of(0.25), d * R::of(0.5));
     let (mut late, mut early) = (R::one(), R::zero());

@@ -53,7 +53,7 @@ impl<R: Real> Assembler<'_, R> {
     /// complementary to the impulse. A closed contact that the free velocity opens bounces too. A contact rests, and does not bounce, if
     /// its speed before the step is below the threshold and its gap is small. It rests even if gravity makes it faster within the step.
     #[inline(always)]
-    pub(crate) fn bounce_euler(
+    pub(crate) fn bounce_at_step_end(
         &mut self,
         input: &RowInput<'_, R>,
         slot: &Slot<R>,
@@ -73,20 +73,20 @@ impl<R: Real> Assembler<'_, R> {
         let closed = phi.le(R::of(input.options.slop)).or((phi + h * free).lt(R::zero()));
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
         self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces);
-        self.problem.euler_rebounding = self.problem.euler_rebounding.or(bounces);
+        self.problem.rebounding_at_step_end = self.problem.rebounding_at_step_end.or(bounces);
         let impact = Impact { lanes: bounces, time_fraction: R::one(), normal_factor: e + R::one(), rebound: e * free };
         self.problem.impacts.push(impact);
         let stays = exists.and_not(elastic).or(bounces).or(elastic.and(rests));
         (R::select(bounces, e * free, bias), stays)
     }
 
-    /// Corrects the rebound velocity of [`Assembler::bounce_euler`] after the elimination of equalities. Returns the bias of the normal
-    /// row, m/s.
+    /// Corrects the rebound velocity of [`Assembler::bounce_at_step_end`] after the elimination of equalities. Returns the bias of the
+    /// normal row, m/s.
     ///
     /// Newton's law then uses the free normal velocity after the elimination, instead of `free`, the one before it. `offset` is g of the
     /// normal row after the elimination; the function corrects it too. With the midpoint rule the function changes nothing.
     #[inline(always)]
-    pub(crate) fn bounce_euler_eliminated(&mut self, slot: &Slot<R>, free: R, bias: R, offset: &mut R) -> R {
+    pub(crate) fn bounce_at_step_end_eliminated(&mut self, slot: &Slot<R>, free: R, bias: R, offset: &mut R) -> R {
         if self.problem.resolves_impacts || !self.problem.elastic {
             return bias;
         }
@@ -106,7 +106,7 @@ impl<R: Real> Assembler<'_, R> {
     /// elimination, the free velocity is `offsets` minus the normal's `bias`. The function is compiled separately, as
     /// [`Assembler::add_curvature`] is.
     #[inline(never)]
-    pub(crate) fn bounce_midpoint(
+    pub(crate) fn bounce_at_impact_time(
         &mut self,
         input: &RowInput<'_, R>,
         slot: &Slot<R>,
@@ -172,7 +172,7 @@ impl<R: Real> ConstraintProblem<R> {
         [unsolved, all_or_none]: [R::Mask; 2],
     ) -> R::Mask {
         kernel!(R, || {
-            let Self { rows, impacts, euler_rebounding, deferred, resolves_impacts, .. } = self;
+            let Self { rows, impacts, rebounding_at_step_end, deferred, resolves_impacts, .. } = self;
             let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
             let implausible = |rows: &Problem<R>, i: usize| {
                 kernel!(R, || impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding)))
@@ -200,7 +200,7 @@ impl<R: Real> ConstraintProblem<R> {
                 impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
                 (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
             }
-            *euler_rebounding = euler_rebounding.and_not(changed.and_not(still_elastic));
+            *rebounding_at_step_end = rebounding_at_step_end.and_not(changed.and_not(still_elastic));
             changed
         })
     }

@@ -35,7 +35,7 @@ impl<R: Real> Assembler<'_, R> {
                     let before = tendon.length.rate(input.v);
                     self.tendon_columns(input, tendon, R::one());
                     let gram = self.builder.gram(input.mass, 0);
-                    let law = spring_law(input, spring, SpringRow { error: stretch, before, free, gram, taut });
+                    let law = spring_law(input, spring, SpringRow { error: stretch, before, free, gram, acts: taut });
                     self.add_row(input.mass, tendon.impulse_index + 2, R::one(), law);
                 }
                 if tendon.friction > <R::Scalar as Default>::default() {

@@ -88,7 +88,7 @@ impl<R: Real> HardNominal<R> {
     /// Compares the last evaluation, which started from the nominal state, with the stored solution of the step.
     pub(super) fn compare(&self, compiled: &LaneModel<R>, s: &Workspace<R>) -> NominalEvaluation<R> {
         // A bouncing contact has other impulses in the position solve, or none.
-        let mut bouncing = s.problem.euler_rebounding.or(s.problem.midpoint_impact_lanes()).bits();
+        let mut bouncing = s.problem.rebounding_at_step_end.or(s.problem.midpoint_impact_lanes()).bits();
         let prediction = self.scheme.predicts().then(|| {
             // The time of an impact is found by iteration, up to a fraction of the step.
             bouncing |= s.evaluation.impact_lanes.bits();
@@ -209,7 +209,8 @@ impl<R: Real> HardNominal<R> {
         position.v_free.copy_from_slice(&free.v);
         let corrected = R::Mask::from_bits(self.corrected);
         let (mass, h) = (&free.smooth.mass, self.scheme.h);
-        let rows = PositionInput { compiled, options, problem, mass, contacts, lanes: corrected, rebounding: problem.euler_rebounding, h };
+        let rows =
+            PositionInput { compiled, options, problem, mass, contacts, lanes: corrected, rebounding: problem.rebounding_at_step_end, h };
         damp_rows(&rows, &velocity.impulses, position);
         let VelocitySolution { impulses, newton, .. } = velocity;
         let system = position.rows.system(&problem.rows);

@@ -35,7 +35,7 @@ pub(crate) struct CollisionSearch<R: Real> {
     /// Candidate pairs: pairs with a deferred contact that may collide in some lane.
     pairs: Vec<CandidatePair<R>>,
     /// Generalized velocity after the step with the predicted impulses, nv.
-    pub(crate) v_predicted: Vec<R>,
+    pub(crate) v_by_predicted_impulses: Vec<R>,
     /// Paths of candidate pairs in single lanes, which are tested together in the lanes of one SIMD register.
     packed: Vec<PackedPath<R::Scalar>>,
 }
@@ -188,24 +188,24 @@ impl<R: Real> CollisionSearch<R> {
             swept: SweptPair::new(compiled),
             rates: Vec::with_capacity(max_contacts + rolling),
             pairs: Vec::with_capacity(max_contacts * R::LANES),
-            v_predicted: vec![R::zero(); compiled.nv],
+            v_by_predicted_impulses: vec![R::zero(); compiled.nv],
             packed: vec![],
         }
     }
 
     /// Fills with NaN, for tests, the buffers that a step must compute before it reads them.
     pub(crate) fn poison(&mut self) {
-        self.v_predicted.fill(R::of(f64::NAN));
+        self.v_by_predicted_impulses.fill(R::of(f64::NAN));
     }
 
     /// Tests the candidate pairs in the motion of the step, and reduces the lanes of each to those in which it collides. Returns the lanes
     /// in which any pair collides.
     ///
-    /// The velocity after the step is `v_predicted` if `predicted` is true, otherwise `v_solved`. [`CollisionSearch::list_candidates`] must
-    /// be called first.
+    /// The velocity after the step is `v_by_predicted_impulses` if `predicted` is true, otherwise `v_solved`.
+    /// [`CollisionSearch::list_candidates`] must be called first.
     pub(crate) fn find(&mut self, query: &CollisionQuery<'_, R>, predicted: bool, v_solved: &[R]) -> R::Mask {
         kernel!(R, || {
-            self.swept.set_velocity(query.compiled, query.kinematics, if predicted { &self.v_predicted } else { v_solved });
+            self.swept.set_velocity(query.compiled, query.kinematics, if predicted { &self.v_by_predicted_impulses } else { v_solved });
             self.test_paths(query);
         });
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))

@@ -68,7 +68,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         // The solved motion has the velocity `velocity.v`. The predicted motion has the free velocity plus the change by predicted
         // impulses.
         if predicted {
-            velocity.velocity_after(compiled, &free.smooth.mass, &free.v, &mut collisions.v_predicted);
+            velocity.velocity_after(compiled, &free.smooth.mass, &free.v, &mut collisions.v_by_predicted_impulses);
         }
         let colliding = collisions.find(&query, predicted, &velocity.v);
         if colliding.any() {

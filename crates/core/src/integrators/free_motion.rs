@@ -57,10 +57,12 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) free_change: Vec<R>,
     /// Free velocity after the first half of the step, or at an impact.
     pub(crate) v_half: Vec<R>,
-    /// Velocity after the step without constraints, if the inertial forces at the velocity before the step acted for the whole step.
-    pub(crate) v_before_impacts: Vec<R>,
-    /// Argument `extra_before_impacts` of `ConstraintProblem::shift`: change of the velocity before impacts minus the change `free_change`.
-    pub(crate) extra_before_impacts: Vec<R>,
+    /// Free velocity in steps with an impact, if the forces before the impact acted for the whole step. Their inertial part is evaluated
+    /// at the velocity before the step.
+    pub(crate) v_free_early: Vec<R>,
+    /// Argument `early_extra_change` of `ConstraintProblem::shift`: change of `v_free_early` minus the change `free_change`. Both are
+    /// changes over a whole step, since the rows were last updated.
+    pub(crate) early_extra_change: Vec<R>,
 }
 
 impl<R: Real> Scratch<R> {
@@ -76,8 +78,8 @@ impl<R: Real> Scratch<R> {
             v_free_corrected: v(),
             free_change: v(),
             v_half: v(),
-            v_before_impacts: v(),
-            extra_before_impacts: v(),
+            v_free_early: v(),
+            early_extra_change: v(),
         }
     }
 
@@ -92,8 +94,8 @@ impl<R: Real> Scratch<R> {
         self.v_free_corrected.fill(nan);
         self.free_change.fill(nan);
         self.v_half.fill(nan);
-        self.v_before_impacts.fill(nan);
-        self.extra_before_impacts.fill(nan);
+        self.v_free_early.fill(nan);
+        self.early_extra_change.fill(nan);
     }
 }
 

@@ -236,7 +236,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         free.accelerate(compiled, kinematics, &state.v, &state.v);
         advance(&state.v, &free.smooth.acc, times[0], &mut free.scratch.v_half);
         if problem.resolves_impacts {
-            advance(&state.v, &free.smooth.acc, scheme.h, &mut free.scratch.v_before_impacts);
+            advance(&state.v, &free.smooth.acc, scheme.h, &mut free.scratch.v_free_early);
         }
         free.accelerate(compiled, kinematics, &state.v, &velocity.v);
         let FreeMotion { smooth, scratch, .. } = &mut **free;
@@ -256,12 +256,12 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
     ///
     /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity is recomputed, with inertial
-    /// forces at the velocity before the step. In later corrections it stays: `extra_before_impacts` cancels `free_change`.
+    /// forces at the velocity before the step. In later corrections it stays: `early_extra_change` cancels `free_change`.
     fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;
         let FreeMotion { v, v_expected, smooth, scratch, .. } = &mut **free;
-        let Scratch { v_free_corrected, free_change, v_before_impacts, extra_before_impacts, .. } = scratch;
+        let Scratch { v_free_corrected, free_change, v_free_early, early_extra_change, .. } = scratch;
         kernel!(R, || {
             for i in 0..compiled.nv {
                 let new = R::select(lanes, v_free_corrected[i], v[i]);
@@ -269,11 +269,11 @@ impl<R: Real> VelocityLoop<'_, R> {
                 v[i] = new;
                 v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
                 if problem.resolves_impacts {
-                    extra_before_impacts[i] = R::select(first, v_before_impacts[i] - new, -free_change[i]);
+                    early_extra_change[i] = R::select(first, v_free_early[i] - new, -free_change[i]);
                 }
             }
         });
-        let extra_before_impacts = problem.resolves_impacts.then_some(&mut extra_before_impacts[..]);
-        problem.shift(compiled, &smooth.mass, free_change, extra_before_impacts, lanes);
+        let early_extra_change = problem.resolves_impacts.then_some(&mut early_extra_change[..]);
+        problem.shift(compiled, &smooth.mass, free_change, early_extra_change, lanes);
     }
 }

@@ -54,7 +54,7 @@ pub(crate) fn correct_positions<R: Real>(
 ) -> CorrectedLanes<R> {
     let StepContext { input: StepInput { compiled, options, .. }, evaluation } = context;
     let impacts = prepare_position_solve(context, free, problem, &mut velocity.impulses, position);
-    let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.euler_rebounding.or(impacts));
+    let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.rebounding_at_step_end.or(impacts));
     if lanes.none() {
         return CorrectedLanes { all: lanes, rebounding, infeasible: lanes };
     }

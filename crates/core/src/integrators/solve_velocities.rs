@@ -28,8 +28,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     ///   active.
     /// * The velocity after the step is the predicted velocity, with which inertial forces were evaluated. With the midpoint rule, if an
     ///   impact changed the velocity, inertial forces are recomputed, at most three times.
-    /// * Newton's law of impact has a plausible solution, in which friction adds no more energy than the free motion has. If not, the
-    ///   impact becomes inelastic.
+    /// * Newton's law of impact has a plausible solution. It is implausible if friction at an impact adds more energy than the free
+    ///   motion has, as in a corner with much friction (see `restitution.rs`). The impact then becomes inelastic.
     /// * The active bounds of stiff servos (with Euler's rule, of all servos with actuator dynamics) are those of the solution. If not, the
     ///   mass matrix changes, so that the problem is assembled and solved again, at most four times.
     ///
@@ -155,7 +155,7 @@ impl<R: Real> VelocityLoop<'_, R> {
         let StepContext { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = self.context;
         let Self { free, problem, velocity, .. } = self;
         let impulses_act = velocity.impulses.changes_velocity();
-        let (lanes, rebounding) = (problem.needs_position_solve, problem.euler_rebounding);
+        let (lanes, rebounding) = (problem.needs_position_solve, problem.rebounding_at_step_end);
         let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
         let infeasible = span!(probe, Stabilise, || limit_baumgarte(&rows, &free.v, velocity, position, &mut outcome));
         let [ambiguous, limited] = span!(probe, GuardEnergy, || self.limit_speed(outcome.residual));

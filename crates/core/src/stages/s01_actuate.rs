@@ -155,8 +155,8 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 /// Setpoint `input` of an angle, shifted by full rotations to the equivalent angle nearest to `angle`, as in MuJoCo. A servo then takes the
 /// shorter way to its setpoint.
 ///
-/// The function shifts inputs of actuators without dynamics whose length is an angle. Such an input is a setpoint if the actuator's gain is
-/// constant and equals minus the bias coefficient of the length. Other inputs stay as they are.
+/// Only actuators whose length is an angle, and which have no actuator model, are concerned. Such an input is a setpoint if the
+/// actuator's gain is constant and equals minus the bias coefficient of the length. Other inputs stay as they are.
 #[inline(always)]
 fn nearest_equivalent_angle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,

@@ -15,9 +15,9 @@
 //! beta (`baumgarte`), the slop, and the cap (`max_correction_speed`). With split stabilisation, the position solve of stage 8 has the
 //! target of the third line, with a smooth bound instead of the minimum.
 //!
-//! For v_n-, Euler's rule takes the velocity after the step without constraints, the midpoint rule that at the time of the impact
-//! (`constraints/restitution.rs`). A contact with e > 0 that neither bounces nor rests in this step has no row. A row would stop the bodies
-//! at the surface and remove the energy of their later bounce.
+//! For v_n-, Euler's rule and the implicit rule take the velocity after the step without constraints, the midpoint rule that at the time
+//! of the impact (`constraints/restitution.rs`). A contact with e > 0 that neither bounces nor rests in this step has no row. A row would
+//! stop the bodies at the surface and remove the energy of their later bounce.
 
 use stepper_real::{Mask, Real, kernel};
 
@@ -89,7 +89,7 @@ impl<R: Real> Assembler<'_, R> {
         problem.deferred.clear();
         problem.impacts.clear();
         problem.closing_time = input.h / input.closing_fraction;
-        [problem.constrained, problem.needs_position_solve, problem.biased, problem.euler_rebounding] = [none; 4];
+        [problem.constrained, problem.needs_position_solve, problem.biased, problem.rebounding_at_step_end] = [none; 4];
         problem.may_have_immovable_rows = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
     }

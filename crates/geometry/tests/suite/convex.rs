@@ -94,9 +94,9 @@ fn by_search(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose) -> f64 {
     starts[..12].iter().map(|&n| climb(n)).fold(f64::NEG_INFINITY, f64::max)
 }
 
-pub(crate) fn manifold(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, prediction: f64) -> Manifold {
+pub(crate) fn manifold(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, max_distance: f64) -> Manifold {
     let mut out = Manifold::default();
-    collide(a, pa, b, pb, prediction, &mut out, &mut Workspace::default());
+    collide(a, pa, b, pb, max_distance, &mut out, &mut Workspace::default());
     out
 }
 
@@ -138,14 +138,14 @@ proptest! {
     }
 
     #[test]
-    fn manifolds_hold_the_deepest_point(a in shape(), pa in pose(), b in shape(), pb in pose(), prediction in 0.0..0.1f64) {
-        let points = manifold(&a, &pa, &b, &pb, prediction).points;
+    fn manifolds_hold_the_deepest_point(a in shape(), pa in pose(), b in shape(), pb in pose(), max_distance in 0.0..0.1f64) {
+        let points = manifold(&a, &pa, &b, &pb, max_distance).points;
         let (depth, _) = distance(&a, &pa, &b, &pb);
-        if depth < prediction - 1e-6 {
+        if depth < max_distance - 1e-6 {
             prop_assert!(!points.is_empty(), "overlapping by {depth}, yet no contact");
         }
-        if depth > prediction + 1e-6 {
-            prop_assert!(points.is_empty(), "apart by {depth}, yet a contact at {prediction}");
+        if depth > max_distance + 1e-6 {
+            prop_assert!(points.is_empty(), "apart by {depth}, yet a contact at {max_distance}");
         }
         let nearest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
         if !points.is_empty() && depth > -0.02 {
@@ -157,7 +157,7 @@ proptest! {
         }
         prop_assert!(points.windows(2).all(|w| w[0].feature < w[1].feature), "features are distinct");
         for p in &points {
-            prop_assert!((norm(p.normal) - 1.0).abs() < 1e-12 && p.distance <= prediction);
+            prop_assert!((norm(p.normal) - 1.0).abs() < 1e-12 && p.distance <= max_distance);
             // Along the normal, a contact point is outside each shape by at most half the distance.
             let beyond = |s: &ConvexShape, pose: &Pose, n: V| dot(n, sub(p.pos, pose.pos)) - reach(s, rotate_back(&pose.mat, n));
             prop_assert!(beyond(&a, &pa, p.normal) <= 0.5 * p.distance + 1e-9);
@@ -176,7 +176,7 @@ proptest! {
         let (general, _) = distance(&a, &still, &b, &pose);
         let points = manifold(&a, &still, &b, &pose, 10.0).points;
         if points.is_empty() {
-            // The prediction is longer than the distance. Only boxes that touch in a sliver may therefore have no contact.
+            // The max_distance is longer than the distance. Only boxes that touch in a sliver may therefore have no contact.
             prop_assert!(graze([&a, &b], [&still, &pose]), "no contact, {general} apart");
             return Ok(());
         }

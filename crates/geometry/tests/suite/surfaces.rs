@@ -55,9 +55,9 @@ fn slope(n: usize, rise: [f64; 2]) -> Surface {
     Surface::Grid(Grid::new([n, n], [1.0; 2], elevation, 1.0))
 }
 
-fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, prediction: f64) -> Manifold {
+fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, max_distance: f64) -> Manifold {
     let mut out = Manifold::default();
-    collide_surface(surface, &STILL, b, pose, prediction, &mut out, &mut Workspace::default());
+    collide_surface(surface, &STILL, b, pose, max_distance, &mut out, &mut Workspace::default());
     out
 }
 
@@ -291,14 +291,14 @@ proptest! {
         let pose = Pose { pos: [at[0], at[1], grid.highest() + lift], mat };
         let slack = 1e-3;
         // Contacts that can push are within twice the displacement of the step.
-        let prediction = 2.0 * (norm(way) + norm(turn) * bound(&b)) + slack;
-        let approach = Approach { displacement: way, rotation: turn, radius: contact_radius(&b, prediction), slack };
+        let max_distance = 2.0 * (norm(way) + norm(turn) * bound(&b)) + slack;
+        let approach = Approach { displacement: way, rotation: turn, radius: contact_radius(&b, max_distance), slack };
         let find = |reach: SearchLimits| {
             let mut out = Manifold::default();
             collide_surface(&surface, &STILL, &b, &pose, reach, &mut out, &mut Workspace::default());
             out.points
         };
-        let (all, found) = (find(prediction.into()), find(SearchLimits { approach: Some(approach), ..prediction.into() }));
+        let (all, found) = (find(max_distance.into()), find(SearchLimits { approach: Some(approach), ..max_distance.into() }));
         let counts = |p: &&stepper_geometry::Point| {
             let velocity = add(way, cross(turn, sub(p.pos, pose.pos)));
             p.distance < 2.0 * (-dot(p.normal, velocity)).max(0.0) + slack

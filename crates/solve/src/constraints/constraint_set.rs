@@ -447,8 +447,8 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         (&self.columns[first_column..first_column + num_columns], self.y.row(y, num_columns))
     }
 
-    /// Velocity y . w + g of each row of a constraint at the scaled velocity change `w`, m/s or rad/s: y is the scaled Jacobian, and g the
-    /// velocity before any impulse. The velocity due to the compliance is not included.
+    /// Velocity y . w + g of each row of a constraint at the scaled velocity change `w`, m/s or rad/s: y is the scaled Jacobian, and g
+    /// the offset of the row (velocity before any impulse, plus bias). The velocity due to the compliance is not included.
     #[inline(always)]
     pub fn velocity(&self, row: &T, w: &[R]) -> T::Impulse {
         let (columns, y) = self.entries(row);

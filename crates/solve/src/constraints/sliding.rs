@@ -86,7 +86,7 @@ impl<R: Real> SlidingSolver<R> {
         let p = [masked(fixed[0], cos * t1 + sin * t2), masked(fixed[1], cos * t2 - sin * t1)];
         let c = [masked(fixed[0], self.coupling[0]), masked(fixed[1], self.coupling[1])];
         let (length, sizes) = (norm2(c[0], c[1]), g[0].abs() + g[1].abs() + g[2].abs());
-        // Largest power, times |coupling|, of such impulses on the edge of the cone against the velocities g.
+        // Largest power against the velocities g, times |coupling|, of the impulses (n, x) with |x| = 1 on the edge of the friction cone.
         let turned = ((mu * length).square() - R::one()).max(R::zero()).sqrt();
         let power = c[0] * p[0] + c[1] * p[1] + (c[0] * p[1] - c[1] * p[0]).abs() * turned;
         (mu * length).gt(R::one()).and(power.gt(sizes * length * R::of(velocity_rounding::<R>())))

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from stepper._other_names import EARLIER_SELECTORS, NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, ROOT_NAMES
+from stepper import _stepper
+from stepper._other_names import EARLIER_SELECTORS, FAMILIES, KINDS, NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, ROOT_NAMES
 from stepper._stepper import Model, Stepper
 
 T = TypeVar("T")
@@ -63,6 +64,8 @@ _REMEDIES = {
 }  # fmt: skip
 _CALL = re.compile(r"[\w.]+(\([^()]*\)(\.\w+)?)?")
 """Pattern of a hint that is only a name or a call, without prose."""
+_INSTANCES: dict[type, str] = {Stepper: "sim", Model: "model"}
+"""Names of instances in messages."""
 _LISTED = 12
 """Largest number of names that an error message lists."""
 _OF_ENVIRONMENTS = "it differs between environments: sim.randomize({}=...) sets it"
@@ -175,24 +178,111 @@ def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeE
 
 
 def _public_name(owner: type) -> str:
-    """Name of a class as users write it: "stepper.lab.Study"."""
+    """Name of a class as users write it: "stepper.lab.Study", or "Body of a stepper.Model" for an element of a model."""
     folder = owner.__module__.split(".")[1]
+    if owner.__name__.lower() in KINDS and folder == "_stepper":
+        return f"{owner.__name__} of a stepper.Model"
     return f"stepper.{owner.__name__}" if folder.startswith("_") else f"stepper.{folder}.{owner.__name__}"
 
 
 def _place_of(owner: type, name: str) -> str:
     """End of an error message about a missing attribute: its current name, or the class that has it. "" if neither is known."""
-    other = NEW_NAMES.get(owner.__name__, {}).get(name)
-    if other is not None:
-        return f"; did you mean {other}?" if _CALL.fullmatch(other) else f"; use {other}"
     if name.startswith("_"):
         return ""
-    if owner is Model and hasattr(Stepper, name):
+    if owner in _INSTANCES:
+        return _place_of_model(name) if owner is Model else _place_of_stepper(name)
+    if text := _other_name(owner.__name__, name):
+        return _replacement(text)
+    if owner is _stepper.State and hasattr(Stepper, name):
+        return f"; after sim.set_state(state), sim.{name} has it"
+    return _place_of_element(owner.__name__.lower(), name) if owner.__module__ == _stepper.__name__ else ""
+
+
+def _replacement(text: str) -> str:
+    """End of an error message: "; did you mean ...?" for a name or call, otherwise "; use ..." or the sentence after an initial ": "."""
+    if _CALL.fullmatch(text):
+        return f"; did you mean {text}?"
+    return f"; {text[2:]}" if text.startswith(": ") else f"; use {text}"
+
+
+def _other_name(place: str, name: str) -> str:
+    """Replacement for `name` in the tables: of the class or module `place`, by the whole name or by the pattern of its family."""
+    if text := NEW_NAMES.get(place, {}).get(name):
+        return text
+    for pattern, text in FAMILIES.get(place, {}).items():
+        if found := re.fullmatch(pattern, name):
+            return found.expand(text)
+    return ""
+
+
+def _place_of_model(name: str) -> str:
+    """End of an error message about an attribute that a model does not have; "" if no place is known."""
+    text = NEW_NAMES["Model"].get(name, "")
+    if not text and hasattr(Stepper, name):
         start = f", and model.{name}0 is its value after a reset" if hasattr(Model, f"{name}0") else ""
         return f"; a stepper.Stepper of the model has it, as sim.{name}{start}"
-    if owner is Stepper and hasattr(Model, name):
+    text = text or _attribute_of_element(name) or _other_name("Model", name) or _of_instance(Stepper, "sim", name, Model)
+    return _replacement(text.replace("sim.model.", "model.")) if text else ""
+
+
+def _place_of_stepper(name: str) -> str:
+    """End of an error message about an attribute that a stepper does not have; "" if no place is known."""
+    text = _other_name("Stepper", name)
+    if not text and name in _randomized():
+        return (
+            f"; sim.randomize({name}=...) sets it per environment, then sim.randomized['{name}'] has it; "
+            f"the value of the model is sim.model.{name}"
+        )
+    if not text and hasattr(Model, name):
         return f"; its model has it, as sim.model.{name}"
+    text = text or _attribute_of_element(name) or _of_instance(Model, "sim.model", name, Stepper)
+    return _replacement(re.sub(r"(?<![\w.])model\.", "sim.model.", text)) if text else ""
+
+
+def _of_instance(owner: type, instance: str, name: str, other: type) -> str:
+    """Replacement for an attribute of a class in the tables of another class, with the name of an instance in front. "" without one.
+
+    Args:
+        owner: Class in whose tables the name is.
+        instance: Name of an instance of `owner`, such as "sim.model".
+        name: Name of the attribute.
+        other: Class of the object without the attribute. If it has the replacement too, no instance is named.
+    """
+    text = _other_name(owner.__name__, name)
+    first = re.match(r"\w*", text)
+    return f"{instance}.{text}" if first and first[0] and hasattr(owner, first[0]) and not hasattr(other, first[0]) else text
+
+
+def _attribute_of_element(name: str) -> str:
+    """Attribute of an element for MuJoCo's name of an array, such as "model.joint(name).axis" for "jnt_axis"; "" if there is none."""
+    prefix, _, field = name.partition("_")
+    for kind, prefixes in KINDS.items():
+        if prefix not in (*prefixes, kind) or field in ("", "name"):
+            continue
+        for whole in (f"{first}_{field}" for first in prefixes):
+            if hasattr(Model, whole):
+                return f"model.{whole}"
+        if hasattr(getattr(_stepper, kind.capitalize()), field):
+            return f"model.{kind}(name).{field}"
     return ""
+
+
+def _place_of_element(kind: str, name: str) -> str:
+    """End of an error message about an attribute that an element of a model, such as a body, does not have; "" if no place is known."""
+    for whole in (*(f"{prefix}_{name}" for prefix in KINDS.get(kind, ())), name):
+        if hasattr(Model, whole) and whole != name:
+            return f"; use model.{whole}, in which its id is the index"
+        if hasattr(Stepper, whole):
+            return f"; use sim.read('{whole}', name) of a stepper.Stepper"
+        if text := _of_instance(Model, "model", whole, Stepper) or _of_instance(Stepper, "sim", whole, Model):
+            return _replacement(text)
+    return ""
+
+
+@functools.cache
+def _randomized() -> frozenset[str]:
+    """Fields that `Stepper.randomize` takes."""
+    return frozenset(name for name, *_, per_environment in _stepper.fields() if per_environment)
 
 
 def no_root_attribute(name: str, known: Iterable[str]) -> Exception:
@@ -200,7 +290,11 @@ def no_root_attribute(name: str, known: Iterable[str]) -> Exception:
 
     `known` are the names that the package has.
     """
-    return _absent("stepper", name, f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else "", known)
+    hint = f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else _replacement(text) if (text := _other_name("stepper", name)) else ""
+    if not hint and not name.startswith("_"):
+        kind = Stepper if hasattr(Stepper, name) else Model if hasattr(Model, name) else None
+        hint = f"; use {_INSTANCES[kind]}.{name} of a stepper.{kind.__name__}" if kind else ""
+    return _absent("stepper", name, hint, known)
 
 
 def no_name(module: str, name: str, known: Iterable[str]) -> Exception:

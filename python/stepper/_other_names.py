@@ -79,44 +79,97 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "qacc_warmstart": "get_state()",
         "qM": "mass_matrix()",
         "M": "mass_matrix()",
-        "fullM": "mass_matrix()",
-        **dict.fromkeys(("contact", "ncon", "nefc", "efc_force"), "contacts()"),
-        "contact_force": "body_contact_force",
+        **dict.fromkeys(("fullM", "crb", "full_mass_matrix"), "mass_matrix()"),
+        **dict.fromkeys(("contact", "ncon", "get_contacts", "collide", "detect_contacts", "in_contact", "collisions"), "contacts()"),
+        **dict.fromkeys(
+            ("contact_force", "contact_forces", "net_contact_forces"), "contacts()['force'], or body_contact_force of each body"
+        ),
         "opt": "options",
         "xmat": "xquat",
-        "ximat": "xquat and model.body_iquat, the inertial frame in that of the body",
+        **dict.fromkeys(("ximat", "xiquat"), "xquat and model.body_iquat, the inertial frame in that of the body"),
+        "xaxis": "xquat and model.joint(name).axis, the axis in the frame of the body",
+        **{f"body_{field}": f"x{field}, in the world; model.body_{field} is in the frame of the parent" for field in ("pos", "quat")},
+        **{f"geom_{field}": f"geom_x{field}, in the world; model.geom_{field} is in the frame of the body" for field in ("pos", "quat")},
+        **{
+            f"site_{field}": f"site_x{field}, in the world; model.site(name).{field} is in the frame of the body"
+            for field in ("pos", "quat")
+        },
         "geom_xmat": "geom_xquat",
         "site_xmat": "site_xquat",
         "xanchor": "xpos, xquat and model.joint(name).pos, the anchor in the frame of the body",
         "body_xpos": "xpos",
         "body_xquat": "xquat",
-        "xvelp": "body_linvel",
+        **dict.fromkeys(("xvelp", "xvel"), "body_linvel"),
         "xvelr": "body_angvel",
         "qfrc_inverse": "inverse_dynamics(qacc)",
         "inverse": "inverse_dynamics(qacc)",
         "mj_inverse": "inverse_dynamics(qacc)",
-        "jac": "jacobian(body=..., site=...)",
-        "mj_ray": "rays(points, directions)",
-        "ray": "rays(points, directions)",
-        "transition_fd": "linearize()",
-        "copy": "copy_state(sources, envs)",
-        "restore": "set_state(states, envs)",
+        **dict.fromkeys(("mj_ray", "ray", "raycast", "ray_cast", "cast_ray", "raycasts", "multi_ray"), "rays(points, directions)"),
+        **dict.fromkeys(("transition_fd", "linearise", "derivatives", "derivative", "grad", "gradient", "gradients", "fd"), "linearize()"),
+        "solve_ik": "jacobian(body=name), the Jacobian for inverse kinematics of your own",
+        "qfrc_smooth": "sim.mass_matrix() times sim.qacc_smooth",
+        "act_dot": "act before and after a step, whose difference divided by sim.timestep is the rate",
+        "actuator_moment": "sim.model.actuator_gear, the moment of an actuator of a joint",
+        **dict.fromkeys(
+            ("ten_J", "ten_J_colind", "ten_J_rowadr", "ten_J_rownnz"), "sim.model.tendon(name).coef of the joints of a fixed tendon"
+        ),
+        "cdof": "jacobian(body=name)",
+        "cdof_dot": "jacobian(body=name), at two times",
+        "signature": "sim.model.digest",
+        "history": "record(path), which stores all steps",
+        **dict.fromkeys(("trajectory", "log", "start_recording", "record_video"), "record(path)"),
+        "stop_recording": "recorder, which sim.record(path) sets, and its close()",
+        **dict.fromkeys(("potential_energy", "kinetic_energy"), "energy()"),
+        **dict.fromkeys(("center_of_mass", "center_of_mass_position", "com", "subtree_com_pos"), "subtree_com"),
+        **dict.fromkeys(("warnings", "status_names"), "stepper.Status, the flags in sim.status"),
+        **dict.fromkeys(("max_contacts", "nconmax"), "stepper.Options(max_contacts=...) in stepper.Stepper(model, options=...)"),
+        **dict.fromkeys(("state_size", "nstate"), "get_state().nbytes"),
+        "set_seed": "reset(seed=...)",
+        **dict.fromkeys(("set_gravity", "opt_gravity"), "randomize(gravity=...)"),
+        **dict.fromkeys(("reset_keyframe", "reset_to_keyframe", "mj_resetDataKeyframe"), "reset(keyframe=...)"),
+        **dict.fromkeys(("reset_idx", "reset_envs", "reset_done"), "reset(envs=...)"),
+        **dict.fromkeys(("torch", "qpos_torch", "device", "jax"), "stepper.adapters.torch, which shares memory of arrays with tensors"),
+        **dict.fromkeys(("get_body", "named", "get_body_xpos", "body_position"), "read('xpos', name)"),
+        **dict.fromkeys(("get_site", "get_site_xpos"), "read('site_xpos', name)"),
+        **dict.fromkeys(("sensor_data", "get_sensor", "sensor_values", "touch", "accelerometer", "gyro"), "read('sensordata', name)"),
+        **dict.fromkeys(("bind", "bind_scalar"), "read('xpos', name), the values of one element by its name"),
+        **dict.fromkeys(("physics", "env", "unwrapped"), "qpos, xpos, sensordata and others of the stepper itself"),
+        **dict.fromkeys(
+            ("cam", "camera"),
+            ": cameras are not simulated: sim.model has none, and stepper.viewer.Renderer(model, camera=...) draws one of the file",
+        ),
+        "ten": "model.tendon(name)",
+        "tendon": "model.tendon(name)",
+        **dict.fromkeys(
+            ("models", "model_of", "get_model", "set_model"), "model, one for all environments; sim.randomize(...) sets values of each"
+        ),
+        **dict.fromkeys(("close", "free", "delete"), ": a stepper needs no closing; a recording by sim.record(path) does"),
+        **dict.fromkeys(("viewer", "launch"), "view()"),
+        **dict.fromkeys(("copy", "clone", "fork", "duplicate"), "copy.deepcopy(sim) for another stepper, sim.get_state() for its state"),
+        **dict.fromkeys(
+            ("save", "save_state", "snapshot", "get_states"),
+            "get_state(), whose bytes can be stored in a file; sim.model.save(path) stores the model",
+        ),
+        **dict.fromkeys(("load", "load_state", "restore", "reset_to", "set_states"), "set_state(state), with the state of sim.get_state()"),
         "render": "view()",
         "launch_passive": "view()",
         "dt": "timestep",
-        **dict.fromkeys(("nworld", "n_envs", "nenv", "num_worlds"), "num_envs"),
-        "frame_skip": "step(ctrl, nstep)",
-        "mj_step": "step(ctrl)",
-        "do_simulation": "step(ctrl, nstep)",
-        "set_ctrl": "step(ctrl)",
+        **dict.fromkeys(("nworld", "n_envs", "nenv", "num_worlds", "batch_size", "nbatch"), "num_envs"),
+        **dict.fromkeys(("frame_skip", "n_sub_steps", "nsubsteps", "decimation", "do_simulation", "control_timestep"), "step(ctrl, nstep)"),
+        **dict.fromkeys(("step1", "step2", "mj_step1", "mj_step2", "mj_step", "substep"), "step(ctrl)"),
+        **dict.fromkeys(("advance", "run", "simulate", "integrate", "update", "physics_step", "fetch_results"), "step(ctrl, nstep)"),
         "state_vector": "get_state()",
         "reset_model": "reset()",
         "mj_resetData": "reset()",
+        **dict.fromkeys(("timer", "walltime"), ": there are no timers: time.perf_counter() before and after sim.step(ctrl) measures it"),
         "set_envs_state": "set_state(qpos, qvel, envs)",
         "data": "qpos, xpos, sensordata and others of the stepper itself",
         "init_qpos": "model.qpos0",
         "init_qvel": "reset(qvel=...), zero by default",
-        **dict.fromkeys(("forward", "mj_forward", "kinematics"), "qacc or another attribute: all follow from the state"),
+        **dict.fromkeys(
+            ("forward", "mj_forward", "kinematics", "forward_kinematics", "dynamics", "compute", "refresh", "evaluate"),
+            "qacc or another attribute: all follow from the state",
+        ),
         "body": "read('xpos', name) for values, or sim.model.body(name)",
         "site": "read('site_xpos', name) for values, or sim.model.site(name)",
         "geom": "read('geom_xpos', name) for values, or sim.model.geom(name)",
@@ -124,29 +177,105 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "sensor": "read('sensordata', name) for values, or sim.model.sensor(name)",
         "actuator": "read('actuator_force', name) for values, or sim.model.actuator(name)",
         "get_body_com": "read('xpos', name)",
-        "set_parameters": "randomize(...)",
+    },
+    "State": {
+        "save": "bytes, which a file can hold; stepper.State(bytes) reads them",
+        **dict.fromkeys(("load", "restore", "apply"), "sim.set_state(state) of a stepper.Stepper"),
+        **dict.fromkeys(("copy", "clone"), ": a state does not change, and needs no copy"),
+        **dict.fromkeys(("num_envs", "n_envs"), "sim.num_envs of its stepper"),
+        **dict.fromkeys(("size", "shape"), "nbytes"),
+    },
+    "Body": {
+        "geoms": "geomadr and geomnum, the range of its geoms",
+        "joints": "jntadr and jntnum, the range of its joints",
+        "parent": "parentid",
+        "xpos": "sim.read('xpos', name) of a stepper.Stepper",
+        **dict.fromkeys(("xmat", "ximat"), "sim.read('xquat', name) of a stepper.Stepper"),
+        "children": "parentid of the other bodies",
+    },
+    "Sensor": {"data": "sim.read('sensordata', name) of a stepper.Stepper"},
+    "Joint": {
+        **{name: f"sim.read('{name}', name) of a stepper.Stepper" for name in ("qpos", "qvel", "qacc")},
+        "anchor": "pos",
+        "body": "bodyid",
+    },
+    **{kind: {"body": "bodyid", "xmat": f"sim.read('{kind.lower()}_xquat', name) of a stepper.Stepper"} for kind in ("Geom", "Site")},
+    "Actuator": {
+        "ctrl": "sim.ctrl of a stepper.Stepper, with its id as index",
+        "joint": "trnid",
+        "force": "sim.read('actuator_force', name) of a stepper.Stepper",
     },
     "Model": {
         "opt": "timestep, gravity and others of the model; stepper.Options has settings of the step",
-        "nsensor": "sensor_names, a list",
-        "nkey": "keyframe_names, a list",
-        "nmocap": "explain()",
+        **{f"n{kind}": f"len(model.{kind}_names)" for kind in ("sensor", "tendon")},
+        "nkey": "len(model.keyframe_names)",
+        "neq": "len(model.eq_active0)",
+        "nmocap": "sim.mocap_pos.shape[-2], the number of mocap bodies",
+        "nactuator": "nu",
+        "num_bodies": "nbody",
+        **dict.fromkeys(("num_dof", "num_dofs"), "nv"),
+        "num_joints": "njnt",
+        **{
+            name: f"{kind}_names"
+            for name, kind in (("bodies", "body"), ("joints", "joint"), ("geoms", "geom"), ("dof_names", "joint"), ("jnt_names", "joint"))
+        },
+        **dict.fromkeys(("links", "link_names"), "body_names"),
+        "total_mass": "model.body_mass.sum()",
+        **dict.fromkeys(("jnt", "dof"), "joint(name)"),
+        "key": "keyframe(name)",
+        "cfrc": "sim.cfrc_ext",
+        **dict.fromkeys(
+            ("integrator", "cone", "solver", "enableflags", "disableflags"),
+            "stepper.Options(integrator=..., iterations=..., tolerance=...) of a stepper.Stepper",
+        ),
+        **dict.fromkeys(
+            ("get_xml", "to_xml_string", "to_xml"), "model.save(path) for the format of stepper; XML is the source file itself"
+        ),
+        **dict.fromkeys(("from_xml_path", "from_xml_string", "from_binary_path"), "stepper.load(path)"),
+        **dict.fromkeys(("ptr", "mjmodel", "mj_model", "mujoco", "to_mujoco"), "mujoco.MjModel.from_xml_path(path) of the same file"),
+        **dict.fromkeys(("set", "set_timestep", "set_parameters", "update"), "replace(timestep=...), a new model: a model does not change"),
+        **dict.fromkeys(("bind", "bind_scalar"), "body(name), likewise joint, geom, site, actuator, sensor"),
+        "body_weldid": "model.body(name).parentid: a body whose jntnum is 0 is fixed to its parent",
+        "dof_jntid": "model.joint(name).dofadr and model.joint(name).nv, the degrees of freedom of a joint",
+        **{
+            name: f"sim.mass_matrix() of a stepper.Stepper after sim.reset(), {text}"
+            for name, text in (
+                ("dof_M0", "on its diagonal"),
+                ("dof_invweight0", "inverted"),
+                ("body_invweight0", "with sim.jacobian(body=name)"),
+            )
+        },
+        **{f"jnt_{name}": "jnt_actfrcrange, infinite without a limit" for name in ("actfrclimited",)},
+        "actuator_forcelimited": "actuator_forcerange, infinite without a limit",
+        "actuator_actlimited": "model.actuator(name).actrange, infinite without a limit",
+        **dict.fromkeys(
+            ("tendon_num", "tendon_adr", "wrap_objid", "tendon_type", "wrap_type"), "model.tendon(name).jntid, the joints of a fixed tendon"
+        ),
+        "wrap_prm": "model.tendon(name).coef, the coefficients of the joints of a fixed tendon",
+        **dict.fromkeys(("key_mpos", "key_mquat"), "sim.mocap_pos and sim.mocap_quat: a keyframe has no poses of mocap bodies"),
+        **dict.fromkeys(
+            ("sensor_delay", "sensor_interval", "sensor_history", "sensor_historyadr"),
+            "stepper.Transfer(delay=..., period=...) in stepper.Stepper(model, sensors=...)",
+        ),
+        **dict.fromkeys(
+            ("actuator_delay", "actuator_history", "actuator_historyadr", "nhistory"),
+            "stepper.Drive(delay=...) in stepper.Stepper(model, actuators=...)",
+        ),
+        **dict.fromkeys(
+            ("body_contype", "body_conaffinity", "body_margin"), "model.geom(name).contype, conaffinity and margin of its geoms"
+        ),
+        "signature": "digest",
         "names": "body_names, joint_names and others",
         "name2id": "body(name).id, likewise joint, geom, site, actuator, sensor",
         "body_name2id": "body(name).id",
         "site_name2id": "site(name).id",
         "id2name": "body_names and others, lists",
-        **{f"{kind}_{name}": f"{kind}(name).{name}" for kind, name in (("body", "parentid"), ("geom", "bodyid"), ("geom", "type"))},
-        **{f"jnt_{name}": f"joint(name).{name}" for name in ("qposadr", "dofadr", "type")},
-        **{f"sensor_{name}": f"sensor(name).{name}" for name in ("adr", "dim", "type")},
         "jnt_limited": "jnt_range, infinite without a limit",
         "actuator_ctrllimited": "actuator_ctrlrange, infinite without a limit",
         "actuator_gain": "actuator_gainprm",
         "actuator_bias": "actuator_biasprm",
-        **{f"actuator_{name}": f"actuator(name).{name}" for name in ("gaintype", "biastype", "trntype", "trnid", "actadr")},
-        "body_subtreemass": "body_mass, summed over the subtree",
+        "body_subtreemass": "body_mass, summed over the subtree by model.body(name).parentid",
         "copy": "replace(...), a new model: a model does not change",
-        "to_xml": "save(path)",
         "compile": "replace(...), a new model: a model does not change",
     },
     "StepperEnv": _ENVIRONMENT,
@@ -155,6 +284,197 @@ NEW_NAMES: dict[str, dict[str, str]] = {
 """Current names of attributes: for each class or module, a table from other names to the names in stepper.
 
 Other names are those of earlier versions, MuJoCo and Gymnasium.
+"""
+KINDS = {
+    "body": ("body",),
+    "joint": ("jnt", "dof"),
+    **{kind: (kind,) for kind in ("geom", "pair", "site", "actuator", "sensor", "tendon")},
+    "keyframe": ("key",),
+}
+"""Prefixes of MuJoCo's names of arrays, such as "jnt" in "jnt_axis", by the kind of element that a model has, such as "joint"."""
+
+
+def _sensor(kind: str, element: str) -> str:
+    """Text of a hint: a sensor of the type `kind` has the quantity; it is on an element, for example a "body"."""
+    new = f"stepper.sensors.SensorSpec(type='{kind}', {element}=name)"
+    return f": a sensor has it: model.with_sensors({{'new': {new}}}) adds one, and sim.sensordata has its reading"
+
+
+_NOT_KEPT = ": a stepper.Model does not keep it: mujoco.MjModel.from_xml_path(path) of the same file has it"
+_BY_NAME = "model.body_names, model.joint_names and others, lists of names"
+_INTERNAL = ": memory and sparse matrices of MuJoCo have no counterpart: sim.mass_matrix() is dense, and sim.memory() counts bytes"
+_RENDERED = ": stepper.viewer.Renderer(model) draws pictures with render(sim), and sim.view() opens a live view"
+FAMILIES: dict[str, dict[str, str]] = {
+    "Model": {
+        r"\w+_user|n?user(_\w+|data)": ": user data is not part of a model: keep it in your program",
+        r"(\w+_)?n?plugin(\w*)": ": plugins are not simulated: a Python loop can write controls, sim.xfrc_applied and sim.qfrc_applied",
+        r"n?cam(era)?(_\w+)?": (
+            ": cameras are not part of a model: stepper.viewer.Renderer(model, camera=...) draws one of the file, and a site has a "
+            "pose: sim.site_xpos"
+        ),
+        r"n?light(_\w+)?": ": lights are not part of a model: stepper.viewer.Renderer(model) draws with those of the file",
+        r"n?(numeric|text|tuple)(data|_\w+)?": (
+            ": custom numbers and texts are not part of a model: mujoco.MjModel.from_xml_path(path) has them"
+        ),
+        r"n?(mat|tex|skin)(_\w+|data|bone\w*|face|texvert|vert)?|material|texture|vis|\w+_(rgba|matid|group|castshadow)|tendon_width": (
+            ": colours, materials and other looks are not part of a model: stepper.viewer.Renderer(model) and sim.view() draw those "
+            "of the file"
+        ),
+        r"n?mesh\w*|(geom|site)_dataid": (
+            ": vertices of meshes are not readable: mujoco.MjModel.from_xml_path(path) of the same file has them"
+        ),
+        r"n?hfield\w*|height_?fields?|heights|set_hfield": (
+            ": stepper.sensors.HeightField(model, geom).elevation has the heights; other heights need another file"
+        ),
+        r"n?flex\w*": ": flexible bodies are not simulated",
+        r"n?(bvh|oct)\w*|body_bvh\w+|geom_(aabb|rbound)": ": bounding volumes are internal and not readable",
+        r"n?names(_map)?|name_\w+adr|n?paths|names": _BY_NAME,
+        r"eq|eq_(type|obj\w+|names?)|equality\w*|equalities": (
+            "model.eq_active0 and model.eq_data, with a row per equality in the order of the file"
+        ),
+        r"n?exclude(_\w+)?|pair_signature|(collision|geom)_pairs": (
+            ": a model does not list pairs that can collide; model.explain() counts them"
+        ),
+        r"n?tree(_\w+)?|(body|dof)_treeid|body_rootid|dof_parentid|tendon_tree\w+": "model.body(name).parentid, which leads up the tree",
+        r"(jnt|tendon|key|n)_?plastic\w*|\w+_springyield|\w+_(stiffness|damping)poly|plastic|\w+_adhesion|flg_adhesion|geom_fluid|"
+        r"\w+_actgravcomp": ": a stepper.Model does not keep it: model.explain() lists what is simulated and what is not",
+        r"[BCDM]_\w+|dof_(Madr|simplenum|length)|map[DM]2[DM]|ef[mM]\w+|n([BCDM]|J\w+|ef\w+|emax|buffer|arena|jmax|conmax|wrap|out|"
+        r"polygonmax)|ten_J\w*|ngravcomp": _INTERNAL,
+        r"flg_\w+|stat|\w+_(sameframe|simple|acc0|length0|invweight0|actuatorid|margin|user)|site_size|tendon_(matid|sol\w+|actfrc\w+)|"
+        r"actuator_(actearly|\w+num|armature|crank\w+|\w+adr|ctrlspec|damping|dyn\w+|lengthrange)|"
+        r"sensor_(datatype|needstage|obj\w+|ref\w+|intprm)": _NOT_KEPT,
+    },
+    "Stepper": {
+        r"i?efc_\w+|n(efc|e|f|l|A|J|Y)|tendon_efcadr": (
+            "contacts() for forces of contacts, sim.qfrc_constraint for those of all constraints"
+        ),
+        r"\w*island\w*|map_\w+|iacc\w*|ifrc_\w+|nidof": ": islands of bodies in contact are internal; sim.contacts() lists contacts",
+        r"\w*(awake|asleep)\w*": ": bodies do not sleep: every step moves all of them",
+        "ten(don)?_length": _sensor("tendonpos", "tendon"),
+        "ten(don)?_velocity": _sensor("tendonvel", "tendon"),
+        r"ten_wrap\w+|wrap_(obj|xpos)": "sim.model.tendon(name).jntid, the joints of a fixed tendon",
+        "actuator_length": _sensor("actuatorpos", "actuator"),
+        "actuator_velocity": _sensor("actuatorvel", "actuator"),
+        "subtree_linvel": _sensor("subtreelinvel", "body"),
+        "subtree_angmom": _sensor("subtreeangmom", "body"),
+        "cacc": _sensor("framelinacc", "body"),
+        "cfrc_int": _sensor("force", "site"),
+        "(site|geom)_(xvelp|linvel|vel)": _sensor("framelinvel", r"\1"),
+        "(site|geom)_(xvelr|angvel)": _sensor("frameangvel", r"\1"),
+        "object_(velocity|acceleration)": "body_linvel and sim.body_angvel",
+        "qfrc_(passive|damper|spring|fluid|gravcomp|adhesion)": (
+            "sim.qfrc_bias - sim.inverse_dynamics(np.zeros(sim.model.nv)), the sum of passive forces"
+        ),
+        "q(LD|LDiagInv|LU|H|HDiagInv|Deriv)": ": factors are internal: np.linalg.inv(sim.mass_matrix()) is the inverse",
+        r"moment_\w+|maxuse_\w+|parena|pstack|pbase|narena|nbuffer|nstack|threadpool": _INTERNAL,
+        "solver(_nnz)?": "iterations, sim.newton_steps and sim.residual",
+        r"flg_\w+": "qacc or another attribute: all follow from the state",
+        "(get_)?(joint|jnt|dof|q)_?(pos|qpos|positions?)|position|positions": "qpos",
+        "(get_)?(joint|jnt|dof|q)_?(vel|qvel|velocity|velocities)|velocity|velocities": "qvel",
+        "(get_)?(root|joint|dof)_states?": "qpos and sim.qvel; a free joint has 7 and 6 entries in them",
+        "(root|base|body|link|rigid_body|ee)_(pos|position|positions|pose|state_w|states)(_w)?|rb_states": "read('xpos', name), and xquat",
+        "(root|base|body|link|lin|rigid_body)_?(lin)?_?vel(ocity|p)?(_[bw])?|body_xvelp": "read('body_linvel', name), in world axes",
+        "(root|base|body|link)_ang_?vel(_[bw])?|body_xvelr": "read('body_angvel', name), in world axes",
+        "projected_gravity(_b)?|root_quat(_w)?|body_xmat": "read('xquat', name), the orientation",
+        "set_((joint|dof)_)?(ctrl|controls?|actions?|targets?|(position|effort|velocity)_targets?)(_tensor)?": "step(ctrl)",
+        r"set_((joint|dof|root|body)_)?(q?pos|q?positions?|q?vel|velocit\w+|state\w*|act|time)\w*|write_\w+_to_sim|set_joint_qpos": (
+            "set_state(qpos=..., qvel=...)"
+        ),
+        "control|controls|action": "ctrl, which sim.step(ctrl) sets",
+        r"apply\w*force\w*|apply_ft|set_xfrc_applied|set_external_\w+|apply": (
+            "xfrc_applied, an array of forces on bodies to write to before a step"
+        ),
+        r"set_mocap\w*": "mocap_pos and sim.mocap_quat, arrays to write to before a step",
+        r"(get_)?(\w+_)?jac(obian)?s?\w*": "jacobian(body=name)",
+        "((geom|site|body)_)?distance|geom_distance": "contacts(), whose field distance has those of near geoms",
+        "(clear|reset)_randomization": ": sim.randomize() without arguments restores the values of the model",
+        "friction|set_(geom_)?friction": ": sim.randomize(geom_friction=...) sets friction of each environment",
+        "mass|set_(body_)?mass": ": sim.randomize(body_mass=...) sets masses of each environment",
+        "damping|set_(dof_|joint_)?damping": ": sim.randomize(dof_damping=...) sets damping of each environment",
+        "(set_)?(sensor_)?noise": ": stepper.Stepper(model, sensors=stepper.SensorModel(...)) has errors of sensors",
+        r"set|(set_)?param(eter)?s?\w*|randomi[sz]ation|domain_\w+|fields?|write|set_\w+": (
+            ": sim.randomize(...) sets parameters of each environment, sim.set_state(...) its state, sim.step(ctrl) its controls"
+        ),
+        r"get|values|get_field|state|states|get_\w+": "read('xpos', name), or another quantity; sim.get_state() has the complete state",
+    },
+    "stepper": {
+        r"MjModel|load_\w*xml\w*|load_model\w*|loads|mjcf|parse|from_\w*": "stepper.load(path)",
+        "MjOption|mj_default(Option|SolRefImp|LROpt)|mjt(Integrator|Cone|Solver|Jacobian)|MjLROpt": (
+            "stepper.Options(integrator='euler'), with words as values"
+        ),
+        "mjt(Warning|Stage)|MjWarningStat|mju_warningText": "stepper.Status, the flags in sim.status",
+        "mjt(DisableBit|EnableBit)": "stepper.Options(...) for settings of the step; flags of the file hold",
+        "mjt(Geom|Joint|Sensor|Trn|Gain|Bias|Dyn|Eq|Tendon|Wrap|Obj|DataType|Actuator)": "words, as in model.geom(name).type",
+        "mjtState|mj_(stateSize|extractState|copyState)": "sim.get_state() of a stepper.Stepper",
+        r"Mjs\w+|MjSpec|Spec|spec": "mujoco.MjSpec, whose compiled model stepper.load(path) takes in place of a path",
+        r"Mj[vr]\w+|mj[vr]\w+|Scene|scene|render|Viewer|launch|mjt(Camera|Font\w*|VisFlag|RndFlag|Label|Frame\w*|Mouse|Stereo|CatBit|PertBit|Light\w*|DepthMap)|"
+        r"mj_(camlight|printScene|printFormattedScene)": _RENDERED,
+        r"[gs]et_mj\w+|mj_resetCallbacks|mj_load\w*Plugin\w*|mjtPluginCapabilityBit": (
+            ": there are no callbacks or plugins: a Python loop around sim.step(ctrl) writes controls, sim.xfrc_applied and "
+            "sim.qfrc_applied"
+        ),
+        r"mj(u|d)_\w+": "mujoco.\\g<0>, a function of NumPy arrays",
+        r"mj_(energy\w+)": "sim.energy() of a stepper.Stepper",
+        "mj_(crb|makeM|factorM|fullM|addM)": "sim.mass_matrix() of a stepper.Stepper",
+        "mj_mulM2?": "sim.mass_matrix() @ x of a stepper.Stepper",
+        "mj_solveM2?": "np.linalg.solve(sim.mass_matrix(), x)",
+        "mj_rne": "sim.qfrc_bias of a stepper.Stepper",
+        "mj_rnePostConstraint": "sim.cfrc_ext of a stepper.Stepper, and sensors",
+        "mj_subtreeVel|mj_angmomMat": "sim.momentum() of a stepper.Stepper, or sensors of type subtreelinvel and subtreeangmom",
+        "mj_objectAcceleration": "a sensor of type framelinacc or frameangacc",
+        r"mj_(collision|geomDistance|addContact|maxContact|insideSite)|MjContact|MjPreContact|mjtConDataField|mjtConstraint\w*": (
+            "sim.contacts() of a stepper.Stepper"
+        ),
+        r"mj_sensor\w+|mj_(readSensor|initSensorHistory)": "sim.sensordata of a stepper.Stepper",
+        r"mj_(readCtrl|initCtrlHistory|resetCtrl|actuatorInputName)|mjtCtrl\w+": "sim.ctrl of a stepper.Stepper, which sim.step(ctrl) sets",
+        r"mj_(multiRay|ray\w+)|mjtRayDataField": "sim.rays(points, directions) of a stepper.Stepper",
+        r"mj_jac\w*|mj_mulJac\w+": "sim.jacobian(body=name) of a stepper.Stepper",
+        "mj_applyFT": "sim.xfrc_applied of a stepper.Stepper, an array of forces on bodies to write to before a step",
+        r"mj_(print|set|size|get)\w*[mM](odel|ass)|mj_print\w+|mj_isSparse": (
+            "model.explain() and model.body_mass.sum(); model.replace(...) makes a model with other values"
+        ),
+        r"mj_save\w+|mj_embedAssets": "model.save(path) for the format of stepper; XML is the source file itself",
+        "mj_set(Const|Keyframe|LengthRange|Totalmass)": "model.replace(...), which recomputes dependent values",
+        r"mj_reset\w+": "sim.reset() of a stepper.Stepper",
+        r"mj_(inv\w+|compareFwdInv)": "sim.inverse_dynamics(qacc) of a stepper.Stepper",
+        r"mj_version\w*|mjVERSION\w*": "stepper.__version__",
+        "mj_normalizeQuat|mj_local2Global": "mujoco.mju_rotVecQuat and others, functions of NumPy arrays",
+        r"mj_\w*([cC]ache\w*|Schema|Texture)": "mujoco.\\g<0> of MuJoCo",
+        r"mj_\w+": (
+            ": stages of a step are not separate: sim.step(ctrl) makes a step, and attributes such as sim.qacc follow from the state"
+        ),
+        r"mjt\w+": "words in place of enumerations; mujoco.\\g<0> has those of MuJoCo",
+        r"mj[A-Z]\w*": "mujoco.\\g<0>",
+        r"Mj(StatisticX|\w+)": (
+            ": stepper has no such structure: model, options and state are stepper.Model, stepper.Options and stepper.Stepper"
+        ),
+        "FatalError|UnexpectedError|StepperError": "stepper.ModelError for models; other errors are ValueError, TypeError and the like",
+        r"mjx|mujoco|Physics|physics|Batch\w*|batch|System|Data|World|worlds|sim|get_data": (
+            "stepper.load(path) and stepper.Stepper(model, num_envs)"
+        ),
+        "suite|dm_control|list_envs|registry|VecEnv|gym|gymnasium|tasks": (
+            "gymnasium.make(...) after import stepper.envs; stepper.envs.TASKS lists names"
+        ),
+        "(add_|generate_)?terrains?|Terrain|rough|ground|TerrainGenerator": (
+            "the module stepper.envs.terrain, after import stepper.envs.terrain"
+        ),
+        r"height_?fields?|hfields?|Height\w*": "stepper.sensors.HeightField(model, geom)",
+        r"noise|Noise\w*|SensorNoise|Sensors?|sensor|Delay": "stepper.SensorModel(...) with stepper.Transfer(noise_std=..., delay=...)",
+        "Actuators?|Motor|actuator": "stepper.ActuatorModel(...) with stepper.Drive(...)",
+        "domain_randomi[sz]ation|randomi[sz]ation|DomainRandomi[sz]ation": "sim.randomize(...) of a stepper.Stepper",
+        "Log|log|Recording|load_recording|read_recording|Trajectory|trajectory": "stepper.replay(path) for a recording by sim.record(path)",
+        "vmap|jit|pmap|parallel": "stepper.Stepper(model, num_envs), which needs no compilation",
+        "grad|gradient|derivative": "stepper.derivatives, with derivatives of steps and rollouts",
+        "torch|jax|sb3|rllib|ray": "stepper.adapters, with adapters to libraries of learning",
+        "convert|to_mujoco|to_mjcf": "mujoco.MjModel.from_xml_path(path) of the same file",
+        "ik|inverse_kinematics": "sim.jacobian(body=name) of a stepper.Stepper",
+        "utils|math|quat|rotations?": "scipy.spatial.transform and mujoco.mju_mulQuat, functions of NumPy arrays",
+        "testspeed|benchmark|profile": "the command: stepper doctor, and stepper.doctor.diagnose()",
+    },
+}
+"""For each class or module, a table from patterns of names of other simulators to their replacements.
+
+A text that begins with ": " is a sentence; other texts follow "use". Names of instances are `model` and `sim`.
 """
 PLACES = {
     "actuators": ("PID", "DCMotor"),
@@ -185,7 +505,7 @@ ROOT_NAMES = {
     **dict.fromkeys(("MjData", "Simulation", "Simulator", "Sim"), "stepper.Stepper(model, num_envs)"),
     **dict.fromkeys(("mj_step", "mj_step1", "mj_step2"), "sim.step(ctrl) of a stepper.Stepper"),
     **dict.fromkeys(
-        ("mj_forward", "mj_kinematics", "mj_comPos"), "attributes of a stepper.Stepper, which follow from its state, as sim.qacc"
+        ("mj_forward", "mj_kinematics", "mj_comPos", "forward"), "attributes of a stepper.Stepper, which follow from its state, as sim.qacc"
     ),
     **dict.fromkeys(("mj_resetData", "mj_resetDataKeyframe"), "sim.reset() of a stepper.Stepper, with keyframe="),
     **dict.fromkeys(("mj_name2id", "mj_id2name", "mjtObj"), "model.body(name).id and model.body_names, likewise joint, geom, site, sensor"),
@@ -200,7 +520,6 @@ ROOT_NAMES = {
     "mjd_transitionFD": "sim.linearize() of a stepper.Stepper",
     **dict.fromkeys(("mj_getState", "mj_setState"), "sim.get_state() and sim.set_state(state) of a stepper.Stepper"),
     "mj_copyData": "sim.copy_state(sources, envs) of a stepper.Stepper",
-    "mj_saveLastXML": "model.save(path)",
     "MjSpec": "mujoco.MjSpec, whose compiled model stepper.load takes",
     "put_model": "stepper.load(mujoco_model)",
     **dict.fromkeys(("put_data", "make_data"), "stepper.Stepper(model, num_envs)"),

@@ -38,7 +38,7 @@ SCRIPTS = {
         (lambda: MODEL.sensor_adr, "sensor(name).adr"),
         (lambda: MODEL.actuator_gaintype, "actuator(name).gaintype"),
         (lambda: MODEL.actuator_gain, "actuator_gainprm"),
-        (lambda: MODEL.nsensor, "use sensor_names, a list"),
+        (lambda: MODEL.nsensor, "len(model.sensor_names)"),
         (lambda: MODEL.body_ipos.__setitem__(0, 0.0), "model.replace(body_ipos=...)"),
         (lambda: MODEL.geom("floor").friction.__setitem__(0, 0.3), "geom_friction"),
         (lambda: SIM.ctrl.__setitem__(0, 0.1), "sim.step(ctrl) sets new controls"),

@@ -133,7 +133,10 @@ def test_identify_names_the_right_selector(text, hint):
     (lambda: MODEL.qpos, "a stepper.Stepper of the model has it, as sim.qpos, and model.qpos0"),
     (lambda: MODEL.step, "a stepper.Stepper of the model has it, as sim.step"),
     (lambda: SIM.eq_active0, "its model has it, as sim.model.eq_active0"),
-    (lambda: SIM.body_mass, "its model has it, as sim.model.body_mass"),
+    (lambda: SIM.geom_solref, "its model has it, as sim.model.geom_solref"),
+    (lambda: SIM.body_mass, "sim.randomize(body_mass=...) sets it per environment, then sim.randomized['body_mass'] has it"),
+    (lambda: setattr(SIM, "gravity", [0, 0, 0]), "sim.randomize(gravity=...)"),
+    (lambda: SIM.body_pos, "use xpos, in the world; sim.model.body_pos is in the frame of the parent"),
 ])  # fmt: skip
 def test_attributes_of_another_class_are_found(attribute, hint):
     with pytest.raises(AttributeError) as error:

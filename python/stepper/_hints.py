@@ -21,12 +21,7 @@ T = TypeVar("T")
 _RESULT = "each step computes it from the state, which sim.set_state(...) sets"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
 """Advice for errors on assignments to attributes of a model, by attribute, where the general advice would be wrong."""
-_FIXED = "it follows from the model's file: change the file, and load it again"
-_KINDS = {
-    **{kind: (kind.lower(),) for kind in ("Body", "Geom", "Pair", "Site", "Actuator", "Sensor", "Tendon", "Keyframe")},
-    "Joint": ("jnt", "dof"),
-}
-"""Beginnings of the names of model fields with values of an element, by class of the element: `body_mass` has `Body.mass`."""
+_IN_FILE = "it is defined in the model's file: change the file, and load it again"
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
@@ -45,7 +40,7 @@ _REMEDIES = {
     **dict.fromkeys(
         ("jnt_pos", "jnt_axis", "site_pos", "site_quat", "actuator_actrange", "tendon_jntid", "tendon_coef",
          "key_qpos", "key_qvel", "key_act", "key_ctrl"),
-        "it is defined in the model's file: change the file, and load it again",
+        _IN_FILE,
     ),
     "timestep": "stepper.Options(timestep=...) sets it, and model.replace(timestep=...) sets the default of the model",
     "tolerance": "stepper.Options(tolerance=...) sets it",
@@ -66,9 +61,15 @@ _CALL = re.compile(r"[\w.]+(\([^()]*\)(\.\w+)?)?")
 """Pattern of a hint that is only a name or a call, without prose."""
 _INSTANCES: dict[type, str] = {Stepper: "sim", Model: "model"}
 """Names of instances in messages."""
+_READ = {"body": r"^(?:x\w+|c(?:inert|vel|frc_ext)|subtree_com)$", "joint": r"^q\w+$", "actuator": "^ctrl$"}
+"""Pattern of quantities that `Stepper.read` has for a kind of element, and whose names do not begin with this kind."""
 _LISTED = 12
 """Largest number of names that an error message lists."""
 _OF_ENVIRONMENTS = "it differs between environments: sim.randomize({}=...) sets it"
+
+_SHARED = "; all environments of a stepper share this one: make a stepper.Stepper of model.replace({}=...)"
+_OF_SELECTORS = ("Stepper.randomize", "Model.replace")
+"""Calls that take values by selector as their first argument."""
 
 _OPERATORS = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow", "lshift", "rshift", "and", "or", "xor")
 _WRITING = ("__setitem__", *(f"__i{name}__" for name in _OPERATORS), "fill", "sort", "put")
@@ -133,10 +134,10 @@ def kind(field: str, remedy: str = "") -> type[ReadOnly]:
 
 def remedy_of(field: str) -> str:
     """End of the error message for writing to a read-only array of a stepper or a model: the call that sets the values of `field`."""
-    return (
-        _REMEDIES.get(field)
-        or f"model.replace({field}=...) makes a model with other values, sim.randomize(...) sets values per environment"
-    )
+    if field in _REMEDIES:
+        return _REMEDIES[field]
+    per_environment = f", sim.randomize({field}=...) sets values per environment" if field in _randomized() else ""
+    return f"model.replace({field}=...) makes a model with other values{per_environment}"
 
 
 def kind_of_environments(field: str) -> type[ReadOnly]:
@@ -148,7 +149,7 @@ def kind_of_environments(field: str) -> type[ReadOnly]:
 
 
 def not_assigned(owner: type, name: str) -> AttributeError:
-    """Error for an assignment to a read-only attribute of a stepper or a model."""
+    """Error for an assignment to a read-only attribute of a stepper, a model, or an element of a model, such as a body."""
     there = getattr(owner, name, None)
     if there is None:
         return no_attribute(owner, name)
@@ -160,11 +161,14 @@ def not_assigned(owner: type, name: str) -> AttributeError:
         reason = remedy_of(fields[0]) if fields else _FIXED
     elif callable(there):
         reason = "it is a method"
+    elif owner.__name__.lower() in KINDS:
+        arrays = (f"{prefix}_{name}" for prefix in KINDS[owner.__name__.lower()])
+        reason = next((remedy_of(array) for array in arrays if hasattr(Model, array)), _IN_FILE)
     elif owner is Model:
         reason = _OF_MODEL.get(name, _FIXED)
     else:
         reason = _RESULT
-    return AttributeError(f"{name} of a stepper.{owner.__name__} cannot be assigned: {reason}")
+    return AttributeError(f"{name} of a {_public_name(owner)} cannot be assigned: {reason}")
 
 
 def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeError:
@@ -178,10 +182,10 @@ def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeE
 
 
 def _public_name(owner: type) -> str:
-    """Name of a class as users write it: "stepper.lab.Study", or "Body of a stepper.Model" for an element of a model."""
+    """Name of a class as users write it: "stepper.lab.Study", or "stepper.Model's body" for a body of a model."""
     folder = owner.__module__.split(".")[1]
     if owner.__name__.lower() in KINDS and folder == "_stepper":
-        return f"{owner.__name__} of a stepper.Model"
+        return f"stepper.Model's {owner.__name__.lower()}"
     return f"stepper.{owner.__name__}" if folder.startswith("_") else f"stepper.{folder}.{owner.__name__}"
 
 
@@ -269,11 +273,14 @@ def _attribute_of_element(name: str) -> str:
 
 def _place_of_element(kind: str, name: str) -> str:
     """End of an error message about an attribute that an element of a model, such as a body, does not have; "" if no place is known."""
-    for whole in (*(f"{prefix}_{name}" for prefix in KINDS.get(kind, ())), name):
-        if hasattr(Model, whole) and whole != name:
+    arrays = [f"{prefix}_{name}" for prefix in KINDS.get(kind, ())]
+    for whole in arrays:
+        if hasattr(Model, whole):
             return f"; use model.{whole}, in which its id is the index"
+    for whole in (*arrays, *re.findall(_READ.get(kind, r"(?!)"), name)):
         if hasattr(Stepper, whole):
             return f"; use sim.read('{whole}', name) of a stepper.Stepper"
+    for whole in (*arrays, name):
         if text := _of_instance(Model, "model", whole, Stepper) or _of_instance(Stepper, "sim", whole, Model):
             return _replacement(text)
     return ""
@@ -407,16 +414,37 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
         known: Names of the fields that the function accepts.
         listed: Command or page that lists these fields, such as "help(stepper.Stepper.randomize)".
     """
-    hint = did_you_mean(name, known) or f"; {listed} lists the fields"
+    form = EARLIER_SELECTORS.get(name) or next((form for form in EARLIER_SELECTORS.values() if form.startswith(f"{name}[")), "")
+    view = _attribute_of_element(name)
+    field = form.partition("[")[0] or view.removeprefix("model.")
     if name in (other := NEW_NAMES.get(where, {})):
-        hint = f"; did you mean {other[name]}?"
-    if isinstance(getattr(Model, name, None), property):
-        hint = f"; all environments of a stepper share this one: make a stepper.Stepper of model.replace({name}=...)"
-    elif name in _REMEDIES:
-        hint = f"; {_REMEDIES[name]}"
-    elif name in EARLIER_SELECTORS:
-        hint = f"; did you mean {EARLIER_SELECTORS[name].partition('[')[0]}?"
+        hint = _replacement(other[name])
+    elif isinstance(getattr(Model, name, None), property):
+        hint = _SHARED.format(name)
+    elif name in _REMEDIES or "(" in view:
+        hint = f"; {_REMEDIES.get(name, _IN_FILE)}"
+    elif field in known:
+        hint = f"; did you mean {field}?"
+    elif isinstance(getattr(Model, field, None), property):
+        hint = _SHARED.format(field)
+    elif form and where in _OF_SELECTORS:
+        hint = f"; use {{'{form.format('name')}': ...}} as the first argument"
+    elif form:
+        hint = f"; did you mean {field}?"
+    else:
+        hint = _place_of_model(name) or did_you_mean(name, known) or f"; {listed} lists the fields"
     return f"{where}: there is no field {name!r}{hint}"
+
+
+def unknown_quantity(name: str, known: Collection[str]) -> str:
+    """Error message for an unknown quantity of `Stepper.read`, with a hint: its place, similar names, or all quantities.
+
+    Args:
+        name: The unknown name.
+        known: Names of the quantities.
+    """
+    hint = f"; use sim.{name}, which has no elements" if hasattr(Stepper, name) else _place_of_stepper(name)
+    return f"there is no quantity {name!r}{hint or did_you_mean_or_all(name, sorted(known))}"
 
 
 def unknown(kind: str, name: str, names: list[str]) -> str:

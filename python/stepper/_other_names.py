@@ -44,6 +44,13 @@ _TASKS = {
 }
 """Names that users may look for in `stepper.envs` itself, by the submodule of `stepper.envs` that has them."""
 
+STEPS = ("frame_skip", "n_steps", "num_steps", "n_frames", "decimation", "n_sub_steps", "nsubsteps", "substeps")
+"""Names of the argument `nstep` in other simulators."""
+SELECTIONS = ("mask", "reset_mask", "env_ids", "env_idx", "env_mask", "indices", "reset_ids")
+"""Names of the argument `envs` in other simulators."""
+_DRIVES = "actuators=stepper.ActuatorModel(...), for drives that stepper.Stepper(model, actuators=...) has"
+_READINGS = "stepper.Stepper(model, sensors=stepper.SensorModel(...)): errors of sensors are settings of a stepper"
+
 NEW_NAMES: dict[str, dict[str, str]] = {
     **RENAMED,
     "stepper.envs": {
@@ -62,7 +69,14 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "truth": "read('sensordata_ideal', name)",
         "contact_force": "read('body_contact_force', name)",
     },
-    "Stepper.randomize": {"mask": "envs"},
+    "Stepper.randomize": {
+        **dict.fromkeys(SELECTIONS, "envs"),
+        **dict.fromkeys(("delay", "lag"), _DRIVES),
+        **dict.fromkeys(("noise", "bias", "scale"), _READINGS),
+    },
+    "Model.replace": dict.fromkeys(
+        ("delay", "noise", "bias", "scale", "lag"), "stepper.Stepper(model, sensors=..., actuators=...), not the model"
+    ),
     "Stepper": {
         "observation": "sensordata",
         "obs": "sensordata",
@@ -89,7 +103,9 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         **dict.fromkeys(("ximat", "xiquat"), "xquat and model.body_iquat, the inertial frame in that of the body"),
         "xaxis": "xquat and model.joint(name).axis, the axis in the frame of the body",
         **{f"body_{field}": f"x{field}, in the world; model.body_{field} is in the frame of the parent" for field in ("pos", "quat")},
-        **{f"geom_{field}": f"geom_x{field}, in the world; model.geom_{field} is in the frame of the body" for field in ("pos", "quat")},
+        "geom_quat": "geom_xquat, in the world; model.geom_quat is in the frame of the body",
+        "geom_pos": "geom_xpos, in the world; sim.randomize(geom_pos=...) sets positions in the frame of the body, then "
+        "sim.randomized['geom_pos'] has them; the model has sim.model.geom_pos",
         **{
             f"site_{field}": f"site_x{field}, in the world; model.site(name).{field} is in the frame of the body"
             for field in ("pos", "quat")
@@ -189,19 +205,16 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "geoms": "geomadr and geomnum, the range of its geoms",
         "joints": "jntadr and jntnum, the range of its joints",
         "parent": "parentid",
-        "xpos": "sim.read('xpos', name) of a stepper.Stepper",
         **dict.fromkeys(("xmat", "ximat"), "sim.read('xquat', name) of a stepper.Stepper"),
         "children": "parentid of the other bodies",
     },
     "Sensor": {"data": "sim.read('sensordata', name) of a stepper.Stepper"},
     "Joint": {
-        **{name: f"sim.read('{name}', name) of a stepper.Stepper" for name in ("qpos", "qvel", "qacc")},
         "anchor": "pos",
         "body": "bodyid",
     },
     **{kind: {"body": "bodyid", "xmat": f"sim.read('{kind.lower()}_xquat', name) of a stepper.Stepper"} for kind in ("Geom", "Site")},
     "Actuator": {
-        "ctrl": "sim.ctrl of a stepper.Stepper, with its id as index",
         "joint": "trnid",
         "force": "sim.read('actuator_force', name) of a stepper.Stepper",
     },
@@ -539,7 +552,7 @@ EARLIER_SELECTORS = {
     "mass": "body_mass[{}]", "com": "body_ipos[{}]", "moments": "body_inertia[{}]", "inertia": "body_inertial[{}]",
     "friction": "geom_friction[{}][0]", "torsion": "geom_friction[{}][1]", "rolling": "geom_friction[{}][2]",
     "restitution": "geom_restitution[{}]", "pair_torsion": "pair_friction[{}][1]", "pair_rolling": "pair_friction[{}][2]",
-    "stiffness": "jnt_stiffness[{}]", "damping": "dof_damping[{}]", "armature": "dof_armature[{}]",
+    "gear": "actuator_gear[{}]", "stiffness": "jnt_stiffness[{}]", "damping": "dof_damping[{}]", "armature": "dof_armature[{}]",
     "frictionloss": "dof_frictionloss[{}]", "gain": "actuator_gainprm[{}]", "kp": "actuator_kp[{}]", "kv": "actuator_kv[{}]",
     "kd": "actuator_kv[{}]", "delay": "actuator.delay[{}]", "bias": "sensor.bias[{}]", "scale": "sensor.scale[{}]",
     "lag": "sensor.delay[{}]",
@@ -551,15 +564,19 @@ EARLIER_SELECTORS = {
 
 
 NEW_KEYWORDS = {
-    **dict.fromkeys(("mask", "reset_mask", "env_ids", "env_idx", "env_mask", "indices", "reset_ids"), "envs"),
-    **dict.fromkeys(("n_envs", "nworld", "nenv", "batch_size", "num_worlds"), "num_envs"),
+    **dict.fromkeys(SELECTIONS, "envs"),
+    **dict.fromkeys(("n_envs", "nworld", "nenv", "batch_size", "num_worlds", "nbatch"), "num_envs"),
     **dict.fromkeys(("dt", "timestep"), "options=stepper.Options(timestep=...)"),
-    **dict.fromkeys(("action", "actions", "control", "controls"), "ctrl"),
-    **dict.fromkeys(("frame_skip", "n_steps", "num_steps", "n_frames", "decimation"), "nstep"),
+    **dict.fromkeys(("action", "actions", "control", "controls", "u"), "ctrl"),
+    **dict.fromkeys(STEPS, "nstep"),
     **dict.fromkeys(("position", "positions", "init_qpos"), "qpos"),
     **dict.fromkeys(("velocity", "velocities", "init_qvel"), "qvel"),
     "dtype": "precision", "nthread": "threads", "num_threads": "threads", "key": "keyframe", "fields": "wrt",
-    "contact": "options=stepper.Options(contact=...)",
+    **{
+        name: f"options=stepper.Options({name}=...)"
+        for name in ("contact", "integrator", "solver", "iterations", "tolerance", "stabilization", "max_contacts")
+    },
+    **dict.fromkeys(("nconmax", "njmax"), "options=stepper.Options(max_contacts=...)"),
     "observation": "sensordata",
 }  # fmt: skip
 """Current keyword arguments, by the keyword in an earlier version, MuJoCo or Gymnasium.
@@ -567,11 +584,71 @@ NEW_KEYWORDS = {
 Error messages give the current keyword as a hint, but only for functions that have this keyword.
 """
 NEW_KEYWORDS_OF = {
-    "Stepper.set_state": {"cold": "keep_warmstart, its opposite: cold=True is keep_warmstart=False"},
-    "Stepper.reset": {"options": "qpos, qvel and keyframe"},
+    "Stepper.reset": {
+        "options": "qpos, qvel and keyframe",
+        "env": "envs",
+        "state": "sim.set_state(state)",
+        **{name: f"sim.set_state({name}=...) after the reset" for name in ("time", "act")},
+        "ctrl": "sim.step(ctrl) after the reset",
+        "noise": "qpos and qvel, with numbers of a generator of your own",
+    },
     "Stepper.mass_matrix": dict.fromkeys(("env", "envs"), "mass_matrix()[env]: it has all environments"),
     **{f"Stepper.{name}": {"envs": "env, one environment"} for name in ("get_state", "worst_row", "save_problem")},
     "Stepper.contacts": {"env": "envs"},
+    "Stepper.set_state": {
+        "cold": "keep_warmstart, its opposite: cold=True is keep_warmstart=False",
+        "env": "envs",
+        **dict.fromkeys(("state", "states"), "the first argument, without a keyword"),
+        "ctrl": "sim.step(ctrl), which sets controls",
+        **{name: f"sim.{name}, an array to write to" for name in ("mocap_pos", "mocap_quat", "xfrc_applied", "qfrc_applied")},
+    },
+    "stepper.Stepper": {
+        "n": "num_envs",
+        **dict.fromkeys(("noise", "sensor_noise"), "sensors=stepper.SensorModel(...)"),
+        **dict.fromkeys(("delay", "latency", "lag"), "actuators=stepper.ActuatorModel(...) or sensors=stepper.SensorModel(...)"),
+        "gravity": "stepper.Stepper(model.replace(gravity=...)), or sim.randomize(gravity=...)",
+        **dict.fromkeys(("cone", "impratio"), "options=stepper.Options.from_model(model), for settings of the file"),
+        **dict.fromkeys(STEPS, "sim.step(ctrl, nstep)"),
+        "device": "threads: it runs on processors, not on a GPU",
+        "render_mode": "sim.view() or stepper.viewer.Renderer(model)",
+    },
+    "Stepper.step": {
+        "n": "nstep",
+        "dt": "stepper.Stepper(model, options=stepper.Options(timestep=...))",
+        **{
+            name: f"sim.{name}, an array to write to before the step"
+            for name in ("xfrc_applied", "qfrc_applied", "mocap_pos", "mocap_quat")
+        },
+        "render": "sim.view()",
+    },
+    "Stepper.rollout": {
+        **dict.fromkeys(
+            ("outputs", "quantities", "read", "record", "observe", "names", "sensordata"), "fields, as fields=('qpos', 'sensordata')"
+        ),
+        **dict.fromkeys(("initial_state", "state", "init", "state0"), "initial"),
+        "envs": "sim.step(ctrl, nstep, envs): a rollout is of all environments",
+    },
+    "Stepper.linearize": {
+        **dict.fromkeys(("eps", "epsilon", "h", "delta"), "step"),
+        "flg_centered": "centered",
+        "envs": "linearize()[env]: it has all environments",
+    },
+    "Stepper.jacobian": {
+        **dict.fromkeys(("geom", "point", "pos"), "site, at this place"),
+        **dict.fromkeys(("env", "envs"), "jacobian(body=name)[env]: it has all environments"),
+        "joint": "body, of this joint",
+    },
+    "Stepper.rays": {
+        **dict.fromkeys(("pnt", "origin", "origins", "start", "starts"), "points"),
+        **dict.fromkeys(("vec", "vecs", "direction"), "directions"),
+        "bodyexclude": "exclude",
+        "geomgroup": "geoms",
+        **dict.fromkeys(("cutoff", "max_distance", "max_range"), "the distances of the result, which are not limited"),
+    },
+    "Stepper.read": {
+        **dict.fromkeys(("body", "site", "geom", "joint", "actuator", "sensor", "names", "element"), "of"),
+        **dict.fromkeys(("env", "envs"), "read('xpos', name)[env]: it has all environments"),
+    },
     "stepper.lab.Study": {"drive": "controller", "policy": "controller=stepper.lab.Policy(...)"},
     "stepper.lab.Parameter": {
         "target": "selector, as 'geom_friction[floor,box][0]'",

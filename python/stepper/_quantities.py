@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper._hints import did_you_mean_or_all
+from stepper._hints import unknown_quantity
 from stepper._stepper import Model, Stepper
 
 Array = NDArray[Any]
@@ -42,7 +42,7 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
         ValueError: An unknown quantity.
     """
     if name not in KINDS:
-        raise ValueError(f"there is no quantity {name!r}{_place_of(now.model, name) or did_you_mean_or_all(name, sorted(KINDS))}")
+        raise ValueError(unknown_quantity(name, KINDS))
     values = np.asarray(getattr(now, name))
     if of is not None:
         axis = 0 if now.num_envs is None else 1

@@ -10,8 +10,10 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from stepper._hints import did_you_mean
-from stepper._other_names import NEW_NAMES, ROOT_NAMES
+from stepper import _stepper
+from stepper._hints import did_you_mean, no_attribute, not_assigned, unknown_keyword
+from stepper._other_names import NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, ROOT_NAMES
+from stepper.shared.fields import RANDOMIZED
 
 SCENE = """<mujoco><asset><hfield name="x" nrow="3" ncol="3" size="1 1 1 1"/></asset><worldbody>
   <geom name="x" type="hfield" hfield="x" pos="0 0 -9"/>
@@ -31,12 +33,13 @@ OWNERS = {"stepper.Model": MODEL, "stepper.Stepper": SIM, "stepper": stepper}
 
 CODE = re.compile(r"(?<![\w.'\"\[])(?:sim|model|stepper|mujoco|np|copy|gymnasium)(?:\.\w+(?:\([^()]*(?:\([^()]*\)[^()]*)*\)|\['\w+'\])?)+")
 """Names and calls in a hint, such as "sim.read('xpos', name)"."""
+INSTANCES = r"(?:sim|model|stepper|mujoco|np|copy|len)\b"
 NAMES = {
     "sim": SIM, "model": MODEL, "stepper": stepper, "mujoco": mujoco, "np": np, "name": "x", "geom": "x", "qacc": np.zeros(1),
     "ctrl": np.zeros(1), "nstep": 1, "state": STATE, "points": np.ones((1, 3)), "directions": np.ones((1, 3)), "sources": 0, "envs": [0],
     "q": np.zeros(1), "dv": np.zeros(1), "q1": np.zeros(1), "q2": np.zeros(1), "num_envs": 2, "qpos": np.zeros(1), "qvel": np.zeros(1),
     "mujoco_model": mujoco.MjModel.from_xml_string(SCENE), "x": np.zeros((6, 1, 1)),
-    "copy": __import__("copy"), "gymnasium": __import__("gymnasium"), "env": 0, "i": 0,
+    "copy": __import__("copy"), "gymnasium": __import__("gymnasium"), "env": 0, "bytes": STATE.bytes,
 }  # fmt: skip
 """Values of the words in the calls of hints."""
 
@@ -47,7 +50,9 @@ def run(code):
         head, _, given = code.partition("(")
         target = eval(head, {}, NAMES)
         assert callable(target), code
-        given = re.findall(r"(\w+)=", given)
+        inner = re.sub(r"\([^()]*\)", "", given)
+        assert faults(given) == [], code
+        given = re.findall(r"(\w+)=", inner)
         known = inspect.signature(target).parameters if given else {}
         wild = any(one.kind is one.VAR_KEYWORD for one in known.values())
         assert wild or set(given) <= known.keys(), code
@@ -57,25 +62,27 @@ def run(code):
     return eval(code, {}, NAMES)
 
 
-def check(error, owner):
-    """What the hint of an error says wrongly, if anything. `owner` is the word for the object of the error: "sim", "model" or "stepper"."""
-    hint = re.split(r"has no attribute '\w+'|cannot import name '\w+' from 'stepper'", str(error), maxsplit=1)[1]
-    if not hint.startswith("; ") or len(str(error)) > LONGEST:
-        return [f"{error}: no hint, or too long"]
-    wrong = []
-    found = CODE.findall(hint)
-    first = re.match(r"; (?:did you mean|use) ((?!(?:sim|model|stepper|mujoco|np|copy|len)\b)\w+(?:\.\w+)*(?:\([^()]*\)(?:\.\w+)?)?)", hint)
-    if first and owner != "stepper":
-        found.append(f"{owner}.{first[1]}")
-    found += re.findall(r"len\([\w.]+\)", hint)
-    for code in found:
+def faults(text):
+    """Errors of the names and calls in a text."""
+    found = []
+    for code in [*CODE.findall(text), *re.findall(r"len\([\w.]+\)", text)]:
         try:
             run(code)
         except ImportError:  # stepper.adapters.torch without PyTorch
             continue
-        except (AssertionError, AttributeError, TypeError, ValueError, KeyError, NameError) as error_of_hint:
-            wrong.append(f"{error}: {code}: {type(error_of_hint).__name__}: {error_of_hint}")
-    return wrong
+        except (AssertionError, AttributeError, TypeError, ValueError, KeyError, NameError) as error:
+            found.append(f"{text}: {code}: {type(error).__name__}: {error}")
+    return found
+
+
+def check(error, owner):
+    """What the hint of an error says wrongly, if anything. `owner` is the word for the object of the error: "sim", "model" or "stepper"."""
+    hint = re.split(r"has no attribute '\w+'", str(error), maxsplit=1)[1]
+    if not hint.startswith("; ") or len(str(error)) > LONGEST:
+        return [f"{error}: no hint, or too long"]
+    first = re.match(rf"; (?:did you mean|use) ((?!{INSTANCES})\w+(?:\.\w+)*(?:\([^()]*\)(?:\.\w+)?)?)", hint)
+    relative = f"{owner}.{first[1]}" if first and owner != "stepper" else ""
+    return [f"{error}: {fault}" for fault in [*faults(hint), *faults(relative)]]
 
 
 def error_of(owner, name):
@@ -169,3 +176,125 @@ def test_names_of_other_simulators_have_hints_that_can_be_followed(place):
         similar = str(error).endswith(f"{name!r}{did_you_mean(name, dir(owner))}") and name not in TABLES[place]
         wrong += [f"{error}: a similar name"] if similar else check(error, WORDS[place])
     assert not wrong, "\n".join(wrong)
+
+
+CALLS = {
+    "stepper.Stepper": stepper.Stepper,
+    **{f"Stepper.{name}": getattr(stepper.Stepper, name) for name in dir(stepper.Stepper) if not name.startswith("_")},
+}
+
+
+@pytest.mark.parametrize("call", [call for call in NEW_KEYWORDS_OF if call in CALLS])
+def test_every_keyword_of_other_simulators_names_one_that_the_call_takes_or_another_call(call):
+    known = inspect.signature(CALLS[call]).parameters
+    for name in {*NEW_KEYWORDS_OF[call], *NEW_KEYWORDS} - known.keys():
+        text = unknown_keyword(call, name, [other for other in known if other != "self"])
+        assert text.startswith(f"{call}() takes no {name!r}")
+        assert faults(text.partition(repr(name))[2]) == []
+        if name in NEW_KEYWORDS_OF[call]:
+            first = re.split(r"\W", NEW_KEYWORDS_OF[call][name])[0]
+            assert first in {*known, "sim", "stepper", "the"} or hasattr(SIM, first), text
+
+
+@pytest.mark.parametrize("call", ["Stepper.randomize", "Model.replace"])
+@pytest.mark.parametrize("name", ["kp", "kv", "kd", "actuator_kp", "actuator_kv"])
+def test_gains_of_servos_are_named_by_a_selector_that_the_call_takes(call, name):
+    give = {"Stepper.randomize": SIM.randomize, "Model.replace": MODEL.replace}[call]
+    with pytest.raises(stepper.ModelError) as error:
+        give(**{name: 1.0})
+    selector = re.search(r"use \{'(\w+\[name\])': \.\.\.\} as the first argument$", str(error.value))[1]
+    give({selector.replace("name", "x"): 2.0})
+
+
+@pytest.mark.parametrize("call", ["Stepper.randomize", "Model.replace"])
+@pytest.mark.parametrize(("name", "hint"), [
+    ("env_ids", "did you mean envs"),
+    ("joint_damping", "did you mean dof_damping"),
+    ("mass", "did you mean body_mass"),
+    ("geom_rgba", "colours, materials and other looks are not part of a model"),
+    ("hfield_data", "other heights need another file"),
+    ("jnt_axis", "change the file"),
+    ("body_parentid", "change the file"),
+    ("delay", "stepper.Stepper(model, "),
+    ("noise", "stepper.Stepper(model, sensors="),
+])  # fmt: skip
+def test_names_that_are_no_field_are_said_to_be_elsewhere(call, name, hint):
+    if (call, name) == ("Model.replace", "env_ids"):
+        return
+    give = {"Stepper.randomize": SIM.randomize, "Model.replace": MODEL.replace}[call]
+    with pytest.raises(stepper.ModelError) as error:
+        give(**{name: 1.0})
+    assert hint in str(error.value)
+    assert faults(str(error.value).partition(";")[2]) == []
+
+
+def test_fields_of_randomize_are_the_hint_of_a_stepper():
+    """Reading and assigning: the values of an environment are not those of the model."""
+    for field in RANDOMIZED:
+        for attempt in (lambda: getattr(SIM, field), lambda: setattr(SIM, field, 1.0)):  # noqa: B023
+            with pytest.raises(AttributeError) as error:
+                attempt()
+            assert f"sim.model.{field}" in str(error.value)
+            assert ("use geom_xpos" in str(error.value)) == (field == "geom_pos")
+            assert f"sim.randomize({field}=...)" in str(error.value)
+            assert f"sim.randomized['{field}']" in str(error.value)
+            assert faults(str(error.value).partition(";")[2]) == []
+
+
+ELEMENTS = {
+    "Body": "xpos xquat rgba rootid subtreemass geoms joints gravcomp parent cinert cvel xmat user invweight0 weldid",
+    "Joint": "qpos qvel qacc anchor body margin solref actfrcrange group springyield",
+    "Geom": "xpos xmat rgba group dataid rbound matid solref body surfacevel",
+    "Site": "xpos xmat size rgba group body",
+    "Actuator": "ctrl force dyntype length velocity joint group",
+    "Sensor": "data objid reftype datatype user",
+    "Tendon": "length velocity lengthspring rgba width num",
+    "Keyframe": "mpos mquat",
+    "Pair": "signature adhesion",
+    "State": "qpos qvel time save load num_envs copy ctrl",
+}
+"""Names that users look for on an element of a model, or on a state."""
+
+
+@pytest.mark.parametrize("kind", ELEMENTS)
+def test_elements_of_a_model_have_hints_that_can_be_followed(kind):
+    """`no_attribute` serves these classes too. Their own attributes are the words at the start of a hint."""
+    owner = getattr(_stepper, kind)
+    instance = STATE if kind == "State" else getattr(MODEL, kind.lower())("x")
+    wrong = []
+    for name in ELEMENTS[kind].split():
+        if hasattr(owner, name):
+            continue
+        error = str(no_attribute(owner, name))
+        hint = error.partition(f"has no attribute {name!r}")[2]
+        assert error.startswith("a stepper.State" if kind == "State" else f"a stepper.Model's {kind.lower()}"), error
+        first = re.match(rf"; (?:did you mean|use) ((?!{INSTANCES})\w+)", hint)
+        if not hint or (first and not hasattr(instance, first[1])):
+            wrong.append(error)
+        wrong += faults(hint)
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize(("name", "hint"), [
+    ("xvel", "did you mean body_linvel?"),
+    ("acc", "did you mean qacc?"),
+    ("body_mass", "sim.randomize(body_mass=...)"),
+    ("ten_length", "a sensor has it"),
+    ("time", "use sim.time, which has no elements"),
+    ("zzz", "there are: actuator_force"),
+])  # fmt: skip
+def test_a_quantity_that_read_does_not_have_is_said_to_be_elsewhere(name, hint):
+    with pytest.raises(ValueError, match=re.escape(hint)) as error:
+        SIM.read(name)
+    assert faults(str(error.value).partition(";")[2]) == []
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ELEMENTS if kind != "State"])
+def test_an_assignment_to_an_attribute_of_an_element_names_what_sets_it(kind):
+    for name in dir(getattr(_stepper, kind)):
+        if not name.startswith("_"):
+            error = str(not_assigned(getattr(_stepper, kind), name))
+            assert error.startswith(f"{name} of a stepper.Model's {kind.lower()} cannot be assigned: ")
+            assert faults(error.partition(": ")[2]) == []
+            for field in re.findall(r"sim\.randomize\((\w+)=", error):
+                assert field in RANDOMIZED

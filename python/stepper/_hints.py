@@ -177,8 +177,22 @@ def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeE
     The hint is the current name of the attribute, the class that has the attribute, or similar names. `more` are the names of further
     attributes, which only the instances have.
     """
-    hint = _place_of(owner, name) or did_you_mean(name, {*dir(owner), *more})
+    hint = _place_of(owner, name) or _similar_attribute(owner, name, more)
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint}")
+
+
+def _similar_attribute(owner: type, name: str, more: Iterable[str] = ()) -> str:
+    """End of an error message with attributes of similar names, of a class or, for a model and a stepper, of the other one.
+
+    Args:
+        owner: The class.
+        name: The unknown name.
+        more: Names of further attributes, which only the instances have.
+    """
+    own = {*dir(owner), *more}
+    other, instance = {Model: (Stepper, "sim"), Stepper: (Model, "sim.model")}.get(owner, (owner, ""))
+    best = difflib.get_close_matches(name, own.union(dir(other)), n=1, cutoff=0.8)
+    return f"; did you mean {instance}.{best[0]}?" if best and best[0] not in own else did_you_mean(name, own)
 
 
 def _public_name(owner: type) -> str:
@@ -231,6 +245,11 @@ def _place_of_model(name: str) -> str:
 
 def _place_of_stepper(name: str) -> str:
     """End of an error message about an attribute that a stepper does not have; "" if no place is known."""
+    rest = name.removeprefix("get_")
+    if rest != name and name not in NEW_NAMES["Stepper"]:  # Getters of mujoco-py and others.
+        hint = f"; use sim.{rest}" if hasattr(Stepper, rest) else _place_of_stepper(rest)
+        if hint:
+            return hint
     text = _other_name("Stepper", name)
     if not text and name in _randomized():
         return (

@@ -230,9 +230,22 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "num_joints": "njnt",
         **{
             name: f"{kind}_names"
-            for name, kind in (("bodies", "body"), ("joints", "joint"), ("geoms", "geom"), ("dof_names", "joint"), ("jnt_names", "joint"))
+            for name, kind in (
+                ("bodies", "body"),
+                ("joints", "joint"),
+                ("geoms", "geom"),
+                ("dof_names", "joint"),
+                ("jnt_names", "joint"),
+                ("sites", "site"),
+                ("tendons", "tendon"),
+                ("actuators", "actuator"),
+                ("keyframes", "keyframe"),
+                ("keys", "keyframe"),
+                ("pairs", "pair"),
+            )
         },
         **dict.fromkeys(("links", "link_names"), "body_names"),
+        "actuators": "actuator_names; sim.actuators has the drives of a stepper.Stepper",
         "total_mass": "model.body_mass.sum()",
         **dict.fromkeys(("jnt", "dof"), "joint(name)"),
         "key": "keyframe(name)",
@@ -316,16 +329,17 @@ def _sensor(kind: str, element: str) -> str:
 _NOT_KEPT = ": a stepper.Model does not keep it: mujoco.MjModel.from_xml_path(path) of the same file has it"
 _BY_NAME = "model.body_names, model.joint_names and others, lists of names"
 _INTERNAL = ": memory and sparse matrices of MuJoCo have no counterpart: sim.mass_matrix() is dense, and sim.memory() counts bytes"
+_OF_ENVIRONMENTS = ": rewards, episodes, observations and spaces are those of stepper.envs.StepperEnv and stepper.envs.StepperVectorEnv"
 _RENDERED = ": stepper.viewer.Renderer(model) draws pictures with render(sim), and sim.view() opens a live view"
 FAMILIES: dict[str, dict[str, str]] = {
     "Model": {
         r"\w+_user|n?user(_\w+|data)": ": user data is not part of a model: keep it in your program",
         r"(\w+_)?n?plugin(\w*)": ": plugins are not simulated: a Python loop can write controls, sim.xfrc_applied and sim.qfrc_applied",
-        r"n?cam(era)?(_\w+)?": (
+        r"n?cam(era)?s?(_\w+)?": (
             ": cameras are not part of a model: stepper.viewer.Renderer(model, camera=...) draws one of the file, and a site has a "
             "pose: sim.site_xpos"
         ),
-        r"n?light(_\w+)?": ": lights are not part of a model: stepper.viewer.Renderer(model) draws with those of the file",
+        r"n?lights?(_\w+)?": ": lights are not part of a model: stepper.viewer.Renderer(model) draws with those of the file",
         r"n?(numeric|text|tuple)(data|_\w+)?": (
             ": custom numbers and texts are not part of a model: mujoco.MjModel.from_xml_path(path) has them"
         ),
@@ -400,6 +414,47 @@ FAMILIES: dict[str, dict[str, str]] = {
         r"set_mocap\w*": "mocap_pos and sim.mocap_quat, arrays to write to before a step",
         r"(get_)?(\w+_)?jac(obian)?s?\w*": "jacobian(body=name)",
         "((geom|site|body)_)?distance|geom_distance": "contacts(), whose field distance has those of near geoms",
+        "obs_buf|rew_buf|reset_buf|progress_buf|rewards?|dones?|terminated|truncated|infos?|metrics": _OF_ENVIRONMENTS,
+        r"episodes?(_\w+)?|max_episode_\w+|(elapsed_)?steps|(num|env)_steps|step_count\w*|\w*step_counter": _OF_ENVIRONMENTS,
+        r"(observation|action)_(space|spec|size)s?|spaces|(obs|n_?obs|num_obs)(_dim)?|nobs|get_(obs\w*|reward)": _OF_ENVIRONMENTS,
+        "(joint|dof|applied|computed|actuator)?_?(torque|effort|actuation)s?|(joint|dof)_forces?(_tensor)?|tau": (
+            "qfrc_actuator, or sim.actuator_force of each actuator"
+        ),
+        "forces?|wrench(es)?|external_(force|wrench)s?": "xfrc_applied for external forces, sim.contacts()['force'] for contacts",
+        r"(joint|dof)_\w+_targets?|u|targets?": "ctrl, which sim.step(ctrl) sets",
+        "joint_acc|joint_accelerations?|acc|accels?|accelerations?|qdd|ddq|dof_acc": "qacc",
+        "q": "qpos",
+        "qd|dq|q_vel": "qvel",
+        "x|pos|poses?|transforms?|xforms?|com_pos|positions_w|(root|body|link)_link_(pos|pose)_w": (
+            "xpos and sim.xquat, by sim.read('xpos', name)"
+        ),
+        "xd|vel|linear_velocity|com_vel": "read('body_linvel', name), in world axes",
+        "ang|ang_vel|angular_velocity": "read('body_angvel', name), in world axes",
+        "quat|rot|rotations?|orientations?|euler|rpy|yaw|heading(_w)?|(root|body|link)_(quat|rot|orientation)(_w)?": "read('xquat', name)",
+        r"(soft_)?(joint|dof)?_?(pos_)?limits?": "sim.model.jnt_range",
+        "ctrl_?range|action_(range|limits)|effort_limits?": "sim.model.actuator_ctrlrange",
+        r"default_(joint_pos|root_state|dof_pos)\w*|init_q(_?pos)?|home": "sim.model.qpos0",
+        r"default_(mass|masses)": "sim.model.body_mass",
+        "(joint|dof)_friction": "sim.model.dof_frictionloss",
+        r"images?|rgb|pixels|video|frames?|screenshot|\w*render_\w+|contexts|depth_image": _RENDERED,
+        "rng|random|generator|seed_all|np_random|random_state": "reset(seed=...), for the errors of sensors: nothing else is random",
+        "(physics|step|sim|control)_dt": "timestep",
+        r"(num|n)_contacts|contact_(pairs|points|pos)|touching|is_colliding|collision|normals?|impulses?|penetrations": "contacts()",
+        "num_env|envs|env_origins|num_instances": "num_envs",
+        "find_(bodies|joints|links)": "sim.model.body_names, and sim.model.body(name).id of one",
+        "actuator_size|action_(size|dim)|n_?actions?|num_act(ions|uators)": "sim.model.nu",
+        "q_size": "sim.model.nq",
+        "qd_size": "sim.model.nv",
+        "num_links": "sim.model.nbody",
+        "activations?": "act",
+        r"check_\w+|suppress_\w+|is_valid|errors?": "status, in which an environment without a valid step has a flag of stepper.Status",
+        "sys|system|mj_?model|scene|links?": "model",
+        "cfg|config|settings": "options",
+        r"(refresh|acquire)_\w+": "qacc or another attribute: all follow from the state",
+        r"reload_from_\w+|from_byte_string|from_model": "stepper.Stepper(model, num_envs), with the model of stepper.load(path)",
+        r"pipeline_step|legacy_step|\w*step_callback": "step(ctrl, nstep)",
+        "pipeline_(init|state)|init|initialize": "reset()",
+        "(forward|inverse)_kinematics|ik|fk": "xpos and sim.xquat, which follow from sim.qpos, and sim.jacobian(body=name)",
         "(clear|reset)_randomization": ": sim.randomize() without arguments restores the values of the model",
         "friction|set_(geom_)?friction": ": sim.randomize(geom_friction=...) sets friction of each environment",
         "mass|set_(body_)?mass": ": sim.randomize(body_mass=...) sets masses of each environment",
@@ -435,7 +490,7 @@ FAMILIES: dict[str, dict[str, str]] = {
         "mj_rnePostConstraint": "sim.cfrc_ext of a stepper.Stepper, and sensors",
         "mj_subtreeVel|mj_angmomMat": "sim.momentum() of a stepper.Stepper, or sensors of type subtreelinvel and subtreeangmom",
         "mj_objectAcceleration": "a sensor of type framelinacc or frameangacc",
-        r"mj_(collision|geomDistance|addContact|maxContact|insideSite)|MjContact|MjPreContact|mjtConDataField|mjtConstraint\w*": (
+        r"mj_(collision|geomDistance|addContact|maxContact)|MjContact|MjPreContact|mjtConDataField|mjtConstraint\w*": (
             "sim.contacts() of a stepper.Stepper"
         ),
         r"mj_sensor\w+|mj_(readSensor|initSensorHistory)": "sim.sensordata of a stepper.Stepper",
@@ -443,11 +498,14 @@ FAMILIES: dict[str, dict[str, str]] = {
         r"mj_(multiRay|ray\w+)|mjtRayDataField": "sim.rays(points, directions) of a stepper.Stepper",
         r"mj_jac\w*|mj_mulJac\w+": "sim.jacobian(body=name) of a stepper.Stepper",
         "mj_applyFT": "sim.xfrc_applied of a stepper.Stepper, an array of forces on bodies to write to before a step",
-        r"mj_(print|set|size|get)\w*[mM](odel|ass)|mj_print\w+|mj_isSparse": (
+        r"mj_(print|set|size|get)\w*[mM](odel|ass)|mj_print\w+": (
             "model.explain() and model.body_mass.sum(); model.replace(...) makes a model with other values"
         ),
         r"mj_save\w+|mj_embedAssets": "model.save(path) for the format of stepper; XML is the source file itself",
-        "mj_set(Const|Keyframe|LengthRange|Totalmass)": "model.replace(...), which recomputes dependent values",
+        "mj_setKeyframe": "sim.get_state() of a stepper.Stepper, which keeps a state; keyframes are those of the file",
+        "mj_is(Pyramidal|Dual|Sparse)": "model.requested, the settings of the file",
+        "mj_insideSite": "sim.site_xpos and sim.site_xquat of a stepper.Stepper",
+        "mj_set(Const|LengthRange|Totalmass)": "model.replace(...), which recomputes dependent values",
         r"mj_reset\w+": "sim.reset() of a stepper.Stepper",
         r"mj_(inv\w+|compareFwdInv)": "sim.inverse_dynamics(qacc) of a stepper.Stepper",
         r"mj_version\w*|mjVERSION\w*": "stepper.__version__",

@@ -61,7 +61,7 @@ _CALL = re.compile(r"[\w.]+(\([^()]*\)(\.\w+)?)?")
 """Pattern of a hint that is only a name or a call, without prose."""
 _INSTANCES: dict[type, str] = {Stepper: "sim", Model: "model"}
 """Names of instances in messages."""
-_READ = {"body": r"^(?:x\w+|c(?:inert|vel|frc_ext)|subtree_com)$", "joint": r"^q\w+$", "actuator": "^ctrl$"}
+_READ = {"body": r"x\w+|c(inert|vel|frc_ext)|subtree_com", "joint": r"q\w+", "actuator": "ctrl"}
 """Pattern of quantities that `Stepper.read` has for a kind of element, and whose names do not begin with this kind."""
 _LISTED = 12
 """Largest number of names that an error message lists."""
@@ -296,8 +296,8 @@ def _place_of_element(kind: str, name: str) -> str:
     for whole in arrays:
         if hasattr(Model, whole):
             return f"; use model.{whole}, in which its id is the index"
-    for whole in (*arrays, *re.findall(_READ.get(kind, r"(?!)"), name)):
-        if hasattr(Stepper, whole):
+    for whole in (*arrays, name):
+        if hasattr(Stepper, whole) and (whole != name or re.fullmatch(_READ.get(kind, ""), name)):
             return f"; use sim.read('{whole}', name) of a stepper.Stepper"
     for whole in (*arrays, name):
         if text := _of_instance(Model, "model", whole, Stepper) or _of_instance(Stepper, "sim", whole, Model):
@@ -316,10 +316,13 @@ def no_root_attribute(name: str, known: Iterable[str]) -> Exception:
 
     `known` are the names that the package has.
     """
-    hint = f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else _replacement(text) if (text := _other_name("stepper", name)) else ""
-    if not hint and not name.startswith("_"):
-        kind = Stepper if hasattr(Stepper, name) else Model if hasattr(Model, name) else None
-        hint = f"; use {_INSTANCES[kind]}.{name} of a stepper.{kind.__name__}" if kind else ""
+    hint = ""
+    if name in ROOT_NAMES:
+        hint = f"; use {ROOT_NAMES[name]}"
+    elif text := _other_name("stepper", name):
+        hint = _replacement(text)
+    elif owner := next((owner for owner in _INSTANCES if hasattr(owner, name) and not name.startswith("_")), None):
+        hint = f"; use {_INSTANCES[owner]}.{name} of a stepper.{owner.__name__}"
     return _absent("stepper", name, hint, known)
 
 

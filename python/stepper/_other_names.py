@@ -209,15 +209,9 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "children": "parentid of the other bodies",
     },
     "Sensor": {"data": "sim.read('sensordata', name) of a stepper.Stepper"},
-    "Joint": {
-        "anchor": "pos",
-        "body": "bodyid",
-    },
+    "Joint": {"anchor": "pos", "body": "bodyid"},
     **{kind: {"body": "bodyid", "xmat": f"sim.read('{kind.lower()}_xquat', name) of a stepper.Stepper"} for kind in ("Geom", "Site")},
-    "Actuator": {
-        "joint": "trnid",
-        "force": "sim.read('actuator_force', name) of a stepper.Stepper",
-    },
+    "Actuator": {"joint": "trnid"},
     "Model": {
         "opt": "timestep, gravity and others of the model; stepper.Options has settings of the step",
         **{f"n{kind}": f"len(model.{kind}_names)" for kind in ("sensor", "tendon")},
@@ -238,7 +232,6 @@ NEW_NAMES: dict[str, dict[str, str]] = {
                 ("jnt_names", "joint"),
                 ("sites", "site"),
                 ("tendons", "tendon"),
-                ("actuators", "actuator"),
                 ("keyframes", "keyframe"),
                 ("keys", "keyframe"),
                 ("pairs", "pair"),
@@ -474,7 +467,7 @@ FAMILIES: dict[str, dict[str, str]] = {
         "mjt(DisableBit|EnableBit)": "stepper.Options(...) for settings of the step; flags of the file hold",
         "mjt(Geom|Joint|Sensor|Trn|Gain|Bias|Dyn|Eq|Tendon|Wrap|Obj|DataType|Actuator)": "words, as in model.geom(name).type",
         "mjtState|mj_(stateSize|extractState|copyState)": "sim.get_state() of a stepper.Stepper",
-        r"Mjs\w+|MjSpec|Spec|spec": "mujoco.MjSpec, whose compiled model stepper.load(path) takes in place of a path",
+        r"Mjs\w+|MjSpec|Spec|spec": "mujoco.MjSpec, then stepper.load(spec.compile())",
         r"Mj[vr]\w+|mj[vr]\w+|Scene|scene|render|Viewer|launch|mjt(Camera|Font\w*|VisFlag|RndFlag|Label|Frame\w*|Mouse|Stereo|CatBit|PertBit|Light\w*|DepthMap)|"
         r"mj_(camlight|printScene|printFormattedScene)": _RENDERED,
         r"[gs]et_mj\w+|mj_resetCallbacks|mj_load\w*Plugin\w*|mjtPluginCapabilityBit": (
@@ -516,9 +509,7 @@ FAMILIES: dict[str, dict[str, str]] = {
         ),
         r"mjt\w+": "words in place of enumerations; mujoco.\\g<0> has those of MuJoCo",
         r"mj[A-Z]\w*": "mujoco.\\g<0>",
-        r"Mj(StatisticX|\w+)": (
-            ": stepper has no such structure: model, options and state are stepper.Model, stepper.Options and stepper.Stepper"
-        ),
+        r"Mj\w+": (": stepper has no such structure: model, options and state are stepper.Model, stepper.Options and stepper.Stepper"),
         "FatalError|UnexpectedError|StepperError": "stepper.ModelError for models; other errors are ValueError, TypeError and the like",
         r"mjx|mujoco|Physics|physics|Batch\w*|batch|System|Data|World|worlds|sim|get_data": (
             "stepper.load(path) and stepper.Stepper(model, num_envs)"
@@ -591,7 +582,7 @@ ROOT_NAMES = {
     "mjd_transitionFD": "sim.linearize() of a stepper.Stepper",
     **dict.fromkeys(("mj_getState", "mj_setState"), "sim.get_state() and sim.set_state(state) of a stepper.Stepper"),
     "mj_copyData": "sim.copy_state(sources, envs) of a stepper.Stepper",
-    "MjSpec": "mujoco.MjSpec, whose compiled model stepper.load takes",
+    "MjSpec": "mujoco.MjSpec, then stepper.load(spec.compile())",
     "put_model": "stepper.load(mujoco_model)",
     **dict.fromkeys(("put_data", "make_data"), "stepper.Stepper(model, num_envs)"),
     "launch_passive": "sim.view() of a stepper.Stepper",

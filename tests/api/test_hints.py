@@ -39,7 +39,7 @@ NAMES = {
     "ctrl": np.zeros(1), "nstep": 1, "state": STATE, "points": np.ones((1, 3)), "directions": np.ones((1, 3)), "sources": 0, "envs": [0],
     "q": np.zeros(1), "dv": np.zeros(1), "q1": np.zeros(1), "q2": np.zeros(1), "num_envs": 2, "qpos": np.zeros(1), "qvel": np.zeros(1),
     "mujoco_model": mujoco.MjModel.from_xml_string(SCENE), "x": np.zeros((6, 1, 1)),
-    "copy": __import__("copy"), "gymnasium": __import__("gymnasium"), "env": 0, "bytes": STATE.bytes,
+    "copy": __import__("copy"), "gymnasium": __import__("gymnasium"), "env": 0, "bytes": STATE.bytes, "spec": mujoco.MjSpec.from_string(SCENE),
 }  # fmt: skip
 """Values of the words in the calls of hints."""
 

@@ -171,6 +171,9 @@ def inspect_text(method):
         ("from stepper.envs import Go1Rough", "did you mean stepper.envs.locomotion.Go1Rough?"),
         ("from stepper.envs import Quantity", "did you mean Observation?"),
         ("from stepper import Study", "use stepper.lab.Study"),
+        ("from stepper import mjx", "use stepper.load(path) and stepper.Stepper(model, num_envs)"),
+        ("from stepper import mju_mulQuat", "use mujoco.mju_mulQuat"),
+        ("from stepper import step", "use sim.step of a stepper.Stepper"),
     ],
 )
 def test_an_import_of_a_name_from_elsewhere_has_the_hint(statement, hint):

@@ -209,7 +209,7 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "children": "parentid of the other bodies",
     },
     "Sensor": {"data": "sim.read('sensordata', name) of a stepper.Stepper"},
-    "Joint": {"anchor": "pos", "body": "bodyid"},
+    "Joint": {"anchor": "pos", "body": "bodyid", **{name: f"model.{name}, at its qposadr" for name in ("qpos0", "qpos_spring")}},
     **{kind: {"body": "bodyid", "xmat": f"sim.read('{kind.lower()}_xquat', name) of a stepper.Stepper"} for kind in ("Geom", "Site")},
     "Actuator": {"joint": "trnid"},
     "Model": {
@@ -307,7 +307,8 @@ Other names are those of earlier versions, MuJoCo and Gymnasium.
 KINDS = {
     "body": ("body",),
     "joint": ("jnt", "dof"),
-    **{kind: (kind,) for kind in ("geom", "pair", "site", "actuator", "sensor", "tendon")},
+    **{kind: (kind,) for kind in ("geom", "pair", "site", "actuator", "sensor")},
+    "tendon": ("tendon", "ten"),
     "keyframe": ("key",),
 }
 """Prefixes of MuJoCo's names of arrays, such as "jnt" in "jnt_axis", by the kind of element that a model has, such as "joint"."""

@@ -39,7 +39,8 @@ NAMES = {
     "ctrl": np.zeros(1), "nstep": 1, "state": STATE, "points": np.ones((1, 3)), "directions": np.ones((1, 3)), "sources": 0, "envs": [0],
     "q": np.zeros(1), "dv": np.zeros(1), "q1": np.zeros(1), "q2": np.zeros(1), "num_envs": 2, "qpos": np.zeros(1), "qvel": np.zeros(1),
     "mujoco_model": mujoco.MjModel.from_xml_string(SCENE), "x": np.zeros((6, 1, 1)),
-    "copy": __import__("copy"), "gymnasium": __import__("gymnasium"), "env": 0, "bytes": STATE.bytes, "spec": mujoco.MjSpec.from_string(SCENE),
+    "copy": __import__("copy"), "gymnasium": __import__("gymnasium"), "env": 0, "bytes": STATE.bytes,
+    "spec": mujoco.MjSpec.from_string(SCENE),
 }  # fmt: skip
 """Values of the words in the calls of hints."""
 
@@ -343,3 +344,20 @@ def test_passive_forces_are_the_expression_of_the_hint():
     assert " - ".join(code) in str(error_of(sim, "qfrc_passive"))
     first, second = (eval(one, {}, {**NAMES, "sim": sim}) for one in code)
     np.testing.assert_allclose((first - second)[0], data.qfrc_passive, atol=1e-12)
+
+
+MUJOCO = mujoco.MjModel.from_xml_string(SCENE)
+DATA = mujoco.MjData(MUJOCO)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ELEMENTS if kind != "State"])
+def test_every_name_of_an_element_in_mujoco_exists_or_has_a_hint(kind):
+    """Elements of MuJoCo's model, and those of its data, which stepper's elements are tried as."""
+    owner, wrong = getattr(_stepper, kind), []
+    for source in (MUJOCO, DATA):
+        theirs = dir(getattr(source, kind.lower())("x")) if hasattr(source, kind.lower()) else []
+        for name in theirs:
+            if not name.startswith("_") and not hasattr(owner, name):
+                error = no_attribute(owner, name)
+                wrong += faults(str(error).partition(";")[2]) if _place_of(owner, name) else [str(error)]
+    assert not wrong, "\n".join(wrong)

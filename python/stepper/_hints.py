@@ -156,16 +156,13 @@ def not_assigned(owner: type, name: str) -> AttributeError:
     # The fields of `Model.replace` are properties. The other attributes of a model are computed from its file.
     if isinstance(there, property) or (owner is Stepper and name in _REMEDIES):
         reason = remedy_of(name)
-    elif owner.__name__ in _KINDS:
-        fields = [f"{prefix}_{name}" for prefix in _KINDS[owner.__name__] if isinstance(getattr(Model, f"{prefix}_{name}", None), property)]
-        reason = remedy_of(fields[0]) if fields else _FIXED
     elif callable(there):
         reason = "it is a method"
     elif owner.__name__.lower() in KINDS:
         arrays = (f"{prefix}_{name}" for prefix in KINDS[owner.__name__.lower()])
         reason = next((remedy_of(array) for array in arrays if hasattr(Model, array)), _IN_FILE)
     elif owner is Model:
-        reason = _OF_MODEL.get(name, _FIXED)
+        reason = _OF_MODEL.get(name, _IN_FILE)
     else:
         reason = _RESULT
     return AttributeError(f"{name} of a {_public_name(owner)} cannot be assigned: {reason}")

@@ -42,6 +42,8 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
         ValueError: An unknown quantity.
     """
     if name not in KINDS:
+        if name in now.model.sensor_names:
+            raise ValueError(f"there is no quantity {name!r}, but a sensor: read('sensordata', {name!r})")
         raise ValueError(unknown_quantity(name, KINDS))
     values = np.asarray(getattr(now, name))
     if of is not None:
@@ -49,15 +51,6 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
         values = np.take(values, _places(now.model, KINDS[name], name, of), axis=axis)
     found: Array = np.array(values)
     return found
-
-
-def _place_of(model: Model, name: str) -> str:
-    """End of an error message about an unknown quantity: where the name is known. "" if it is neither a sensor nor a field of models."""
-    if name in model.sensor_names:
-        return f"; it is a sensor: read('sensordata', {name!r})"
-    if isinstance(getattr(Model, name, None), property):
-        return f"; it is a field of the model: sim.model.{name}, or sim.randomized[{name!r}] for values per environment"
-    return ""
 
 
 def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:

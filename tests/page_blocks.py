@@ -114,7 +114,7 @@ def available(name: str) -> bool:
 
     try:
         model = stepper.load('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
-        stepper.viewer.Renderer(model, 8, 8).render(stepper.Stepper(model))
+        stepper.viewer.Renderer(model, width=8, height=8).render(stepper.Stepper(model))
     except (ImportError, RuntimeError):
         return False
     return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import functools
 import importlib.util
@@ -14,10 +15,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from stepper import _stepper
-from stepper._other_names import EARLIER_SELECTORS, FAMILIES, KINDS, NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, ROOT_NAMES
+from stepper._other_names import EARLIER_SELECTORS, FAMILIES, KINDS, NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, OF_PARTS, ROOT_NAMES
 from stepper._stepper import Model, Stepper
 
-T = TypeVar("T")
+C = TypeVar("C", bound=Callable[..., Any])
 _RESULT = "each step computes it from the state, which sim.set_state(...) sets"
 _OF_MODEL = {"sensors": "model.with_sensors(...) makes a model with more sensors"}
 """Advice for errors on assignments to attributes of a model, by attribute, where the general advice would be wrong."""
@@ -324,7 +325,7 @@ def no_root_attribute(name: str, known: Iterable[str]) -> Exception:
 
 
 def no_name(module: str, name: str, known: Iterable[str]) -> Exception:
-    """Error for a name that a submodule does not have, with a hint: the current name, or similar names.
+    """Error for a name that a submodule does not have, with a hint: the current name, similar names, or all names.
 
     Args:
         module: Name of the submodule, such as "stepper.envs".
@@ -332,7 +333,8 @@ def no_name(module: str, name: str, known: Iterable[str]) -> Exception:
         known: Names that the submodule has.
     """
     new = NEW_NAMES.get(module, {}).get(name)
-    return _absent(module, name, f"; did you mean {new}?" if new else "", known)
+    hint = _replacement(new) if new else "" if name.startswith("_") else did_you_mean_or_all(name, list(known))
+    return _absent(module, name, hint, known)
 
 
 def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exception:
@@ -367,6 +369,31 @@ class Hinting(type):
             raise no_attribute(cls, name)
 
 
+class Hints:
+    """Base class whose instances raise an AttributeError with a hint for a missing attribute, and for an assignment to one.
+
+    Public attributes that may be assigned are those that the class annotates.
+    """
+
+    if not TYPE_CHECKING:  # Type checkers read the attributes from the class.
+
+        def __getattr__(self, name: str) -> Any:
+            raise no_attribute(type(self), name, vars(self))
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            if not name.startswith("_") and name not in _annotated(type(self)):
+                if hasattr(type(self), name):
+                    raise AttributeError(f"{name} of a {_public_name(type(self))} cannot be assigned")
+                raise no_attribute(type(self), name)
+            object.__setattr__(self, name, value)
+
+
+@functools.cache
+def _annotated(kind: type) -> frozenset[str]:
+    """Names that a class and its bases annotate."""
+    return frozenset(name for base in kind.__mro__ for name in inspect.get_annotations(base))
+
+
 def present_keyword(call: str, name: str) -> str:
     """Current name of a keyword argument, from its name in an earlier version or another library; "" if `name` is no such name.
 
@@ -374,7 +401,7 @@ def present_keyword(call: str, name: str) -> str:
         call: Name of the call, such as "Stepper.reset".
         name: Name in an earlier version or another library.
     """
-    return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
+    return NEW_KEYWORDS_OF.get(call, {}).get(name, "").replace("NAME", name)
 
 
 class WrongArgumentError(TypeError):
@@ -394,34 +421,80 @@ def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
     present = NEW_KEYWORDS.get(name, "")
     if present.partition("=")[0] in known:
         return f"{call}() takes no {name!r}: use {present}"
-    return f"{call}() takes no {name!r}{did_you_mean_or_all(name, known) if known else ': it has no arguments'}"
+    hint = did_you_mean(name, known)
+    if not hint and call in OF_PARTS:
+        part, text, field = OF_PARTS[call]
+        fields = inspect.signature(getattr(sys.modules["stepper"], part)).parameters
+        found = next((own for own in (present_keyword(f"stepper.{part}", name), name) if own in fields), field)
+        hint = f": use {text.replace('FIELD', found)}"
+    return f"{call}() takes no {name!r}{(hint or did_you_mean_or_all(name, known)) if known else ': it has no arguments'}"
 
 
-def hint_keywords(call: str) -> Callable[[type[T]], type[T]]:
-    """Decorator of a dataclass: an unknown keyword of its constructor raises TypeError with a hint.
+def hint_keywords(call: str) -> Callable[[C], C]:
+    """Decorator of a class or a function: a call with an unknown keyword, or too many arguments, raises TypeError with a hint.
+
+    An assignment to a field of a frozen dataclass raises an error that names `dataclasses.replace`.
 
     Args:
-        call: Name of the constructor in the message.
+        call: Name of the class or function in the message.
     """
 
-    def with_hints(kind: type[T]) -> type[T]:
-        make: Callable[..., None] = kind.__init__
-        signature = inspect.signature(kind)
-        parameters = list(signature.parameters)
-        known = [name for name in parameters if not name.startswith("_")]
-
-        @functools.wraps(make)
-        def init(self: T, *given: Any, **named: Any) -> None:
-            if other := next((name for name in named if name not in parameters), None):
-                raise TypeError(unknown_keyword(call, other, known))
-            make(self, *given, **named)
-
-        kind.__init__ = init  # type: ignore[method-assign,assignment]
+    def with_hints(target: C) -> C:
+        signature = inspect.signature(target)
+        parameters = signature.parameters.values()
+        known = [parameter.name for parameter in parameters]
+        bound = sum(name in ("self", "cls") for name in known)
         # Private fields exist for dataclasses.replace, and are left out of the public signature.
-        kind.__signature__ = signature.replace(parameters=[signature.parameters[name] for name in known])  # type: ignore[attr-defined]
-        return kind
+        public = signature.replace(parameters=[parameter for parameter in parameters if not parameter.name.startswith("_")])
+        plain = signature.replace(
+            parameters=[public.parameters[name].replace(annotation=inspect.Parameter.empty) for name in list(public.parameters)[bound:]],
+            return_annotation=inspect.Signature.empty,
+        )
+        most = sum(parameter.kind is parameter.POSITIONAL_OR_KEYWORD for parameter in parameters) - bound
+
+        def check(given: int, named: dict[str, Any]) -> None:
+            if other := next((name for name in named if name not in known), None):
+                raise TypeError(unknown_keyword(call, other, list(plain.parameters)))
+            if given > most:
+                raise TypeError(f"{call}() takes {most or 'no'} arguments without a keyword, not {given}: {call}{plain}")
+
+        if isinstance(target, type):
+            _check_calls(target, check)
+            target.__signature__ = public  # type: ignore[attr-defined]
+            return target
+
+        @functools.wraps(target)
+        def checked(*given: Any, **named: Any) -> Any:
+            check(len(given) - bound, named)
+            return target(*given, **named)
+
+        return checked  # type: ignore[return-value]
 
     return with_hints
+
+
+def _check_calls(kind: type, check: Callable[[int, dict[str, Any]], None]) -> None:
+    """Calls `check` with the number of positional arguments and the keyword arguments of each call of a class, before its `__init__`.
+
+    If the class is a frozen dataclass, an assignment to a field raises an error that names `dataclasses.replace`.
+    """
+    make: Callable[..., None] = kind.__init__  # type: ignore[misc]
+
+    @functools.wraps(make)
+    def init(self: Any, *given: Any, **named: Any) -> None:
+        check(len(given), named)
+        make(self, *given, **named)
+
+    def assign(self: Any, name: str, _value: Any) -> None:
+        known = [field.name for field in dataclasses.fields(self)]
+        if name not in known:
+            raise no_attribute(type(self), name, known)
+        changed = f"dataclasses.replace(old, {name}=...) makes a changed copy"
+        raise dataclasses.FrozenInstanceError(f"{name} of a {_public_name(type(self))} cannot be assigned: {changed}")
+
+    kind.__init__ = init  # type: ignore[misc]
+    if dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        kind.__setattr__ = assign  # type: ignore[method-assign]
 
 
 def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> str:

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+import functools
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from stepper._hints import Hinting
+from stepper._hints import Hinting, Hints, hint_keywords
+from stepper._stepper import Model, Stepper
 
 Precision: TypeAlias = Literal["f64", "f32"]
 """Floating-point type in which the step computes, "f64" (double precision) or "f32" (single precision)."""
 _PRECISIONS: dict[str, Precision] = {"float64": "f64", "float32": "f32"}
 
-if TYPE_CHECKING:
-    from stepper._stepper import Model
 
-
+@hint_keywords("stepper.Options")
 @dataclass(frozen=True, kw_only=True)
-class Options(metaclass=Hinting):
+class Options(Hints, metaclass=Hinting):
     """Numerical methods and tolerances of a step. Immutable: `dataclasses.replace` makes a changed copy.
 
-    Out-of-range values raise `ValueError` when a `Stepper` is made with them.
+    Values out of range raise `ValueError`, and values of another type `TypeError`.
 
     Attributes:
         timestep: Time step, s; None uses the time step of the model.
@@ -89,7 +90,13 @@ class Options(metaclass=Hinting):
     restitution_threshold: float = 0.01
     max_contacts: int | None = None
 
+    def __post_init__(self) -> None:
+        if any(getattr(self, field.name) != field.default for field in fields(self)):
+            # The constructor of a stepper checks its options.
+            Stepper(_any_model(), options=self)
+
     @classmethod
+    @hint_keywords("Options.from_model")
     def from_model(cls, model: Model) -> Options:
         """Returns options that reproduce the model's source in MuJoCo: `contact="mujoco"` and the source's integrator.
 
@@ -107,6 +114,12 @@ class Options(metaclass=Hinting):
         if requested is None:
             raise TypeError(f"Options.from_model takes a stepper.Model, not {type(model).__name__}; stepper.load(path) reads one")
         return cls(**requested())
+
+
+@functools.cache
+def _any_model() -> Model:
+    """Small model to make a stepper of: the scene of the self-test, a file of the package."""
+    return Model.from_file(Path(__file__).with_name("doctor") / "scene.stepper")
 
 
 def precision_of(value: Any) -> Precision:

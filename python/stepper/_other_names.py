@@ -50,6 +50,11 @@ SELECTIONS = ("mask", "reset_mask", "env_ids", "env_idx", "env_mask", "indices",
 """Names of the argument `envs` in other simulators."""
 _DRIVES = "actuators=stepper.ActuatorModel(...), for drives that stepper.Stepper(model, actuators=...) has"
 _READINGS = "stepper.Stepper(model, sensors=stepper.SensorModel(...)): errors of sensors are settings of a stepper"
+_RECORDED = (
+    *("qpos", "qvel", "act", "ctrl", "sensordata", "readings", "states", "data", "arrays", "trajectory", "load", "read", "times"),
+    *("start_state", "to_numpy"),
+)
+_SEGMENTS = "stepper.recording.segments(path)"
 
 NEW_NAMES: dict[str, dict[str, str]] = {
     **RENAMED,
@@ -57,7 +62,57 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         **RENAMED["stepper.envs"],
         **{name: f"stepper.envs.{place}.{name}" for place, names in _TASKS.items() for name in names},
     },
-    "Options": {"of": "from_model"},
+    "Options": {
+        "of": "from_model",
+        **dict.fromkeys(("mujoco", "from_mujoco"), "from_model(model)"),
+        **dict.fromkeys(("replace", "copy", "_replace"), "dataclasses.replace(options, timestep=...)"),
+        "gravity": "model.replace(gravity=...): the model has it",
+    },
+    "Recorder": {
+        **dict.fromkeys(("record", "capture", "log", "append"), "sim.step(ctrl), which is recorded"),
+        **dict.fromkeys(("stop", "stop_recording", "finish", "end", "save", "flush"), "close()"),
+        **dict.fromkeys(("start", "start_recording", "open"), "sim.step(ctrl): the recording has started"),
+        **dict.fromkeys(_RECORDED, _SEGMENTS),
+    },
+    "Replay": {**dict.fromkeys(_RECORDED, _SEGMENTS), "sim": "stepper.viewer.Player(path).run(), or the command 'stepper view'"},
+    "Segment": {
+        **{name: f"readings['{name}']" for name in ("qpos", "qvel", "act", "sensordata")},
+        **dict.fromkeys(("dt", "timestep"), "period"),
+        "time": "row, period and numpy.arange: call k of step ends k + 1 periods after the start",
+        "actions": "ctrl",
+    },
+    "Linearization": {"a": "A", "b": "B", "c": "C", "d": "D"},
+    "Renderer": {
+        **dict.fromkeys(("update_scene", "update", "draw"), "render(sim, env)"),
+        **dict.fromkeys(
+            ("enable_depth_rendering", "disable_depth_rendering"), "sim.rays(points, directions) for distances: pictures are RGB"
+        ),
+        **dict.fromkeys(
+            ("enable_segmentation_rendering", "disable_segmentation_rendering"), "sim.rays(points, directions), which also gives geoms"
+        ),
+        **dict.fromkeys(("scene", "model", "data"), "render(sim, env), which draws a stepper"),
+        **dict.fromkeys(("camera", "cam", "set_camera", "camera_id"), "stepper.viewer.Renderer(model, camera=...)"),
+        **dict.fromkeys(("lookat", "distance", "azimuth", "elevation"), "stepper.viewer.Renderer(model, camera_config={'lookat': ...})"),
+        **dict.fromkeys(("width", "height"), "stepper.viewer.Renderer(model, width=..., height=...)"),
+    },
+    "stepper.viewer": {
+        **dict.fromkeys(("launch", "launch_passive", "show", "run", "Viewer", "open", "MujocoViewer"), "stepper.viewer.view(sim)"),
+        **dict.fromkeys(("render", "OffscreenRenderer"), "stepper.viewer.Renderer(sim.model).render(sim)"),
+        **dict.fromkeys(("Camera", "MjvCamera", "MovableCamera"), "stepper.viewer.Renderer(model, camera=...)"),
+        **dict.fromkeys(("replay", "play"), "stepper.viewer.Player(path)"),
+    },
+    "stepper.recording": dict.fromkeys(("load", "read", "open", "Recording", "Reader", "load_recording", "Trajectory"), _SEGMENTS),
+    "stepper.sensors": dict.fromkeys(
+        ("Noise", "GaussianNoise", "NoiseModel", "SensorNoise", "Sensor"), "SensorModel({'*': Transfer(noise_std=...)})"
+    ),
+    "stepper.actuators": {
+        **dict.fromkeys(("Motor", "Delay", "Actuator"), "ActuatorModel({'*': Drive(delay=...)})"),
+        **dict.fromkeys(("PD", "PDController", "Servo", "IdealPDActuator"), "Drive(servo=PID(kp=..., kd=...))"),
+    },
+    "stepper.derivatives": {
+        **dict.fromkeys(("jacobian", "transition_fd"), "sim.linearize()"),
+        **dict.fromkeys(("grad", "gradient"), "stepper.derivatives.rollout"),
+    },
     "selector": {"drive": "controller"},
     "Study": {"of": "from_model"},
     "World": {
@@ -585,6 +640,7 @@ ROOT_NAMES = {
     "mjd_transitionFD": "sim.linearize() of a stepper.Stepper",
     **dict.fromkeys(("mj_getState", "mj_setState"), "sim.get_state() and sim.set_state(state) of a stepper.Stepper"),
     "mj_copyData": "sim.copy_state(sources, envs) of a stepper.Stepper",
+    **dict.fromkeys(("load_recording", "read_recording", "Recording"), _SEGMENTS),
     "MjSpec": "mujoco.MjSpec, then stepper.load(spec.compile())",
     "put_model": "stepper.load(mujoco_model)",
     **dict.fromkeys(("put_data", "make_data"), "stepper.Stepper(model, num_envs)"),
@@ -645,6 +701,73 @@ NEW_KEYWORDS_OF = {
         "noise": "qpos and qvel, with numbers of a generator of your own",
     },
     "Stepper.mass_matrix": dict.fromkeys(("env", "envs"), "mass_matrix()[env]: it has all environments"),
+    "stepper.Options": {
+        **dict.fromkeys(("dt", "time_step"), "timestep"),
+        "gravity": "model.replace(gravity=...): the model has it",
+        **dict.fromkeys(
+            ("cone", "impratio", "noslip_iterations", "noslip_tolerance", "solref", "solimp"),
+            "contact='mujoco', which takes it from the MJCF file",
+        ),
+        **dict.fromkeys(("disableflags", "enableflags"), "<option><flag .../></option> in the MJCF file"),
+        **dict.fromkeys(("frame_skip", "nstep", "decimation", "substeps", "n_frames"), "sim.step(ctrl, nstep)"),
+        **dict.fromkeys(("threads", "precision", "seed", "num_envs"), "stepper.Stepper(model, NAME=...)"),
+        **dict.fromkeys(("dtype",), "stepper.Stepper(model, precision=...)"),
+        **dict.fromkeys(("max_iterations", "max_iter", "ls_iterations"), "iterations"),
+        "tol": "tolerance",
+        "max_contact": "max_contacts",
+        "nconmax": "max_contacts",
+    },
+    "Options.from_model": {"timestep": "dataclasses.replace(options, timestep=...) of the result"},
+    "stepper.load": {
+        **dict.fromkeys(("timestep", "dt"), "stepper.Stepper(model, options=stepper.Options(timestep=...))"),
+        **dict.fromkeys(("num_envs", "n_envs", "nworld", "options", "precision", "threads", "seed"), "stepper.Stepper(model, NAME=...)"),
+        "assets": "stepper.load(mujoco.MjModel.from_xml_string(xml, assets))",
+        "terrain": "a geom of type hfield, mesh or box in the MJCF file",
+        **dict.fromkeys(("package_dir", "mesh_dir", "search_paths"), "package_dirs"),
+    },
+    "stepper.Recorder": {
+        **dict.fromkeys(("every", "interval", "stride", "fps"), "sim.step(ctrl, nstep): each call of step is one row"),
+        **dict.fromkeys(("envs", "fields", "env"), "no selection: a recording has all environments and fields"),
+        **dict.fromkeys(("overwrite", "exist_ok"), "a new folder"),
+    },
+    "stepper.replay": {
+        **dict.fromkeys(("view", "render"), "stepper.viewer.Player(path).run()"),
+        **dict.fromkeys(("sim", "envs"), "path alone: the recording has its model and settings"),
+    },
+    "stepper.viewer.Renderer": {
+        **dict.fromkeys(("camera_id", "camera_name", "cam"), "camera"),
+        **dict.fromkeys(("lookat", "distance", "azimuth", "elevation"), "camera_config={'NAME': ...}"),
+        "depth": "sim.rays(points, directions) for distances: pictures are RGB",
+        "segmentation": "sim.rays(points, directions), which also gives geoms: pictures are RGB",
+        **dict.fromkeys(("shape", "size", "resolution"), "width and height"),
+        "max_geom": "nothing: the renderer has no such limit",
+    },
+    "render": {
+        **dict.fromkeys(("camera", "camera_id", "camera_name", "cam"), "stepper.viewer.Renderer(model, camera=...)"),
+        **dict.fromkeys(("width", "height"), "stepper.viewer.Renderer(model, NAME=...)"),
+        **dict.fromkeys(("envs", "env_id", "index"), "env, one environment"),
+        "depth": "sim.rays(points, directions) for distances: pictures are RGB",
+    },
+    "stepper.SensorModel": {"noise": "stepper.SensorModel({'*': stepper.Transfer(noise_std=...)}), or a sensor's name for '*'"},
+    "stepper.Transfer": {
+        **dict.fromkeys(("std", "white_noise", "sigma", "noise_scale", "noise_level", "stddev"), "noise_std"),
+        **dict.fromkeys(("latency", "lag"), "delay"),
+        **dict.fromkeys(("offset", "mean"), "bias"),
+        "random_walk": "drift_std",
+        "clip": "limits",
+        "range": "limits",
+        "rate": "period",
+        "resolution": "quantum",
+    },
+    "stepper.Drive": {
+        "latency": "delay",
+        "time_constant": "lag",
+        "tau": "lag",
+        "command": "delay, lag and others: all act on the control",
+        **dict.fromkeys(("kp", "ki", "kd", "pid"), "servo=stepper.actuators.PID(kp=..., kd=...)"),
+        **dict.fromkeys(("stall_torque", "no_load_speed", "gear"), "motor=stepper.actuators.DCMotor(NAME=...)"),
+        "noise": "a disturbance added to the controls: a drive has no noise",
+    },
     **{f"Stepper.{name}": {"envs": "env, one environment"} for name in ("get_state", "worst_row", "save_problem")},
     "Stepper.contacts": {"env": "envs"},
     "Stepper.set_state": {
@@ -712,4 +835,15 @@ NEW_KEYWORDS_OF = {
         "of": "selector, as 'geom_friction[floor,box][0]'",
     },
 }
-"""Current keyword arguments that apply to one function only: for each function, a table from the earlier keyword to the current one."""
+"""Current keyword arguments that apply to one function only: for each function, a table from another keyword to the current one.
+
+NAME stands for the other keyword.
+"""
+OF_PARTS = {
+    "stepper.SensorModel": ("Transfer", "stepper.SensorModel({'*': stepper.Transfer(FIELD=...)}), or a sensor's name for '*'", "noise_std"),
+    "stepper.ActuatorModel": ("Drive", "stepper.ActuatorModel({'*': stepper.Drive(FIELD=...)}), or an actuator's name for '*'", "delay"),
+}
+"""Classes that hold parts by name, where users may give the keywords of a part: class of the parts, hint, and the part's field in it.
+
+FIELD is the given keyword if the part has it.
+"""

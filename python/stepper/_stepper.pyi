@@ -615,7 +615,11 @@ class Model:
     def to_bytes(self) -> bytes:
         """Bytes of the file that `save` writes."""
     def save(self, path: str | PathLike[str]) -> None:
-        """Writes the model to a file. `stepper.load(path)` reads the same model, bit for bit, without MuJoCo."""
+        """Writes the model to a file in stepper's own format. `stepper.load(path)` reads the same model, bit for bit, without MuJoCo.
+
+        Raises:
+            ValueError: The file has the ending of another format: .xml, .mjb or .urdf.
+        """
     def explain(self) -> str:
         """Report on the model as text.
 

@@ -490,15 +490,22 @@ def test_a_model_error_pickles():
     ({"seed": -1}, ValueError, "seed is -1"),
     ({"seed": "x"}, TypeError, "seed is 'x'"),
     ({"options": 5}, TypeError, r"options is 5 \(int\), must be a stepper\.Options"),
-    ({"options": stepper.Options(iterations=-1)}, ValueError, "option iterations is -1"),
-    ({"options": stepper.Options(iterations=10**12)}, ValueError, "option iterations"),
-    ({"options": stepper.Options(max_contacts=-1)}, ValueError, "option max_contacts is -1"),
-    ({"options": stepper.Options(slop="a")}, TypeError, "option slop is 'a'"),
-    ({"options": stepper.Options(integrator=3)}, TypeError, "option integrator is 3"),
 ])  # fmt: skip
 def test_settings_that_are_none_are_named(keywords, error, message):
     with pytest.raises(error, match=message):
         stepper.Stepper(stepper_model("gymnasium/ant"), **keywords)
+
+
+@pytest.mark.parametrize(("keywords", "error", "message"), [
+    ({"iterations": -1}, ValueError, "option iterations is -1"),
+    ({"iterations": 10**12}, ValueError, "option iterations"),
+    ({"max_contacts": -1}, ValueError, "option max_contacts is -1"),
+    ({"slop": "a"}, TypeError, "option slop is 'a'"),
+    ({"integrator": 3}, TypeError, "option integrator is 3"),
+])  # fmt: skip
+def test_options_that_are_none_are_named(keywords, error, message):
+    with pytest.raises(error, match=message):
+        stepper.Options(**keywords)
 
 
 def test_counts_that_are_none_are_named():

@@ -98,7 +98,7 @@ def test_what_an_environment_has_of_its_own_is_seen():
     hands = sim.mocap_pos.copy()
     hands[1] += [0, 1, 0]
     sim.mocap_pos = hands
-    renderer = Renderer(model, 200, 200)
+    renderer = Renderer(model, width=200, height=200)
     first, second = renderer.render(sim, 0).astype(int), renderer.render(sim, 1).astype(int)
     red = [int(((p[..., 0] > 80) & (p[..., 2] < 60)).sum()) for p in (first, second)]
     assert red[1] == pytest.approx(4 * red[0], rel=0.2)  # An area, seen in perspective.

@@ -9,7 +9,11 @@ use crate::model::Model;
 
 /// Error models (transfers) from a `stepper.SensorModel` for all sensors of a model.
 pub(crate) fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<Transfer>>> {
-    let all = resolved(sensors, (model.clone_ref(sensors.py()), num_envs), ["sensors", "transfers", "SensorModel"])?;
+    let all = resolved(
+        sensors,
+        (model.clone_ref(sensors.py()), num_envs),
+        ["sensors", "transfers", "SensorModel({'*': stepper.Transfer(noise_std=...)})"],
+    )?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("sensors: {e}")))
 }
 
@@ -22,7 +26,11 @@ pub(crate) fn drives(
     envs: Option<&[usize]>,
 ) -> PyResult<Vec<Option<ActuatorSpec>>> {
     let envs = envs.map(|envs| numpy::PyArray1::from_iter(actuators.py(), envs.iter().map(|&env| env as i64)));
-    let all = resolved(actuators, (model.clone_ref(actuators.py()), num_envs, envs), ["actuators", "drives", "ActuatorModel"])?;
+    let all = resolved(
+        actuators,
+        (model.clone_ref(actuators.py()), num_envs, envs),
+        ["actuators", "drives", "ActuatorModel({'*': stepper.Drive(delay=...)})"],
+    )?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
 }
 

@@ -155,8 +155,18 @@ impl Model {
         PyBytes::new(py, &self.core.to_bytes())
     }
 
-    /// Writes the model to a file. `stepper.load(path)` reads the same model, bit for bit, without MuJoCo.
+    /// Writes the model to a file in stepper's own format. `stepper.load(path)` reads the same model, bit for bit, without MuJoCo.
+    ///
+    /// Raises:
+    ///     ValueError: The file has the ending of another format: .xml, .mjb or .urdf.
     fn save(&self, path: PathBuf) -> PyResult<()> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+        if ["xml", "mjb", "urdf"].contains(&ending.as_str()) {
+            let (path, right) = (path.display(), path.with_extension("stepper"));
+            let message =
+                format!("path is '{path}', and a saved model has stepper's own format: use the ending .stepper, as '{}'", right.display());
+            return Err(PyValueError::new_err(message));
+        }
         self.core.save(&path).map_err(to_py)
     }
 

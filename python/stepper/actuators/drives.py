@@ -9,12 +9,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper._hints import hint_keywords
 from stepper.shared.tables import check_numbers, numbers
 
 Number: TypeAlias = "float | ArrayLike"
 Envs: TypeAlias = "np.ndarray[Any, Any] | None"
 
 
+@hint_keywords("stepper.actuators.PID")
 @dataclass(frozen=True, kw_only=True)
 class PID:
     """Servo (PID controller) that replaces the affine force of an actuator. The control is then the target of the actuator's length.
@@ -57,6 +59,7 @@ class PID:
         }
 
 
+@hint_keywords("stepper.actuators.DCMotor")
 @dataclass(frozen=True, kw_only=True)
 class DCMotor:
     """DC motor with a gear without backlash. Parameters refer to the motor shaft, which turns `gear` times as fast as the actuator.
@@ -114,6 +117,7 @@ class DCMotor:
         }
 
 
+@hint_keywords("stepper.Drive")
 @dataclass(frozen=True, kw_only=True)
 class Drive:
     """Model of an actuator with delay, servo, lag, motor, gear and friction. The default is an ideal actuator.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stepper._hints import Hints, hint_keywords
 from stepper.actuators.drives import PID, DCMotor, Drive, Envs
 from stepper.shared.tables import by_name, check_names, fitting, named_tables, read_file
 
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
     from stepper._stepper import Model
 
 
-class ActuatorModel:
+@hint_keywords("stepper.ActuatorModel")
+class ActuatorModel(Hints):
     """Drives of a model's actuators, for `Stepper(..., actuators=)` and `Stepper.randomize(actuators=)`.
 
     Args:
@@ -26,8 +28,11 @@ class ActuatorModel:
         default: Drive of all other actuators. None leaves these actuators ideal. With `randomize`, None does not change their drives.
     """
 
+    named: dict[str, Drive]
+    default: Drive | None
+
     def __init__(self, drives: Mapping[str, Drive] | None = None, *, default: Drive | None = None):
-        self.named, self.default = by_name(drives, default, Drive, "drive"), default
+        self.named, self.default = by_name(drives, default, Drive, "drive", "stepper.Drive(delay=...)"), default
 
     @classmethod
     def from_file(cls, path: str | os.PathLike[str]) -> ActuatorModel:

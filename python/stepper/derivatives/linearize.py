@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.derivatives import implicit, nominal_mode
 from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
@@ -25,7 +26,7 @@ Compared with a residual of 1e-6 m/s, the solver needs two or three more sweeps,
 
 
 @dataclass(frozen=True)
-class Linearization:
+class Linearization(Hints):
     """Derivatives of the state after `nstep` steps, returned by `Stepper.linearize`.
 
     A derivative matrix has n = 2 nv + na rows: displacements of qpos (m, rad), then qvel (m/s, rad/s), then act. Displacements of qpos are
@@ -106,6 +107,9 @@ class Linearization:
         """
         return self._block("ctrl", sensors=True)
 
+    def __getitem__(self, key: Any) -> Array:
+        raise TypeError("a Linearization has no parts by index or key, and cannot be unpacked: use its attributes A and B")
+
     def _block(self, name: str, *, sensors: bool = False) -> Array:
         """Derivative of the state, or of the sensor readings, with respect to the quantity `name`, one of the names in `wrt`.
 
@@ -132,6 +136,7 @@ class Linearization:
         return Kink(int(np.bitwise_or.reduce([np.bitwise_or.reduce(flags, axis=None) for flags in self.kinks.values()], initial=0)))
 
 
+@hint_keywords("Stepper.linearize")
 def linearize(
     sim: Stepper,
     wrt: Sequence[str] | None = None,

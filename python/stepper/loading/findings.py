@@ -67,7 +67,7 @@ def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) ->
     if parts:
         silence = 'warnings.filterwarnings("ignore", category=stepper.ModelWarning) silences this'
         message = "\n".join(parts) + f"\n({details}{silence})"
-        warnings.warn(message, ModelWarning, stacklevel=3)
+        warnings.warn(message, ModelWarning, stacklevel=4)
 
 
 def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool) -> bool:

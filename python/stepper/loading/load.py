@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
+from stepper._hints import hint_keywords
 from stepper._stepper import Model, ModelError
 from stepper.loading.findings import warn_about
 from stepper.loading.mjcf import describe
@@ -29,6 +30,7 @@ _SAVED = b"stepper\xff"
 _INSTALL = 'pip install "stepper-sim[mjcf]"'
 
 
+@hint_keywords("stepper.load")
 def load(
     source: Source,
     *,
@@ -156,6 +158,8 @@ def is_saved(source: Source) -> bool:
     """Whether a source is the path of a model that `Model.save` wrote. An invalid source is an error."""
     if _is_compiled(source) or _is_text(source):
         return False
+    if type(source).__name__ == "MjSpec":
+        raise TypeError("stepper.load takes a path, XML text or a mujoco.MjModel, not MjSpec: stepper.load(spec.compile())")
     if not isinstance(source, (str, os.PathLike)):
         raise TypeError(f"stepper.load takes a path, XML text or a mujoco.MjModel, not {type(source).__name__}")
     path = Path(source)
@@ -240,4 +244,4 @@ def _warnings_of_mujoco(place: str) -> Iterator[None]:
     finally:
         mujoco.set_mju_user_warning(before)
         for message in messages:
-            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=8)
+            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=9)

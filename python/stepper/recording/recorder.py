@@ -5,36 +5,48 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stepper._stepper import selected
+from stepper._hints import Hints, hint_keywords
+from stepper._stepper import Stepper, selected
 from stepper.loading import origin_of
 from stepper.recording.failures import Failures
 from stepper.recording.format import COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
-from stepper.shared.arguments import check_whole, path_of
+from stepper.shared.arguments import check_kind, check_whole, path_of
 from stepper.shared.fields import APPLIED
 from stepper.shared.files import atomic_write
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:
-    from stepper._stepper import Model, Stepper
+    from stepper._stepper import Model
 
 
-class Recorder:
-    """Writer of the calls and results of a `Stepper` to a folder; a context manager. `Stepper.record` creates it, `close` completes it.
+FILES = (
+    *(".csv", ".gif", ".gz", ".h5", ".hdf5", ".json", ".mat", ".mcap", ".mp4", ".npy", ".npz", ".parquet", ".pickle", ".pkl", ".pt"),
+    *(".rrd", ".stepper", ".tar", ".txt", ".xml", ".zip"),
+)
+"""Endings of files, which the folder of a recording must not have."""
+
+
+@hint_keywords("stepper.Recorder")
+class Recorder(Hints):
+    """Writer of the calls and results of a `Stepper` to a folder; a context manager. `close` completes the recording.
+
+    `sim.record(path)` is the same as `stepper.Recorder(sim, path)`.
 
     Args:
         sim: The stepper, without another recorder.
-        path: New or empty folder.
+        path: New or empty folder, without the ending of a file such as ".npz".
         chunk: Size of the recorded events in memory at which they are written to a file, bytes.
         note: Remark of the user, which is stored in the file run.json.
 
     Raises:
         FileExistsError: The folder is not empty.
-        ValueError: The stepper already has a recorder.
+        ValueError: The stepper already has a recorder, or the path has the ending of a file.
 
     Attributes:
         path: Folder of the recording.
@@ -42,11 +54,18 @@ class Recorder:
         failures: Counts of failures so far.
     """
 
+    path: Path
+    rows: int
+    failures: Failures
+
     def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
+        check_kind("sim", sim, Stepper, "sim.record(path) of a stepper is shorter")
         if sim.recorder is not None:
             raise ValueError(f"this stepper is already being recorded to {sim.recorder.path}; close that recording first")
         check_whole("chunk (bytes)", chunk, least=1)
         self.path = path_of("path", path)
+        if self.path.suffix.lower() in FILES:
+            raise ValueError(f"path is {str(path)!r}, but a recording is a folder: use {str(self.path.with_suffix(''))!r}")
         if self.path.exists() and any(self.path.iterdir()):
             raise FileExistsError(f"{self.path} is not empty; give a new folder, or remove it")
         self.path.mkdir(parents=True, exist_ok=True)
@@ -60,6 +79,7 @@ class Recorder:
         self._header = header(sim, note)
         self._flush()
         self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
+        sim.recorder = self
 
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
         """Records a call of `Stepper.step` with controls (num_envs, nu). The stepper calls this method after the steps.

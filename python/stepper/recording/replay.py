@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from stepper._hints import Hints, hint_keywords
 from stepper._options import Options, precision_of
 from stepper._stepper import Model, State, Stepper, __version__
 from stepper.actuators import ActuatorModel
@@ -47,7 +48,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(Hints):
     """Result of a replay. Its truth value is True if all results are identical bit for bit.
 
     Attributes:
@@ -73,11 +74,14 @@ class Replay:
         recorded, here = self.versions
         if recorded != here:
             end += f"; recorded by stepper {recorded}, replayed by {here}"
+        if self.steps == 0:
+            return f"nothing to compare: no call of step was recorded{end}"
         if self.difference is None:
             return f"{self.steps} calls of step in {self.rows} rows reproduced, bit for bit{end}"
         return f"differs at {self.difference}{end}"
 
 
+@hint_keywords("stepper.replay")
 def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None, tick: Tick | None = None) -> Replay:
     """Repeats a recording and compares states, sensor readings, residuals and flags bit for bit, up to the first difference.
 
@@ -89,7 +93,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
 
     Raises:
         TypeError, ValueError: `model` or `threads` is invalid.
-        RecordingError: The recording has another model, or a file is missing or changed.
+        RecordingError: The recording has another model, or no events, or a file is missing or changed.
         OSError: A file cannot be read.
         MemoryError: There is not enough memory for the environments.
     """
@@ -102,6 +106,8 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
     with reading(folder / HEADER):
         sim = recorded_stepper(folder, head, model, threads)
         versions = (head["provenance"]["versions"]["stepper"], __version__)
+        if head["rows"] == 0:
+            raise RecordingError(f"{folder} has no events yet: they are written at the end of `with sim.record(path):`, or by close()")
     rows = steps = 0
     for place, kind, arrays in read_rows(folder, head):
         with reading(place):

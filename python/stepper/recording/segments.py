@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.recording.format import HEADER, Arrays, read_header, read_rows, reading
 from stepper.recording.replay import recorded_stepper, repeat
+from stepper.shared.arguments import path_of
 from stepper.shared.fields import APPLIED
 
 READ = ("qpos", "qvel", "act", "sensordata")
@@ -20,7 +21,7 @@ READ = ("qpos", "qvel", "act", "sensordata")
 
 
 @dataclass(frozen=True)
-class Segment:
+class Segment(Hints):
     """Part of a recording with consecutive calls of `Stepper.step`. No reset, `set_state` or change of parameters lies between these calls.
 
     Attributes:
@@ -42,14 +43,20 @@ class Segment:
     applied: dict[str, np.ndarray[Any, Any]]
 
 
+@hint_keywords("stepper.recording.segments")
 def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
-    """Yields the segments of a recording in order. A change of the number of steps per call also starts a new segment.
+    """Yields the recorded arrays of a recording, one segment after the other.
+
+        for segment in stepper.recording.segments("run"):
+            qpos = segment.readings["qpos"]  # (T, num_envs, nq), after each call of step
+
+    A change of the number of steps per call also starts a new segment.
 
     Raises:
         RecordingError: A file is missing or changed.
         OSError: A file cannot be read.
     """
-    folder = Path(path)
+    folder = path_of("path", path)
     head = read_header(folder)
     with reading(folder / HEADER):
         sim = recorded_stepper(folder, head, None, None)

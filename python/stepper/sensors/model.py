@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stepper._hints import Hints, hint_keywords
 from stepper.sensors import devices
 from stepper.sensors.transfer import Transfer
 from stepper.shared.tables import by_name, check_names, fitting, named_tables, read_file
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
     from stepper._stepper import Model
 
 
-class SensorModel:
+@hint_keywords("stepper.SensorModel")
+class SensorModel(Hints):
     """Transfer functions of a model's sensors, for `Stepper(..., sensors=)`.
 
     Args:
@@ -27,8 +29,11 @@ class SensorModel:
         default: Transfer function of all other sensors; None leaves them ideal.
     """
 
+    named: dict[str, Transfer]
+    default: Transfer | None
+
     def __init__(self, transfers: Mapping[str, Transfer] | None = None, *, default: Transfer | None = None):
-        self.named, self.default = by_name(transfers, default, Transfer, "transfer"), default
+        self.named, self.default = by_name(transfers, default, Transfer, "transfer", "stepper.Transfer(noise_std=...)"), default
 
     @classmethod
     def from_mjcf(cls, model: Model) -> SensorModel:

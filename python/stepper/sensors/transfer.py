@@ -9,11 +9,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper._hints import hint_keywords
 from stepper.shared.tables import check_numbers, numbers
 
 Number: TypeAlias = "float | ArrayLike"
 
 
+@hint_keywords("stepper.Transfer")
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
     """Transfer function of a sensor: errors between the true value and the reading. The default is an ideal sensor.
@@ -63,7 +65,7 @@ class Transfer:
 
     def __post_init__(self) -> None:
         if self.noise not in ("gaussian", "uniform"):
-            raise ValueError(f"noise is {self.noise!r}, must be 'gaussian' or 'uniform'")
+            raise ValueError(f"noise is {self.noise!r}, must be 'gaussian' or 'uniform'; noise_std=... is its standard deviation")
         if self.noise == "uniform" and self.noise_density is not None:
             raise ValueError(
                 "noise_density is only for Gaussian noise; for uniform noise set noise_std, which is the half width divided by sqrt(3)"

@@ -57,7 +57,7 @@ def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, An
     return dict(tables)
 
 
-def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
+def by_name(given: Any, default: Any, kind: type[T], what: str, example: str) -> dict[str, T]:
     """Copy of a mapping of names to objects of the class `kind`, after a check of all values.
 
     Args:
@@ -65,16 +65,17 @@ def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
         default: Default object, which is checked but not returned; None if there is none.
         kind: Class of the objects.
         what: Kind of object, for the message.
+        example: Expression that makes an object, for the message.
 
     Raises:
         TypeError: `given` is no mapping, or an object has another class.
     """
     if given is not None and not isinstance(given, Mapping):
-        raise TypeError(f"{what}s is {given!r}, must be a mapping of names to stepper.{kind.__name__}")
+        raise TypeError(f"{what}s is {given!r}, must be a mapping of names to stepper.{kind.__name__}, as {{'*': {example}}}")
     named = dict(given or {})
     for name, part in [*named.items(), ("default", default)]:
         if not isinstance(part, kind) and not (name == "default" and part is None):
-            raise TypeError(f"the {what} of {name!r} is {part!r}, must be a stepper.{kind.__name__}")
+            raise TypeError(f"the {what} of {name!r} is {part!r}, must be a stepper.{kind.__name__}, as {example}")
     return named
 
 

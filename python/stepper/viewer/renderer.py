@@ -7,11 +7,14 @@ import os
 import sys
 import weakref
 from collections.abc import Mapping
+from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
+from stepper.shared.arguments import check_kind, check_whole
 from stepper.shared.machine import require
 from stepper.viewer.looks import Array, LooksError, looks_of, row, sized_geoms
 
@@ -33,8 +36,9 @@ _SLANT = (-0.3, 0.4, -1.0)
 _CONFIG = ("distance", "azimuth", "elevation", "lookat", "trackbodyid")
 
 
-class Renderer:
-    """Draws environments of a `Stepper` with MuJoCo's renderer, which needs OpenGL.
+@hint_keywords("stepper.viewer.Renderer")
+class Renderer(Hints):
+    """Draws environments of a `Stepper` with MuJoCo's renderer, which needs OpenGL; a context manager.
 
     On Linux without a screen it uses EGL, unless the environment variable MUJOCO_GL is set.
 
@@ -60,15 +64,16 @@ class Renderer:
     def __init__(
         self,
         model: Model,
+        *,
         width: int = 480,
         height: int = 480,
-        *,
         camera: str | int | None = None,
         camera_config: Mapping[str, Any] | None = None,
         default_config: Mapping[str, Any] | None = None,
         source: Any = None,
         lamp: bool = True,
     ):
+        check_kind("model", model, Model, "stepper.viewer.Renderer(sim.model).render(sim)")
         if camera is not None and camera_config is not None:
             raise ValueError("camera and camera_config are both given: give one of them")
         if width < 1 or height < 1:
@@ -92,8 +97,17 @@ class Renderer:
         # Python also calls this finalizer at its exit, before OpenGL is unloaded.
         self._freeing = weakref.finalize(self, self._renderer.close)
 
+    @hint_keywords("render")
     def render(self, sim: Stepper, env: int = 0) -> Array:
-        """Picture of the current state of an environment, (height, width, 3) uint8, RGB."""
+        """Picture of the current state of an environment, (height, width, 3) uint8, RGB.
+
+        Args:
+            sim: Stepper of the renderer's model.
+            env: Index of the environment; negative indices count from the end.
+        """
+        check_kind("sim", sim, Stepper, "stepper.viewer.Renderer(sim.model).render(sim)")
+        count = sim.num_envs or 1
+        check_whole("env", env, least=-count, most=count - 1)
         mujoco, m, d = self._mujoco, self._m, self._d
         d.qpos[:] = row(sim, "qpos", env)
         if m.nmocap:
@@ -118,6 +132,12 @@ class Renderer:
     def close(self) -> None:
         """Closes the renderer and frees its memory on the graphics card."""
         self._freeing()
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
 
     def _chosen(self, camera: str | int | None, config: Mapping[str, Any] | None, default: Mapping[str, Any] | None) -> tuple[Any, int]:
         """MuJoCo's camera for the camera arguments of `Renderer`, and the index of the body that a free camera follows.

@@ -180,7 +180,7 @@ class Study(metaclass=Hinting):
             raise ValueError(f"settings has the name {USUAL!r}, which stands for the study's options: choose another name")
         for name, given in self.settings.items():
             self.setting(name, given)
-        _check_options({name: getattr(self.options, name) for name in CHOICES - {"precision"}} | {"precision": self.precision})
+        _check_options({"precision": self.precision})
         if any(isinstance(o.measure, str) for o in self.all_outcomes) or any(p.kind in OF_MODEL for p in self.parameters.values()):
             _ = self.loaded
 

@@ -1,0 +1,290 @@
+"""Hints of recordings, pictures, options, sensor and actuator models, derivatives and `load`: each leads to a call that works."""
+
+import dataclasses
+import importlib
+import pickle
+import re
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given
+from hypothesis import strategies as st
+from stepper._other_names import NEW_KEYWORDS_OF, NEW_NAMES, OF_PARTS
+from stepper.recording.format import KINDS, read_header, read_rows
+from stepper.recording.recorder import FILES
+
+XML = """<mujoco><worldbody><light pos="0 0 3"/><camera name="side" pos="0 -2 1" xyaxes="1 0 0 0 0 1"/><body name="arm">
+  <joint name="hip" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/><site name="tip" pos=".6 0 0"/></body></worldbody>
+  <actuator><motor name="motor" joint="hip"/></actuator><sensor><gyro name="gyro" site="tip"/></sensor></mujoco>"""
+MODEL = stepper.load(XML)
+COMPILED = mujoco.MjModel.from_xml_string(XML)
+SIM = stepper.Stepper(MODEL, 2)
+OPTIONS = stepper.Options()
+LIN = stepper.Stepper(MODEL).linearize(sensors=True)
+SPEC = mujoco.MjSpec.from_string(XML)
+
+
+def new(tmp_path, steps=3):
+    """A recording of some steps, and the stepper."""
+    sim = stepper.Stepper(MODEL, 2)
+    with sim.record(tmp_path / "run"):
+        for _ in range(steps):
+            sim.step([0.1])
+    return sim
+
+
+@pytest.mark.parametrize("make", [lambda sim, path: sim.record(path), stepper.Recorder])
+@pytest.mark.parametrize("context", [True, False])
+def test_a_recorder_records_however_it_is_made(tmp_path, make, context):
+    sim = stepper.Stepper(MODEL, 2)
+    if context:
+        with make(sim, tmp_path / "run") as recorder:
+            assert sim.recorder is recorder
+            sim.step([0.1])
+            sim.reset(envs=[1])
+    else:
+        recorder = make(sim, tmp_path / "run")
+        sim.step([0.1])
+        sim.reset(envs=[1])
+        recorder.close()
+    assert sim.recorder is None
+    kinds = [kind for _, kind, _ in read_rows(tmp_path / "run", read_header(tmp_path / "run"))]
+    assert kinds == ["start", "step", "reset"]
+    assert set(kinds) <= set(KINDS)
+    result = stepper.replay(tmp_path / "run")
+    assert (result.steps, result.rows, result.complete) == (1, 3, True)
+
+
+def test_a_recording_without_steps_says_so(tmp_path):
+    sim = stepper.Stepper(MODEL)
+    recorder = sim.record(tmp_path / "open")
+    with pytest.raises(stepper.recording.RecordingError, match=r"open has no events yet: .* `with sim\.record\(path\):`, or by close\(\)$"):
+        stepper.replay(tmp_path / "open")
+    recorder.close()
+    assert str(stepper.replay(tmp_path / "open")) == "nothing to compare: no call of step was recorded"
+
+
+@pytest.mark.parametrize("ending", FILES)
+def test_a_recording_has_no_ending_of_a_file(tmp_path, ending):
+    with pytest.raises(ValueError, match=r"but a recording is a folder: use '.*run'$"):
+        SIM.record(tmp_path / f"run{ending.upper()}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_is_read_as_arrays(tmp_path):
+    sim = new(tmp_path)
+    (segment,) = stepper.recording.segments(tmp_path / "run")
+    np.testing.assert_array_equal(segment.readings["qpos"][-1], sim.qpos)
+    np.testing.assert_array_equal(segment.ctrl, np.full((3, 2, 1), 0.1))
+    assert segment.period == MODEL.timestep
+
+
+@pytest.mark.parametrize("ending", [".xml", ".mjb", ".urdf", ".XML"])
+def test_a_model_is_saved_under_its_own_ending(tmp_path, ending):
+    with pytest.raises(ValueError, match=r"stepper's own format: use the ending \.stepper, as .*model\.stepper"):
+        MODEL.save(tmp_path / f"model{ending}")
+    for name in ("model", "model.stepper", "model.bin"):
+        MODEL.save(tmp_path / name)
+        assert stepper.load(tmp_path / name) == MODEL
+    assert {file.name for file in tmp_path.iterdir()} == {"model", "model.stepper", "model.bin"}
+
+
+@pytest.mark.parametrize("given", [{"gyro": 0.1}, 0.1, True])
+def test_a_sensor_or_actuator_model_of_another_type_is_named(given):
+    with pytest.raises(TypeError, match=re.escape("must be a stepper.SensorModel({'*': stepper.Transfer(noise_std=...)})")):
+        stepper.Stepper(MODEL, sensors=given)
+    with pytest.raises(TypeError, match=re.escape("must be a stepper.ActuatorModel({'*': stepper.Drive(delay=...)})")):
+        stepper.Stepper(MODEL, actuators=given)
+
+
+WRONG = {
+    "Renderer(sim)": (lambda: stepper.viewer.Renderer(SIM), r"must be a stepper.Model: stepper.viewer.Renderer(sim.model).render(sim)"),
+    "Renderer(path)": (lambda: stepper.viewer.Renderer("x.xml"), "must be a stepper.Model: stepper.viewer.Renderer(sim.model).render(sim)"),
+    "Renderer(mj)": (lambda: stepper.viewer.Renderer(COMPILED), "must be a stepper.Model: stepper.viewer.Renderer(sim.model).render(sim)"),
+    "Renderer(m, h, w)": (
+        lambda: stepper.viewer.Renderer(MODEL, 240, 320),
+        "takes 1 arguments without a keyword, not 3: stepper.viewer.Renderer(model, *, width=480, height=480",
+    ),
+    "replay(sim, path)": (lambda: stepper.replay(SIM, "run"), "stepper.replay(path, *, model=None"),
+    "load two": (lambda: stepper.load("walker", "walk"), "stepper.load(source, *, strict=True"),
+    "Options(0.1)": (lambda: stepper.Options(0.1), "takes no arguments without a keyword, not 1: stepper.Options(*, timestep=None"),
+    "spec": (lambda: stepper.load(SPEC), "stepper.load(spec.compile())"),
+    "noise": (lambda: stepper.Transfer(noise=0.1), "noise_std=... is its standard deviation"),
+    "transfer": (lambda: stepper.SensorModel({"gyro": 0.1}), "must be a stepper.Transfer, as stepper.Transfer(noise_std=...)"),
+    "transfers": (lambda: stepper.SensorModel(0.1), "as {'*': stepper.Transfer(noise_std=...)}"),
+    "drive": (lambda: stepper.ActuatorModel({"motor": 0.1}), "must be a stepper.Drive, as stepper.Drive(delay=...)"),
+    "sensor's name": (lambda: stepper.SensorModel(gyro=0.1), "stepper.SensorModel({'*': stepper.Transfer(noise_std=...)})"),
+    "delay": (lambda: stepper.SensorModel(latency=0.1), "stepper.SensorModel({'*': stepper.Transfer(delay=...)})"),
+    "lag": (lambda: stepper.ActuatorModel(lag=0.1), "stepper.ActuatorModel({'*': stepper.Drive(lag=...)})"),
+    "actuator's name": (lambda: stepper.ActuatorModel(motor1=0.1), "stepper.ActuatorModel({'*': stepper.Drive(delay=...)})"),
+    "A, B": (lambda: [*LIN], "use its attributes A and B"),
+    "lin[0]": (lambda: LIN[0], "use its attributes A and B"),
+    "lin['A']": (lambda: LIN["A"], "use its attributes A and B"),
+}
+"""Calls with wrong arguments, and part of the message."""
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_argument_is_an_error_with_the_right_form(name):
+    call, hint = WRONG[name]
+    with pytest.raises(TypeError if name != "noise" else ValueError) as error:
+        call()
+    assert hint in str(error.value)
+
+
+def test_the_right_forms_work():
+    assert stepper.load(SPEC.compile()).nq == MODEL.nq
+    sensors = stepper.SensorModel({"*": stepper.Transfer(noise_std=0.1, delay=0.01)})
+    drives = stepper.ActuatorModel({"*": stepper.Drive(delay=0.01, lag=0.1)})
+    stepper.Stepper(MODEL, 2, sensors=sensors, actuators=drives).step([0.1])
+    changed = dataclasses.replace(OPTIONS, timestep=0.001)
+    assert stepper.Stepper(MODEL, options=changed).timestep == 0.001
+    assert dataclasses.replace(stepper.Options.from_model(MODEL), timestep=0.001).contact == "mujoco"
+    assert stepper.load(mujoco.MjModel.from_xml_string(XML, {})).nq == 1
+
+
+class TestPictures:
+    def test_width_and_height(self):
+        with stepper.viewer.Renderer(MODEL, width=16, height=8, camera="side") as renderer:
+            assert renderer.render(SIM, env=1).shape == (8, 16, 3)
+            for env in (2, -3, "side", [0, 1], 0.5, True):
+                with pytest.raises((TypeError, ValueError), match=re.escape(f"env is {env!r}, must be a whole number from -2 to 1")):
+                    renderer.render(SIM, env)
+            with pytest.raises(TypeError, match=r"must be a stepper\.Stepper: stepper\.viewer\.Renderer\(sim\.model\)\.render\(sim\)"):
+                renderer.render(MODEL)
+
+    def test_an_assignment_has_an_effect_or_is_an_error(self):
+        with stepper.viewer.Renderer(MODEL, width=8, height=8) as renderer:
+            for name in ("camera", "width", "anything"):
+                with pytest.raises(AttributeError, match=f"has no attribute {name!r}"):
+                    setattr(renderer, name, "side")
+            with pytest.raises(AttributeError, match=r"render of a stepper\.viewer\.Renderer cannot be assigned"):
+                renderer.render = None
+
+
+WORDS = {
+    "contact": ("hard", "mujoco"), "integrator": ("euler", "midpoint", "implicit", "implicitfast", "discrete", "rk4", None),
+    "solver": ("auto", "pgs", "newton"), "stabilization": ("baumgarte", "split", "none"),
+}  # fmt: skip
+NUMBERS = {
+    **dict.fromkeys(("timestep", "tolerance"), (lambda x: 0 < x < np.inf)),
+    **dict.fromkeys(("slop", "max_correction_speed", "restitution_threshold"), (lambda x: x >= 0)),
+    "baumgarte": lambda x: 0 <= x <= 1,
+}
+
+
+@pytest.mark.parametrize("option", WORDS)
+def test_an_option_is_one_of_its_words_or_an_error(option):
+    for word in ("foo", "Euler", "soft", "Newton", 3, -1.5):
+        with pytest.raises((TypeError, ValueError), match=f"{option} is "):
+            stepper.Options(**{option: word})
+    for word in WORDS[option]:
+        more = {"contact": "mujoco"} if word in ("implicitfast", "discrete") else {}
+        assert getattr(stepper.Options(**{option: word}, **more), option) == word
+
+
+@given(st.sampled_from(sorted(NUMBERS)), st.floats())
+def test_an_option_is_in_its_range_or_an_error(option, number):
+    if NUMBERS[option](number):
+        assert getattr(stepper.Options(**{option: number}), option) == number
+        return
+    with pytest.raises(ValueError, match=f"option {option} is "):
+        stepper.Options(**{option: number})
+
+
+@pytest.mark.parametrize("settings", [{"integrator": "implicitfast"}, {"contact": "mujoco", "integrator": "midpoint"}])
+def test_an_integrator_of_the_other_law_is_an_error(settings):
+    with pytest.raises(ValueError, match=r"option integrator is .*, must be .* with contact="):
+        stepper.Options(**settings)
+
+
+@pytest.mark.parametrize("frozen", [OPTIONS, stepper.Transfer(), stepper.Drive(), stepper.actuators.PID(kp=1.0)])
+def test_a_frozen_object_names_how_to_change_it(frozen):
+    for field in dataclasses.fields(frozen):
+        remedy = rf"cannot be assigned: dataclasses\.replace\(old, {field.name}=\.\.\.\) makes a changed copy$"
+        with pytest.raises(dataclasses.FrozenInstanceError, match=remedy):
+            setattr(frozen, field.name, 1)
+        assert dataclasses.replace(frozen, **{field.name: getattr(frozen, field.name)}) == frozen
+    with pytest.raises(AttributeError, match="has no attribute 'foo'"):
+        frozen.foo = 1
+    assert pickle.loads(pickle.dumps(frozen)) == frozen
+
+
+CALLS = {
+    "stepper.Options": stepper.Options, "Options.from_model": stepper.Options.from_model, "stepper.load": stepper.load,
+    "stepper.Recorder": stepper.Recorder, "stepper.replay": stepper.replay, "stepper.viewer.Renderer": stepper.viewer.Renderer,
+    "render": stepper.viewer.Renderer.render, "stepper.Transfer": stepper.Transfer, "stepper.Drive": stepper.Drive,
+    "linearize": stepper.derivatives.linearize, "stepper.SensorModel": stepper.SensorModel, "stepper.ActuatorModel": stepper.ActuatorModel,
+    "stepper.actuators.PID": stepper.actuators.PID, "stepper.actuators.DCMotor": stepper.actuators.DCMotor,
+    "stepper.recording.segments": stepper.recording.segments,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_an_unknown_keyword_has_a_hint(call):
+    """The keyword to use, or all keywords."""
+    for name in (*NEW_KEYWORDS_OF.get(call, ()), "zzz"):
+        with pytest.raises(TypeError) as error:
+            CALLS[call](**{name: 1})
+        present = NEW_KEYWORDS_OF.get(call, {}).get(name, "").replace("NAME", name)
+        hint = f": use {present}" if present else ": use" if call in OF_PARTS else "; there are: "
+        assert str(error.value).startswith(f"{call}() takes no {name!r}{hint}")
+
+
+@pytest.mark.parametrize("call", ["stepper.Options", "stepper.Transfer", "stepper.Drive", "stepper.Recorder", "linearize", "stepper.load"])
+def test_keywords_that_hints_name_are_those_of_the_call(call):
+    """A hint that is one word is a keyword of this call; others name a call."""
+    import inspect
+
+    for present in NEW_KEYWORDS_OF[call].values():
+        if re.fullmatch(r"\w+", present):
+            assert present in inspect.signature(CALLS[call]).parameters
+
+
+OBJECTS = {
+    "Options": lambda path: OPTIONS,
+    "Recorder": lambda path: new(path).record(path / "two"),
+    "Replay": lambda path: new(path) and stepper.replay(path / "run"),
+    "Segment": lambda path: new(path) and next(stepper.recording.segments(path / "run")),
+    "Linearization": lambda path: LIN,
+    "Renderer": lambda path: stepper.viewer.Renderer(MODEL, width=8, height=8),
+}
+
+
+@pytest.mark.parametrize("owner", OBJECTS)
+def test_an_absent_attribute_has_a_hint(tmp_path, owner):
+    thing = OBJECTS[owner](tmp_path)
+    for name, present in NEW_NAMES[owner].items():
+        with pytest.raises(AttributeError) as error:
+            getattr(thing, name)
+        assert str(error.value).endswith((f"; did you mean {present}?", f"; use {present}"))
+        word = re.match(r"\w+(?=[(\[]|$)", present)
+        assert word is None or hasattr(thing, word[0]), present
+
+
+MODULES = ("actuators", "derivatives", "recording", "sensors", "sysid", "viewer")
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_submodule_lists_what_it_has(module):
+    there = importlib.import_module(f"stepper.{module}")
+    with pytest.raises(
+        AttributeError, match=rf"^module 'stepper\.{module}' has no attribute 'qqq'; there are: {', '.join(there.__all__)}$"
+    ):
+        _ = there.qqq
+    with pytest.raises(ImportError, match=r"; there are: "):
+        exec(f"from stepper.{module} import qqq")
+    for name, present in NEW_NAMES.get(f"stepper.{module}", {}).items():
+        with pytest.raises(AttributeError, match=re.escape(present)):
+            getattr(there, name)
+
+
+@pytest.mark.parametrize("text", sorted({text for module in MODULES for text in NEW_NAMES.get(f"stepper.{module}", {}).values()}))
+def test_what_hints_of_submodules_name_exists(text):
+    for name in re.findall(r"stepper(?:\.\w+)+", text):
+        module, _, last = name.rpartition(".")
+        assert hasattr(importlib.import_module(module), last), name
+    for name in re.findall(r"\b[A-Z]\w+(?=\()", text):
+        assert any(hasattr(importlib.import_module(f"stepper.{module}"), name) for module in MODULES), name

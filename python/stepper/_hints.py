@@ -207,7 +207,7 @@ def _place_of(owner: type, name: str) -> str:
         return ""
     if owner in _INSTANCES:
         return _place_of_model(name) if owner is Model else _place_of_stepper(name)
-    if text := _other_name(owner.__name__, name):
+    if text := _other_name(owner.__name__, name) or present_keyword(f"stepper.{owner.__name__}", name):
         return _replacement(text)
     if owner is _stepper.State and hasattr(Stepper, name):
         return f"; after sim.set_state(state), sim.{name} has it"
@@ -425,8 +425,9 @@ def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
     if not hint and call in OF_PARTS:
         part, text, field = OF_PARTS[call]
         fields = inspect.signature(getattr(sys.modules["stepper"], part)).parameters
-        found = next((own for own in (present_keyword(f"stepper.{part}", name), name) if own in fields), field)
-        hint = f": use {text.replace('FIELD', found)}"
+        given = (present_keyword(f"stepper.{part}", name), name, field)
+        found = next(own for own in given if own.partition("=")[0] in fields)
+        hint = f": use {text.replace('FIELD', found if '=' in found else f'{found}=...')}"
     return f"{call}() takes no {name!r}{(hint or did_you_mean_or_all(name, known)) if known else ': it has no arguments'}"
 
 
@@ -456,7 +457,9 @@ def hint_keywords(call: str) -> Callable[[C], C]:
             if other := next((name for name in named if name not in known), None):
                 raise TypeError(unknown_keyword(call, other, list(plain.parameters)))
             if given > most:
-                raise TypeError(f"{call}() takes {most or 'no'} arguments without a keyword, not {given}: {call}{plain}")
+                raise TypeError(
+                    f"{call}() takes {most or 'no'} argument{'' if most == 1 else 's'} without a keyword, not {given}: {call}{plain}"
+                )
 
         if isinstance(target, type):
             _check_calls(target, check)

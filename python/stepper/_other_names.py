@@ -66,7 +66,7 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "of": "from_model",
         **dict.fromkeys(("mujoco", "from_mujoco"), "from_model(model)"),
         **dict.fromkeys(("replace", "copy", "_replace"), "dataclasses.replace(options, timestep=...)"),
-        "gravity": "model.replace(gravity=...): the model has it",
+        **dict.fromkeys(("asdict", "to_dict", "_asdict", "dict"), "dataclasses.asdict(options)"),
     },
     "Recorder": {
         **dict.fromkeys(("record", "capture", "log", "append"), "sim.step(ctrl), which is recorded"),
@@ -740,7 +740,7 @@ NEW_KEYWORDS_OF = {
         "depth": "sim.rays(points, directions) for distances: pictures are RGB",
         "segmentation": "sim.rays(points, directions), which also gives geoms: pictures are RGB",
         **dict.fromkeys(("shape", "size", "resolution"), "width and height"),
-        "max_geom": "nothing: the renderer has no such limit",
+        "max_geom": "nothing: pictures have up to 10,000 geoms",
     },
     "render": {
         **dict.fromkeys(("camera", "camera_id", "camera_name", "cam"), "stepper.viewer.Renderer(model, camera=...)"),
@@ -840,10 +840,10 @@ NEW_KEYWORDS_OF = {
 NAME stands for the other keyword.
 """
 OF_PARTS = {
-    "stepper.SensorModel": ("Transfer", "stepper.SensorModel({'*': stepper.Transfer(FIELD=...)}), or a sensor's name for '*'", "noise_std"),
-    "stepper.ActuatorModel": ("Drive", "stepper.ActuatorModel({'*': stepper.Drive(FIELD=...)}), or an actuator's name for '*'", "delay"),
+    "stepper.SensorModel": ("Transfer", "stepper.SensorModel({'*': stepper.Transfer(FIELD)}), or a sensor's name for '*'", "noise_std"),
+    "stepper.ActuatorModel": ("Drive", "stepper.ActuatorModel({'*': stepper.Drive(FIELD)}), or an actuator's name for '*'", "delay"),
 }
 """Classes that hold parts by name, where users may give the keywords of a part: class of the parts, hint, and the part's field in it.
 
-FIELD is the given keyword if the part has it.
+FIELD stands for the keyword of the part.
 """

@@ -105,7 +105,7 @@ WRONG = {
     "Renderer(mj)": (lambda: stepper.viewer.Renderer(COMPILED), "must be a stepper.Model: stepper.viewer.Renderer(sim.model).render(sim)"),
     "Renderer(m, h, w)": (
         lambda: stepper.viewer.Renderer(MODEL, 240, 320),
-        "takes 1 arguments without a keyword, not 3: stepper.viewer.Renderer(model, *, width=480, height=480",
+        "takes 1 argument without a keyword, not 3: stepper.viewer.Renderer(model, *, width=480, height=480",
     ),
     "replay(sim, path)": (lambda: stepper.replay(SIM, "run"), "stepper.replay(path, *, model=None"),
     "load two": (lambda: stepper.load("walker", "walk"), "stepper.load(source, *, strict=True"),
@@ -119,6 +119,15 @@ WRONG = {
     "delay": (lambda: stepper.SensorModel(latency=0.1), "stepper.SensorModel({'*': stepper.Transfer(delay=...)})"),
     "lag": (lambda: stepper.ActuatorModel(lag=0.1), "stepper.ActuatorModel({'*': stepper.Drive(lag=...)})"),
     "actuator's name": (lambda: stepper.ActuatorModel(motor1=0.1), "stepper.ActuatorModel({'*': stepper.Drive(delay=...)})"),
+    "kp": (lambda: stepper.ActuatorModel(kp=0.1), "{'*': stepper.Drive(servo=stepper.actuators.PID(kp=..., kd=...))}"),
+    "drive of another class": (lambda: stepper.ActuatorModel({"motor": stepper.Transfer()}), "is a Transfer, must be a stepper.Drive"),
+    "model": (lambda: stepper.load(MODEL), "it is loaded already, as stepper.Stepper(model)"),
+    "view(model)": (lambda: stepper.viewer.view(MODEL), "must be a stepper.Stepper: stepper.viewer.view(stepper.Stepper(model))"),
+    "view(fps)": (lambda: stepper.viewer.view(SIM, fps=3), "there are: sim, envs, source, host, port, spacing, reset"),
+    "width": (lambda: stepper.viewer.Renderer(MODEL, width="a"), "width is 'a', must be a whole number"),
+    "camera": (lambda: stepper.viewer.Renderer(MODEL, camera=2.5), "camera_config={'distance': ...} sets a free camera"),
+    "camera_config": (lambda: stepper.viewer.Renderer(MODEL, camera_config=2.5), "must be a dict such as {'distance': 2.0"),
+    "rollout": (lambda: stepper.derivatives.rollout(SIM, steps=3), "stepper.derivatives.rollout() takes no 'steps'"),
     "A, B": (lambda: [*LIN], "use its attributes A and B"),
     "lin[0]": (lambda: LIN[0], "use its attributes A and B"),
     "lin['A']": (lambda: LIN["A"], "use its attributes A and B"),
@@ -210,6 +219,13 @@ def test_a_frozen_object_names_how_to_change_it(frozen):
     with pytest.raises(AttributeError, match="has no attribute 'foo'"):
         frozen.foo = 1
     assert pickle.loads(pickle.dumps(frozen)) == frozen
+
+
+@pytest.mark.parametrize("owner", ["Options", "Transfer", "Drive"])
+def test_a_keyword_of_others_is_the_same_hint_as_an_attribute(owner):
+    for name in {*NEW_KEYWORDS_OF[f"stepper.{owner}"]} - {*NEW_NAMES.get(owner, ())}:
+        with pytest.raises(AttributeError, match=rf"^a stepper\..*{owner} has no attribute '{name}'; (did you mean|use) "):
+            getattr(getattr(stepper, owner)(), name)
 
 
 CALLS = {

@@ -13,7 +13,7 @@ struct Given<'a, 'py>(&'a Bound<'py, PyAny>);
 impl<'py> Given<'_, 'py> {
     fn value(&self, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let found = self.0.getattr(name);
-        found.map_err(|_| PyTypeError::new_err(format!("options is {}, must be a stepper.Options", described(self.0))))
+        found.map_err(|_| PyTypeError::new_err(format!("options is {}, must be a stepper.Options(timestep=...)", described(self.0))))
     }
 
     fn wrong(name: &str, value: &Bound<'_, PyAny>, must: &str) -> PyErr {

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._hints import hint_keywords
 from stepper._stepper import State, Stepper
 from stepper.derivatives.copies import rows
 from stepper.derivatives.kinks import Bools
@@ -257,6 +258,7 @@ class Rollout:
         )
 
 
+@hint_keywords("stepper.derivatives.rollout")
 def rollout(
     sim: Stepper,
     ctrl: ArrayLike,

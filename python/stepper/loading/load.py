@@ -160,6 +160,10 @@ def is_saved(source: Source) -> bool:
         return False
     if type(source).__name__ == "MjSpec":
         raise TypeError("stepper.load takes a path, XML text or a mujoco.MjModel, not MjSpec: stepper.load(spec.compile())")
+    if isinstance(source, Model):
+        raise TypeError(
+            "stepper.load takes a path, XML text or a mujoco.MjModel, not Model: it is loaded already, as stepper.Stepper(model)"
+        )
     if not isinstance(source, (str, os.PathLike)):
         raise TypeError(f"stepper.load takes a path, XML text or a mujoco.MjModel, not {type(source).__name__}")
     path = Path(source)

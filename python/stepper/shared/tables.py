@@ -71,12 +71,17 @@ def by_name(given: Any, default: Any, kind: type[T], what: str, example: str) ->
         TypeError: `given` is no mapping, or an object has another class.
     """
     if given is not None and not isinstance(given, Mapping):
-        raise TypeError(f"{what}s is {given!r}, must be a mapping of names to stepper.{kind.__name__}, as {{'*': {example}}}")
+        raise TypeError(f"{what}s is {_short(given)}, must be a mapping of names to stepper.{kind.__name__}, as {{'*': {example}}}")
     named = dict(given or {})
     for name, part in [*named.items(), ("default", default)]:
         if not isinstance(part, kind) and not (name == "default" and part is None):
-            raise TypeError(f"the {what} of {name!r} is {part!r}, must be a stepper.{kind.__name__}, as {example}")
+            raise TypeError(f"the {what} of {name!r} is {_short(part)}, must be a stepper.{kind.__name__}, as {example}")
     return named
+
+
+def _short(value: object) -> str:
+    """A value for a message; of a long one, its class."""
+    return text if len(text := repr(value)) <= 60 else f"a {type(value).__name__}"
 
 
 def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:

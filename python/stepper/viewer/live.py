@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stepper._hints import hint_keywords
 from stepper._stepper import Model, Stepper
+from stepper.shared.arguments import check_kind
 from stepper.viewer.dragging import Drag
 from stepper.viewer.frames import Envs, frame_of, shown_envs, sizes_of
 from stepper.viewer.looks import Array, looks_of, row
@@ -53,11 +55,12 @@ def scene_for(model: Model, source: Any) -> Scene:
             f"{len(scene.missing)} geoms are not drawn ({names}{', ...' if len(scene.missing) > 5 else ''}): the shapes of meshes and "
             "height fields are only in the MJCF. Pass the MJCF as source, or load the model from it with stepper.load",
             UserWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     return scene
 
 
+@hint_keywords("stepper.viewer.View")
 class View:
     """View of a running `Stepper` in the browser, with a web server; a context manager.
 
@@ -96,6 +99,7 @@ class View:
         spacing: float | None = None,
         reset: Callable[[], Any] | None = None,
     ):
+        check_kind("sim", sim, Stepper, "stepper.viewer.view(stepper.Stepper(model))")
         self.sim, self.envs = sim, shown_envs(sim, envs, SHOWN)
         self._reset = sim.reset if reset is None else reset
         # Stored here, because callbacks from the browser may come during a step, when the stepper cannot be read.

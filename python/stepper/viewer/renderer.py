@@ -14,7 +14,7 @@ import numpy as np
 
 from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
-from stepper.shared.arguments import check_kind, check_whole
+from stepper.shared.arguments import check_kind, check_mapping, check_whole
 from stepper.shared.machine import require
 from stepper.viewer.looks import Array, LooksError, looks_of, row, sized_geoms
 
@@ -74,6 +74,12 @@ class Renderer(Hints):
         lamp: bool = True,
     ):
         check_kind("model", model, Model, "stepper.viewer.Renderer(sim.model).render(sim)")
+        check_whole("width", width)
+        check_whole("height", height)
+        if not isinstance(camera, str | int | None):
+            raise TypeError(f"camera is {camera!r}, must be a name or an index; camera_config={{'distance': ...}} sets a free camera")
+        if camera_config is not None:
+            check_mapping("camera_config", camera_config, "{'distance': 2.0, 'azimuth': 90.0}")
         if camera is not None and camera_config is not None:
             raise ValueError("camera and camera_config are both given: give one of them")
         if width < 1 or height < 1:

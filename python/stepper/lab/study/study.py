@@ -30,7 +30,7 @@ from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
-from stepper.shared.arguments import check_mapping, check_number, check_whole, path_of
+from stepper.shared.arguments import check_mapping, check_whole, path_of
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import package_version, require
 
@@ -186,8 +186,6 @@ class Study(metaclass=Hinting):
 
     def _check_numbers(self) -> None:
         """Raises TypeError if a number of the study is of another type, such as a text or an array."""
-        if self.options.timestep is not None:
-            check_number("options.timestep", self.options.timestep, above=0.0)
         if not isinstance(self.name, str):
             raise TypeError(f"name is {self.name!r}, must be a text, which names the folder of the results")
         if not self.name:

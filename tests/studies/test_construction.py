@@ -147,7 +147,7 @@ def test_a_study_without_names_loads_nothing():
     ("parameters = 3", "parameters is 3, must be tables"),
     ('[[outcomes]]\nname = "x"', "outcome 1 has no measure: add measure = ..."),
     ("[parameters.g]\nlow = 1", "parameter 'g' has no selector: add selector = ..."),
-    ('[options]\ntimestep = "x"', "option timestep is 'x'"),
+    ('[options]\ntimestep = "x"', "options: option timestep is 'x'"),
     ("[settings]\nfast = 3", "settings 'fast' is 3, must be a dict"),
 ])  # fmt: skip
 def test_wrong_entries_of_files_are_named(tmp_path, text, message):

@@ -615,6 +615,8 @@ ROOT_NAMES = {
     "Reading": "stepper.sensors.SensorSpec",
     "experiments": "stepper.lab",
     "identification": "stepper.sysid",
+    **dict.fromkeys(("Noise", "SensorNoise", "NoiseModel"), "stepper.SensorModel({'*': stepper.Transfer(noise_std=...)})"),
+    **dict.fromkeys(("Delay", "ActuatorDelay", "DelayedPDActuator"), "stepper.ActuatorModel({'*': stepper.Drive(delay=...)})"),
     "bodies": "attributes of a stepper.Stepper, as sim.cinert",
     "quantities": "attributes and methods of a stepper.Stepper, as sim.qpos, sim.read(...), sim.inverse_dynamics(...), sim.rays(...)",
     "states": "methods of a stepper.Stepper with envs=, as sim.reset(envs=[3, 5]), and sim.copy_state(...)",

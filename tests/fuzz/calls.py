@@ -267,7 +267,7 @@ def _make(rng: Random, sim: stepper.Stepper, _: Path) -> tuple[list[Any], dict[s
     chosen = {name: values[int(rng.integers(len(values)))] for name, values in options.items() if rng.random() < 0.2}
     counts = [None, 1, 3, 0, -1, 10**6, 10**9, 10**15, 2**63, 2**64 - 1]
     keywords: dict[str, Any] = {
-        "options": stepper.Options(**chosen),
+        "options": chosen,
         "precision": str(rng.choice(["f64", "f32", "f16"])),
         "threads": [0, 1, 5, -1, 10**9, 2**64 - 1, 2**63][int(rng.integers(7))],
         "seed": [0, 2**64 - 1, 2**64, -1][int(rng.integers(4))],
@@ -298,9 +298,9 @@ def _actuator_model(rng: Random) -> Any:
         return None
 
 
-def _new(model: Any, *arguments: Any, **keywords: Any) -> None:
-    """Makes another stepper and steps it."""
-    other = stepper.Stepper(*arguments, **keywords)
+def _new(model: Any, *arguments: Any, options: dict[str, Any], **keywords: Any) -> None:
+    """Makes options and another stepper, and steps it."""
+    other = stepper.Stepper(*arguments, options=stepper.Options(**options), **keywords)
     if (other.num_envs or 1) <= 1000:
         other.step(nstep=2)
         _ = other.sensordata

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from stepper._hints import Hinting, Hints, hint_keywords
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model, check_options
 
 Precision: TypeAlias = Literal["f64", "f32"]
 """Floating-point type in which the step computes, "f64" (double precision) or "f32" (single precision)."""
@@ -91,9 +89,7 @@ class Options(Hints, metaclass=Hinting):
     max_contacts: int | None = None
 
     def __post_init__(self) -> None:
-        if any(getattr(self, field.name) != field.default for field in fields(self)):
-            # The constructor of a stepper checks its options.
-            Stepper(_any_model(), options=self)
+        check_options(self)
 
     @classmethod
     @hint_keywords("Options.from_model")
@@ -114,12 +110,6 @@ class Options(Hints, metaclass=Hinting):
         if requested is None:
             raise TypeError(f"Options.from_model takes a stepper.Model, not {type(model).__name__}; stepper.load(path) reads one")
         return cls(**requested())
-
-
-@functools.cache
-def _any_model() -> Model:
-    """Small model to make a stepper of: the scene of the self-test, a file of the package."""
-    return Model.from_file(Path(__file__).with_name("doctor") / "scene.stepper")
 
 
 def precision_of(value: Any) -> Precision:

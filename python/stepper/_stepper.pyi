@@ -49,6 +49,14 @@ def cpu_levels() -> list[str]:
 def fields() -> list[tuple[str, str, str, str, bool]]:
     """Fields of `Model.replace`, as tuples (name, shape as text, quantity, unit, whether `Stepper.randomize` accepts the field)."""
 
+def check_options(options: Options) -> None:
+    """Raises an error unless all settings of a `stepper.Options` object are valid.
+
+    Raises:
+        TypeError: A setting has a wrong type.
+        ValueError: A setting is out of its range, or the contact law does not have the integrator.
+    """
+
 def selected(envs: ArrayLike | None, num_envs: int) -> list[int]:
     """Indices of the environments that the argument `envs` of a method selects, in the order of the argument; see `Stepper.reset`.
 

@@ -215,18 +215,7 @@ impl Options {
     /// # Errors
     /// [`Error::Option`] for an integrator that the contact law does not have.
     pub fn resolve(&self, timestep: f64, gravity: f64, asked: Option<Integrator>, precision: Precision) -> Result<StepSettings, Error> {
-        let integrator = self.integrator.unwrap_or(match self.contact {
-            ContactLaw::Hard => Integrator::Midpoint,
-            ContactLaw::Mujoco => asked.unwrap_or(Integrator::Euler),
-        });
-        let must = match (self.contact, integrator) {
-            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit, discrete or rk4 with ContactLaw::Mujoco",
-            (ContactLaw::Hard, Integrator::ImplicitFast | Integrator::Discrete) => "euler, midpoint, implicit or rk4 with ContactLaw::Hard",
-            _ => "",
-        };
-        if !must.is_empty() {
-            return Err(Error::Option { name: "integrator", found: integrator.name().to_owned(), must });
-        }
+        let integrator = self.integrator_of(asked)?;
         let timestep = self.timestep.unwrap_or(timestep);
         Ok(StepSettings {
             timestep,
@@ -245,10 +234,30 @@ impl Options {
         })
     }
 
-    /// Checks the range of every setting.
+    /// Integrator of the step. `asked` is the integrator that the model file selects; `None` if it selects none.
     ///
     /// # Errors
-    /// [`Error::Option`] for the first that is out of its range.
+    /// [`Error::Option`] for an integrator that the contact law does not have.
+    fn integrator_of(&self, asked: Option<Integrator>) -> Result<Integrator, Error> {
+        let integrator = self.integrator.unwrap_or(match self.contact {
+            ContactLaw::Hard => Integrator::Midpoint,
+            ContactLaw::Mujoco => asked.unwrap_or(Integrator::Euler),
+        });
+        let must = match (self.contact, integrator) {
+            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit, discrete or rk4 with ContactLaw::Mujoco",
+            (ContactLaw::Hard, Integrator::ImplicitFast | Integrator::Discrete) => "euler, midpoint, implicit or rk4 with ContactLaw::Hard",
+            _ => "",
+        };
+        if !must.is_empty() {
+            return Err(Error::Option { name: "integrator", found: integrator.name().to_owned(), must });
+        }
+        Ok(integrator)
+    }
+
+    /// Checks the range of every setting, and that the contact law has the integrator.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for the first that is wrong.
     pub fn check(&self) -> Result<(), Error> {
         let positive = |x: Option<f64>| x.is_none_or(|x| x > 0.0 && x.is_finite());
         // Name, whether the value is in its range, value, range.
@@ -264,7 +273,7 @@ impl Options {
         ];
         match checks.into_iter().find(|(_, is_in_range, ..)| !is_in_range) {
             Some((name, _, found, must)) => Err(Error::Option { name, found: found.to_string(), must }),
-            None => Ok(()),
+            None => self.integrator_of(None).map(|_| ()),
         }
     }
 }

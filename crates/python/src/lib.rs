@@ -30,6 +30,7 @@ fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(cpu_levels, m)?)?;
     m.add_function(wrap_pyfunction!(selected, m)?)?;
     m.add_function(wrap_pyfunction!(model::fields, m)?)?;
+    m.add_function(wrap_pyfunction!(options::check_options, m)?)?;
     Ok(())
 }
 

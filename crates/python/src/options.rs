@@ -68,6 +68,16 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     Ok(options)
 }
 
+/// Raises an error unless all settings of a `stepper.Options` object are valid.
+///
+/// Raises:
+///     TypeError: A setting has a wrong type.
+///     ValueError: A setting is out of its range, or the contact law does not have the integrator.
+#[pyfunction]
+pub(crate) fn check_options(options: &Bound<'_, PyAny>) -> PyResult<()> {
+    settings(options).map(|_| ())
+}
+
 /// `ValueError` for the unknown value `found` of an argument `what`. The message contains the list `known` of valid values.
 pub(crate) fn unknown(what: &str, found: &str, known: &str) -> PyErr {
     PyValueError::new_err(format!("{what} is \"{found}\", must be one of: {known}"))

@@ -203,10 +203,8 @@ def _public_name(owner: type) -> str:
 
 def _place_of(owner: type, name: str) -> str:
     """End of an error message about a missing attribute: its current name, or the class that has it. "" if neither is known."""
-    if name.startswith("_"):
-        return ""
     if owner in _INSTANCES:
-        return _place_of_model(name) if owner is Model else _place_of_stepper(name)
+        return "" if name.startswith("_") else _place_of_model(name) if owner is Model else _place_of_stepper(name)
     if text := _other_name(owner.__name__, name) or present_keyword(f"stepper.{owner.__name__}", name):
         return _replacement(text)
     if owner is _stepper.State and hasattr(Stepper, name):

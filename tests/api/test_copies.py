@@ -61,7 +61,7 @@ def test_every_attribute_of_a_model_names_what_sets_it(sim):
         with pytest.raises(AttributeError, match=f"^{name} of a stepper.Model cannot be assigned: ") as error:
             setattr(sim.model, name, 3)
         reason = str(error.value).partition(": ")[2]
-        known = ("it is a method", "it follows from the model's file", f"model.replace({name}=", f"stepper.Options({name}=")
+        known = ("it is a method", "it is defined in the model's file", f"model.replace({name}=", f"stepper.Options({name}=")
         assert reason.startswith(known) or name == "sensors", reason
         assert "simulation" not in reason
     for name, remedy in (("nq", "the model's file: change the file"), ("sensors", r"model\.with_sensors\("), ("replace", "it is a method")):

@@ -232,7 +232,7 @@ CALLS = {
     "stepper.Options": stepper.Options, "Options.from_model": stepper.Options.from_model, "stepper.load": stepper.load,
     "stepper.Recorder": stepper.Recorder, "stepper.replay": stepper.replay, "stepper.viewer.Renderer": stepper.viewer.Renderer,
     "render": stepper.viewer.Renderer.render, "stepper.Transfer": stepper.Transfer, "stepper.Drive": stepper.Drive,
-    "linearize": stepper.derivatives.linearize, "stepper.SensorModel": stepper.SensorModel, "stepper.ActuatorModel": stepper.ActuatorModel,
+    "Stepper.linearize": stepper.derivatives.linearize, "stepper.SensorModel": stepper.SensorModel, "stepper.ActuatorModel": stepper.ActuatorModel,
     "stepper.actuators.PID": stepper.actuators.PID, "stepper.actuators.DCMotor": stepper.actuators.DCMotor,
     "stepper.recording.segments": stepper.recording.segments,
 }  # fmt: skip
@@ -249,7 +249,9 @@ def test_an_unknown_keyword_has_a_hint(call):
         assert str(error.value).startswith(f"{call}() takes no {name!r}{hint}")
 
 
-@pytest.mark.parametrize("call", ["stepper.Options", "stepper.Transfer", "stepper.Drive", "stepper.Recorder", "linearize", "stepper.load"])
+@pytest.mark.parametrize(
+    "call", ["stepper.Options", "stepper.Transfer", "stepper.Drive", "stepper.Recorder", "Stepper.linearize", "stepper.load"]
+)
 def test_keywords_that_hints_name_are_those_of_the_call(call):
     """A hint that is one word is a keyword of this call; others name a call."""
     import inspect

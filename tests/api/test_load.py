@@ -138,8 +138,8 @@ def test_urdf(tmp_path: Path, *, as_file: bool) -> None:
 
 
 def test_a_saved_model_is_known_by_its_contents(tmp_path: Path) -> None:
-    path = tmp_path / "pendulum.xml"
-    stepper.load(PENDULUM).save(path)
+    stepper.load(PENDULUM).save(tmp_path / "pendulum.stepper")
+    path = (tmp_path / "pendulum.stepper").rename(tmp_path / "pendulum.xml")
     assert stepper.load(path) == stepper.load(PENDULUM)
 
 

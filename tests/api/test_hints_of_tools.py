@@ -232,7 +232,8 @@ CALLS = {
     "stepper.Options": stepper.Options, "Options.from_model": stepper.Options.from_model, "stepper.load": stepper.load,
     "stepper.Recorder": stepper.Recorder, "stepper.replay": stepper.replay, "stepper.viewer.Renderer": stepper.viewer.Renderer,
     "render": stepper.viewer.Renderer.render, "stepper.Transfer": stepper.Transfer, "stepper.Drive": stepper.Drive,
-    "Stepper.linearize": stepper.derivatives.linearize, "stepper.SensorModel": stepper.SensorModel, "stepper.ActuatorModel": stepper.ActuatorModel,
+    "Stepper.linearize": stepper.derivatives.linearize, "stepper.SensorModel": stepper.SensorModel,
+    "stepper.ActuatorModel": stepper.ActuatorModel,
     "stepper.actuators.PID": stepper.actuators.PID, "stepper.actuators.DCMotor": stepper.actuators.DCMotor,
     "stepper.recording.segments": stepper.recording.segments,
 }  # fmt: skip

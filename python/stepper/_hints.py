@@ -175,7 +175,7 @@ def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeE
     The hint is the current name of the attribute, the class that has the attribute, or similar names. `more` are the names of further
     attributes, which only the instances have.
     """
-    hint = _place_of(owner, name) or _similar_attribute(owner, name, more)
+    hint = place_of(owner, name) or _similar_attribute(owner, name, more)
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint}")
 
 
@@ -194,14 +194,17 @@ def _similar_attribute(owner: type, name: str, more: Iterable[str] = ()) -> str:
 
 
 def _public_name(owner: type) -> str:
-    """Name of a class as users write it: "stepper.lab.Study", or "stepper.Model's body" for a body of a model."""
-    folder = owner.__module__.split(".")[1]
+    """Name of a class as users write it: "stepper.lab.Study", or "stepper.Model's body" for a body of a model.
+
+    Public classes of stepper.shared are names of stepper.envs.
+    """
+    folder = owner.__module__.split(".")[1].replace("shared", "envs")
     if owner.__name__.lower() in KINDS and folder == "_stepper":
         return f"stepper.Model's {owner.__name__.lower()}"
     return f"stepper.{owner.__name__}" if folder.startswith("_") else f"stepper.{folder}.{owner.__name__}"
 
 
-def _place_of(owner: type, name: str) -> str:
+def place_of(owner: type, name: str) -> str:
     """End of an error message about a missing attribute: its current name, or the class that has it. "" if neither is known."""
     if owner in _INSTANCES:
         return "" if name.startswith("_") else _place_of_model(name) if owner is Model else _place_of_stepper(name)
@@ -430,8 +433,9 @@ def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
 
 
 def hint_keywords(call: str) -> Callable[[C], C]:
-    """Decorator of a class or a function: a call with an unknown keyword, or too many arguments, raises TypeError with a hint.
+    """Decorator of a class or a function: wrong arguments of a call raise TypeError with a hint.
 
+    Wrong are unknown keywords, too many arguments, and an argument that is given twice.
     An assignment to a field of a frozen dataclass raises an error that names `dataclasses.replace`.
 
     Args:
@@ -451,13 +455,17 @@ def hint_keywords(call: str) -> Callable[[C], C]:
         )
         most = sum(parameter.kind is parameter.POSITIONAL_OR_KEYWORD for parameter in parameters) - bound
 
-        def check(given: int, named: dict[str, Any]) -> None:
+        def check(given: tuple[Any, ...], named: dict[str, Any]) -> None:
             if other := next((name for name in named if name not in known), None):
                 raise TypeError(unknown_keyword(call, other, list(plain.parameters)))
-            if given > most:
+            if len(given) > most:
                 raise TypeError(
-                    f"{call}() takes {most or 'no'} argument{'' if most == 1 else 's'} without a keyword, not {given}: {call}{plain}"
+                    f"{call}() takes {most or 'no'} argument{'' if most == 1 else 's'} without a keyword, not {len(given)}: {call}{plain}"
                 )
+            for name, value in zip(plain.parameters, given, strict=False):
+                if name in named:
+                    remedy = present_keyword(call, name)
+                    raise TypeError(f"{call}() takes one {name}, not {value!r} and {named[name]!r}" + (f": use {remedy}" if remedy else ""))
 
         if isinstance(target, type):
             _check_calls(target, check)
@@ -466,7 +474,7 @@ def hint_keywords(call: str) -> Callable[[C], C]:
 
         @functools.wraps(target)
         def checked(*given: Any, **named: Any) -> Any:
-            check(len(given) - bound, named)
+            check(given[bound:], named)
             return target(*given, **named)
 
         return checked  # type: ignore[return-value]
@@ -474,8 +482,8 @@ def hint_keywords(call: str) -> Callable[[C], C]:
     return with_hints
 
 
-def _check_calls(kind: type, check: Callable[[int, dict[str, Any]], None]) -> None:
-    """Calls `check` with the number of positional arguments and the keyword arguments of each call of a class, before its `__init__`.
+def _check_calls(kind: type, check: Callable[[tuple[Any, ...], dict[str, Any]], None]) -> None:
+    """Calls `check` with the positional arguments and the keyword arguments of each call of a class, before its `__init__`.
 
     If the class is a frozen dataclass, an assignment to a field raises an error that names `dataclasses.replace`.
     """
@@ -483,7 +491,7 @@ def _check_calls(kind: type, check: Callable[[int, dict[str, Any]], None]) -> No
 
     @functools.wraps(make)
     def init(self: Any, *given: Any, **named: Any) -> None:
-        check(len(given), named)
+        check(given, named)
         make(self, *given, **named)
 
     def assign(self: Any, name: str, _value: Any) -> None:

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-_WHOLE_BATCH = "attributes and methods of the whole batch, as envs.unwrapped.sim.qpos and envs.unwrapped.task"
+_WHOLE_BATCH = "attributes and methods of the whole batch, as envs.unwrapped.sim.qpos and envs.unwrapped.task.<name>"
+_PICTURE = "render(), whose pictures have the width, height and camera of gymnasium.make"
 _ENVIRONMENT = {
     "data": "sim, as env.unwrapped.sim.qpos",
     "model": "sim.model",
@@ -20,15 +21,139 @@ _ENVIRONMENT = {
     "reset_model": "reset()",
     "envs": "sim, one stepper with all environments",
     "contacts": "sim.contacts()",
-    "call": _WHOLE_BATCH,
-    "get_attr": _WHOLE_BATCH,
-    "set_attr": _WHOLE_BATCH,
+    **dict.fromkeys(("call", "call_async", "call_wait", "get_attr", "set_attr", "env_method", "env_is_wrapped"), _WHOLE_BATCH),
+    "scene": "sim.model",
+    **dict.fromkeys(("cfg", "config", "env_cfg"), "task"),
+    **dict.fromkeys(("control_timestep", "step_dt", "control_dt"), "dt"),
+    **dict.fromkeys(("physics_dt", "sim_dt"), "sim.timestep"),
+    **dict.fromkeys(
+        ("_get_obs", "get_obs", "_get_observation", "get_observation", "get_observations", "observation", "obs", "obs_buf", "buf_obs"),
+        "the observation that reset and step return",
+    ),
+    **dict.fromkeys(("_get_info", "_get_reset_info", "get_info", "extras", "buf_infos"), "the info dict that reset and step return"),
+    **dict.fromkeys(("_get_rew", "rew_buf", "buf_rews"), "the reward that step returns"),
+    **dict.fromkeys(
+        ("control_cost", "contact_cost", "healthy_cost", "impact_cost", "forward_reward"), "the info dict, which has terms of the reward"
+    ),
+    "is_healthy": "now.healthy",
+    "contact_forces": "stepper.envs.contact_forces(env.unwrapped.now, geoms)",
+    **dict.fromkeys(("observation_names", "obs_names", "observation_keys", "observation_layout"), "observation_structure"),
+    **dict.fromkeys(("observation_spec", "obs_space"), "observation_space"),
+    "action_spec": "action_space",
+    "seed": "reset(seed=...)",
+    **dict.fromkeys(
+        ("_max_episode_steps", "max_episode_steps", "max_episode_length"), "spec.max_episode_steps of gymnasium.make's environment"
+    ),
+    **dict.fromkeys(
+        ("elapsed_steps", "_elapsed_steps", "step_count", "episode_length", "episode_step"), "sim.time / env.unwrapped.dt, rounded"
+    ),
+    **dict.fromkeys(("width", "height", "viewer", "camera_id", "camera_name", "get_images", "_get_viewer", "viewer_setup"), _PICTURE),
+    **dict.fromkeys(("fullpath", "model_path", "xml_path"), "task.xml_file"),
+    **dict.fromkeys(("step_mujoco_simulation", "_step_mujoco_simulation", "simulate"), "sim.step(ctrl, nstep)"),
+    "device": "arrays of NumPy, or stepper.adapters.torch.TorchVectorEnv for tensors",
     **{name: f"sim.{name}" for name in ("qpos", "qvel", "xpos", "sensordata", "ctrl", "timestep", "status", "randomize", "time")},
 }
 
+_METHODS_OF_TASKS = {
+    "terminated": (
+        *("done", "dones", "is_done", "_is_done", "get_done", "get_dones", "_get_done", "_get_dones", "compute_done", "compute_dones"),
+        *("termination", "terminations", "terminate", "terminates", "is_terminated", "is_terminal", "terminal", "get_termination"),
+        *("get_terminated", "_get_terminated", "_get_termination", "compute_terminated", "compute_termination", "check_termination"),
+        *("should_terminate", "should_terminate_episode", "unhealthy", "is_unhealthy"),
+    ),
+    "healthy": ("is_healthy", "_is_healthy", "get_healthy", "is_alive", "alive"),
+    "truncated": (
+        *("truncate", "truncates", "truncation", "truncations", "is_truncated", "get_truncated", "_get_truncated", "compute_truncated"),
+        *("check_truncation", "time_out", "timeout", "is_timeout"),
+    ),
+    "reward": (
+        *("rewards", "reward_fn", "reward_function", "get_reward", "get_rewards", "_get_rew", "_get_reward", "_get_rewards", "_reward"),
+        *("compute_reward", "compute_rewards", "_compute_reward", "calculate_reward", "calc_reward", "evaluate_reward"),
+    ),
+    "observations": (
+        *("quantities", "obs", "_obs", "observation", "_observation", "_observations", "observe", "get_obs", "_get_obs", "get_observation"),
+        *("get_observations", "_get_observation", "_get_observations", "compute_obs", "compute_observation", "compute_observations"),
+        *("make_observation", "get_state_observation", "observation_spec", "get_observation_space"),
+    ),
+    "sample_state": (
+        *("start", "reset", "_reset", "reset_model", "reset_idx", "_reset_idx", "reset_state", "reset_states", "reset_task", "reset_env"),
+        *("initialize", "initialise", "initialize_episode", "initialise_episode", "initialize_state", "init_state", "initial_state"),
+        *("get_initial_state", "sample_initial_state", "sample_init_state", "_get_reset_state", "reset_robot", "reset_root_state"),
+    ),
+    "on_reset": (
+        *("prepare", "randomize", "randomise", "randomization", "randomize_domain", "domain_randomization", "apply_randomization"),
+        *("apply_randomizations", "randomize_parameters", "events", "after_reset", "post_reset", "pre_reset", "on_episode_start"),
+        *("on_episode_begin", "begin_episode", "start_episode", "resample_commands"),
+    ),
+    "on_end": ("on_episode_end", "episode_end", "end_episode", "after_episode", "on_done", "finish_episode"),
+    "advance": (
+        *("step", "_step", "before_step", "after_step", "pre_step", "post_step", "on_step", "before_substep", "after_substep"),
+        *("pre_physics_step", "_pre_physics_step", "post_physics_step", "action", "apply_action", "apply_actions", "_apply_action"),
+        *("process_action", "process_actions", "set_action", "control", "ctrl", "controller", "simulate", "step_simulation"),
+        *("do_simulation", "act", "compute_torques", "_compute_torques"),
+    ),
+    "action_bounds": ("action_spec", "action_space", "get_action_space", "action_limits", "action_range", "_set_action_space"),
+    "sensors": ("sensor", "sensor_model", "sensor_noise", "get_sensors", "noise_model", "make_sensors"),
+    "actuators": ("actuator", "actuator_model", "get_actuators", "motor_model", "make_actuators"),
+    "model": (
+        *("load_model", "get_model", "make_model", "build_model", "create_model", "_load_model", "scene", "create_scene", "setup_scene"),
+        *("_setup_scene", "build_scene", "make_scene", "xml", "create_sim", "build"),
+    ),
+    "info": ("infos", "get_info", "get_infos", "_get_info", "_get_infos", "_get_reset_info", "extras", "metrics"),
+    "episode_state": ("memory", "init_buffers", "_init_buffers", "create_buffers", "buffers", "init_episode_state"),
+}
+"""Names of other libraries, and of earlier versions, for the methods of a task."""
+_EPISODE_LIMIT = "give max_episode_steps to the environment or to gymnasium.register instead of {}"
+_OF_ENVIRONMENT = "give {} to the environment, as StepperVectorEnv(task, num_envs, {}=...)"
+IGNORED_BY_ENVIRONMENTS = {
+    "action_space": "define action_bounds(self, model) instead of action_space",
+    **{
+        name: f"{name} follows from observations(self), remove it"
+        for name in ("observation_space", "num_obs", "num_observations", "obs_dim")
+    },
+    **{
+        name: _EPISODE_LIMIT.format(name)
+        for name in (
+            *("max_episode_steps", "_max_episode_steps", "max_episode_length", "max_steps", "episode_length", "episode_length_s"),
+            *("max_episode_length_s", "time_limit", "episode_steps"),
+        )
+    },
+    **{
+        name: f"define frame_skip, the number of time steps per action, instead of {name}"
+        for name in ("decimation", "control_decimation", "action_repeat", "n_substeps", "nsubsteps", "n_frames", "control_timestep")
+    },
+    **{name: _OF_ENVIRONMENT.format(name, name) for name in ("options", "precision", "threads", "dtype", "render_mode", "autoreset_mode")},
+}
+"""Advice on members of a task with names of other libraries, or of arguments of an environment, which environments do not read."""
+_BEFORE = "velocity, the rate of change of what Task.position returns, or an array of episode_state that advance(self, now) sets"
 RENAMED = {
-    "Task": {"quantities": "observations", "start": "sample_state", "prepare": "on_reset", "memory": "episode_state"},
-    "Moment": {"memory": "episode_state", "rest": "default_qpos"},
+    "Task": {name: method for method, names in _METHODS_OF_TASKS.items() for name in names},
+    "Moment": {
+        "memory": "episode_state",
+        "rest": "default_qpos",
+        **dict.fromkeys(
+            ("before", "prev", "previous", "last", "prev_state", "last_state", "previous_state", "last_obs", "prev_obs"), _BEFORE
+        ),
+        **{f"{when}_{name}": _BEFORE for when in ("prev", "last", "previous", "old") for name in ("qpos", "qvel", "xpos", "position")},
+        **dict.fromkeys(
+            ("last_action", "last_actions", "prev_action", "prev_actions", "previous_action", "previous_actions"),
+            "action, that of the step, or an array of episode_state that advance(self, now) sets, for the action before it",
+        ),
+        "actions": "action",
+        **dict.fromkeys(
+            ("obs", "observation", "observations", "obs_buf", "state"), "the quantities of which the observation consists, as now.qpos"
+        ),
+        **dict.fromkeys(("data", "physics", "mj_data"), "now.qpos, now.xpos, now.sensordata and others"),
+        **dict.fromkeys(("env", "envs"), "sim"),
+        **dict.fromkeys(
+            ("step_count", "steps", "num_steps", "elapsed_steps", "episode_length", "episode_length_buf", "progress_buf", "t"),
+            "time, in s since the episode began; now.time / now.dt is the number of actions",
+        ),
+        **dict.fromkeys(("reward", "rewards", "reward_terms"), "task.reward(now)"),
+        **dict.fromkeys(("done", "dones", "is_terminated"), "task.terminated(now)"),
+        **dict.fromkeys(("np_random", "random", "generator"), "rng(name)"),
+        **dict.fromkeys(("command", "commands", "target", "goal"), "an array of episode_state, which on_reset draws"),
+    },
     "stepper.envs": {"Quantity": "Observation", "Draws": "Rng"},
 }
 """Current names of methods and attributes of tasks: for each class or module, a table from the earlier name to the current one."""
@@ -41,6 +166,10 @@ _TASKS = {
     "basic": ("FallingBlock", "Grasp"),
     "locomotion": ("G1Rough", "G1Velocity", "Go1Rough", "Go1Velocity", "VelocityTask"),
     "suite": ("SUITE",),
+    "terrain": (
+        *("BoxTerrain", "DiscreteObstacles", "Flat", "Gap", "PyramidSlope", "PyramidStairs", "RandomRough", "SteppingStones"),
+        *("SubTerrain", "Terrain", "TerrainCurriculum", "Wave"),
+    ),
 }
 """Names that users may look for in `stepper.envs` itself, by the submodule of `stepper.envs` that has them."""
 
@@ -55,12 +184,134 @@ _RECORDED = (
     *("start_state", "to_numpy"),
 )
 _SEGMENTS = "stepper.recording.segments(path)"
+_OWN_TASK = "stepper.envs.Task, whose subclass StepperEnv(task) and StepperVectorEnv(task, num_envs) take"
+_METHOD_OF_A_TASK = "a method of stepper.envs.Task, as reward(self, now), terminated(self, now) and on_reset(self, ...)"
+_OF_ENVS = {
+    **{name: f"stepper.envs.{place}.{name}" for place, names in _TASKS.items() for name in names},
+    **{f"{name}Env": f'gymnasium.make("stepper/{name}-v5")' for name in _TASKS["tasks"]},
+    "make": 'gymnasium.make("stepper/Hopper-v5")',
+    "make_vec": 'gymnasium.make_vec("stepper/Hopper-v5", num_envs=4)',
+    "load": 'gymnasium.make("stepper/dm_control.walker-walk-v0"), or stepper.load for a model',
+    **dict.fromkeys(
+        ("register", "register_env", "register_task"),
+        'gymnasium.register("me/Task-v0", entry_point="stepper.envs:StepperEnv", vector_entry_point="stepper.envs:StepperVectorEnv", '
+        'kwargs={"task": MyTask})',
+    ),
+    **dict.fromkeys(
+        ("list_envs", "list_tasks", "all_envs", "registry", "ENVS", "ALL_ENVS", "pprint_registry"),
+        "stepper.envs.TASKS, or the names in gymnasium.registry that begin with stepper/",
+    ),
+    **dict.fromkeys(
+        ("VecEnv", "VectorEnv", "DummyVecEnv", "SubprocVecEnv", "SyncVectorEnv", "AsyncVectorEnv", "BatchEnv", "BatchedEnv", "EnvPool"),
+        "stepper.envs.StepperVectorEnv",
+    ),
+    **dict.fromkeys(("SB3VecEnv", "StepperVecEnv", "sb3"), "stepper.adapters.sb3.StepperVecEnv"),
+    **dict.fromkeys(
+        ("Env", "MujocoEnv", "BaseEnv", "GymEnv", "Environment", "ManagerBasedRLEnv", "DirectRLEnv", "VecTask", "PipelineEnv"), _OWN_TASK
+    ),
+    **dict.fromkeys(("ObservationTerm", "ObsTerm", "ObservationTermCfg", "ObservationSpec", "Obs"), "Observation"),
+    **dict.fromkeys(
+        ("RewardTerm", "RewTerm", "RewardTermCfg", "TerminationTerm", "TerminationTermCfg", "DoneTerm", "EventTerm", "EventTermCfg"),
+        _METHOD_OF_A_TASK,
+    ),
+    **{name: f"stepper.{name}" for name in ("ActuatorModel", "Drive", "Options", "SensorModel", "Transfer")},
+}
 
 NEW_NAMES: dict[str, dict[str, str]] = {
     **RENAMED,
     "stepper.envs": {
         **RENAMED["stepper.envs"],
-        **{name: f"stepper.envs.{place}.{name}" for place, names in _TASKS.items() for name in names},
+        **_OF_ENVS,
+    },
+    "stepper.envs.tasks": {f"{name}Env": f'gymnasium.make("stepper/{name}-v5")' for name in _TASKS["tasks"]},
+    "stepper.envs.suite": {
+        "load": 'gymnasium.make("stepper/dm_control.walker-walk-v0")',
+        **dict.fromkeys(("ALL_TASKS", "BENCHMARKING", "TASKS", "TASKS_BY_DOMAIN", "EASY", "HARD"), "SUITE"),
+    },
+    "stepper.adapters": {
+        **{
+            name: f"stepper.adapters.{module}.{name}"
+            for module, name in (
+                *(("envpool", "StepperPool"), ("native", "make_native"), ("pufferlib", "StepperPufferEnv"), ("ray", "RayVectorEnv")),
+                *(("rllib", "register_env"), ("sb3", "StepperVecEnv"), ("torch", "TorchVectorEnv"), ("torchrl", "StepperTorchRLEnv")),
+                *(("unisim", "StepperBackend"), ("jax_rollout", "rollout")),
+            )
+        },
+        **dict.fromkeys(("SB3VecEnv", "VecEnv", "stable_baselines3", "DummyVecEnv"), "stepper.adapters.sb3.StepperVecEnv"),
+        **dict.fromkeys(("jax", "brax", "mjx"), "stepper.adapters.jax_rollout.rollout"),
+        **dict.fromkeys(("gym", "gymnasium"), "gymnasium.make and gymnasium.make_vec after import stepper.envs"),
+    },
+    "stepper.envs.terrain": {
+        **dict.fromkeys(
+            (
+                "TerrainGenerator",
+                "TerrainGeneratorCfg",
+                "TerrainImporter",
+                "TerrainImporterCfg",
+                "TerrainCfg",
+                "make",
+                "generate",
+                "generate_terrain",
+                "create",
+            ),
+            "Terrain",
+        ),
+        "Curriculum": "TerrainCurriculum",
+        **dict.fromkeys(
+            (
+                "rough",
+                "Rough",
+                "random_uniform_terrain",
+                "RandomUniform",
+                "HfRandomUniformTerrainCfg",
+                "RandomUniformTerrain",
+                "Noise",
+                "noise",
+                "UniformNoise",
+            ),
+            "RandomRough",
+        ),
+        **dict.fromkeys(
+            ("stairs", "Stairs", "stairs_terrain", "pyramid_stairs", "pyramid_stairs_terrain", "MeshPyramidStairsTerrainCfg", "Steps"),
+            "PyramidStairs",
+        ),
+        **dict.fromkeys(
+            ("InvertedPyramidStairs", "inverted_pyramid_stairs", "MeshInvertedPyramidStairsTerrainCfg"), "PyramidStairs(inverted=True)"
+        ),
+        **dict.fromkeys(
+            ("slope", "Slope", "sloped_terrain", "pyramid_sloped_terrain", "HfPyramidSlopedTerrainCfg", "Ramp"), "PyramidSlope"
+        ),
+        **dict.fromkeys(("InvertedPyramidSlope", "HfInvertedPyramidSlopedTerrainCfg"), "PyramidSlope(inverted=True)"),
+        **dict.fromkeys(("waves", "Waves", "wave_terrain", "HfWaveTerrainCfg", "Hills"), "Wave"),
+        **dict.fromkeys(("stepping_stones_terrain", "HfSteppingStonesTerrainCfg", "Stones", "stones"), "SteppingStones"),
+        **dict.fromkeys(
+            ("discrete_obstacles_terrain", "HfDiscreteObstaclesTerrainCfg", "Obstacles", "obstacles", "Boxes", "boxes"), "DiscreteObstacles"
+        ),
+        **dict.fromkeys(("gap", "gap_terrain", "MeshGapTerrainCfg", "Gaps"), "Gap"),
+        **dict.fromkeys(("flat", "plane", "Plane", "MeshPlaneTerrainCfg", "FlatTerrain"), "Flat"),
+        **dict.fromkeys(("Patch", "Tile", "Part", "SubTerrainCfg", "SubTerrainBaseCfg"), "SubTerrain"),
+        **dict.fromkeys(
+            ("hfield", "HField", "HeightField", "heightfield"),
+            "stepper.sensors.HeightField for a model's height field, or Terrain(sub_terrains=...).add_to(spec)",
+        ),
+    },
+    "Reset": {
+        **dict.fromkeys(("mask", "env_ids", "env_idx", "ids", "indices"), "envs"),
+        "num_envs": "len(reset.envs)",
+        "model": "sim.model",
+        "memory": "episode_state",
+        "data": "sim, with the state in which the last episodes ended",
+    },
+    "Rng": {
+        **dict.fromkeys(("random", "rand", "random_sample", "sample"), "uniform(0, 1, size)"),
+        **dict.fromkeys(("standard_normal", "randn", "gauss", "gaussian"), "normal(size)"),
+        **dict.fromkeys(("integers", "randint"), "np.floor(rng.uniform(low, high, size)).astype(int)"),
+        "choice": "np.asarray(values)[np.floor(rng.uniform(0, len(values), size)).astype(int)]",
+        **dict.fromkeys(("binomial", "bernoulli"), "rng.uniform(0, 1, size) < probability"),
+        **dict.fromkeys(("permutation", "shuffle"), "rng.uniform(0, 1, size).argsort(axis=1)"),
+        "lognormal": "np.exp(mean + std * rng.normal(size))",
+        "exponential": "-scale * np.log1p(-rng.uniform(0, 1, size))",
+        "seed": "envs.reset(seed=...)",
     },
     "Options": {
         "of": "from_model",
@@ -354,8 +605,24 @@ NEW_NAMES: dict[str, dict[str, str]] = {
         "copy": "replace(...), a new model: a model does not change",
         "compile": "replace(...), a new model: a model does not change",
     },
-    "StepperEnv": _ENVIRONMENT,
-    "StepperVectorEnv": _ENVIRONMENT,
+    "StepperEnv": {
+        **_ENVIRONMENT,
+        **dict.fromkeys(("num_obs", "num_observations", "obs_dim"), "observation_space.shape"),
+        **dict.fromkeys(("num_actions", "action_dim"), "action_space.shape"),
+    },
+    "StepperVectorEnv": {
+        **_ENVIRONMENT,
+        **dict.fromkeys(("num_obs", "num_observations", "obs_dim"), "single_observation_space.shape"),
+        **dict.fromkeys(("num_actions", "action_dim"), "single_action_space.shape"),
+        **dict.fromkeys(
+            ("elapsed_steps", "_elapsed_steps", "step_count", "episode_length", "episode_step", "episode_length_buf", "progress_buf"),
+            "episode_lengths",
+        ),
+        **dict.fromkeys(("env_fns", "single_env", "venv"), "sim, one stepper with all environments"),
+        **dict.fromkeys(("step_async", "step_wait"), "step(actions)"),
+        **dict.fromkeys(("reset_async", "reset_wait"), "reset()"),
+        **dict.fromkeys(("reset_idx", "reset_done", "reset_at"), "reset(envs=...)"),
+    },
 }
 """Current names of attributes: for each class or module, a table from other names to the names in stepper.
 
@@ -825,6 +1092,34 @@ NEW_KEYWORDS_OF = {
     "Stepper.read": {
         **dict.fromkeys(("body", "site", "geom", "joint", "actuator", "sensor", "names", "element"), "of"),
         **dict.fromkeys(("env", "envs"), "read('xpos', name)[env]: it has all environments"),
+    },
+    "stepper.envs.terrain.Terrain": {
+        **dict.fromkeys(("rows", "n_rows", "levels", "num_levels"), "num_rows"),
+        **dict.fromkeys(
+            ("cols", "num_cols", "columns", "num_columns", "terrains", "terrain", "kinds", "type", "proportions", "terrain_proportions"),
+            'sub_terrains, one column for each, as sub_terrains={"rough": RandomRough(), "stairs": PyramidStairs()}',
+        ),
+        **dict.fromkeys(("length", "width", "tile_size", "terrain_length", "terrain_width"), "size, the side of a square tile"),
+        **dict.fromkeys(("resolution", "cell_size", "spacing"), "horizontal_scale"),
+        **dict.fromkeys(("difficulty", "difficulties"), "difficulty_range, as difficulty_range=(0.0, 1.0)"),
+        "border": "border_width",
+    },
+    "stepper.envs.Observation": {
+        "name": "func=lambda now: now.read('sensordata', 'acc') for elements by name",
+        **dict.fromkeys(
+            (
+                *("names", "of", "body", "bodies", "joint", "joints", "site", "sites", "geom", "geoms", "sensor", "sensors"),
+                *("body_name", "joint_names", "sensor_name", "asset_cfg"),
+            ),
+            "func=lambda now: now.read('xpos', 'torso') for elements by name",
+        ),
+        **dict.fromkeys(("scale", "scales", "factor", "gain"), "func=lambda now: 0.5 * now.qvel for scaled values"),
+        **dict.fromkeys(("offset", "mean", "normalize"), "func=lambda now: now.qpos - now.default_qpos for shifted values"),
+        **dict.fromkeys(("fn", "function", "f", "callable", "compute", "value", "quantity"), "func, a function of now"),
+        **dict.fromkeys(("index", "indices", "idx", "slice", "column", "cols", "ids"), "columns, as columns=slice(0, 3)"),
+        **dict.fromkeys(("std", "noise_std", "corruption", "noise_scale"), "noise, the half width of uniform noise"),
+        **dict.fromkeys(("bounds", "limits", "range", "clip_range", "low", "high"), "clip, as clip=(-1.0, 1.0)"),
+        **dict.fromkeys(("delay", "history", "history_length", "lag", "buffer"), "Task.sensors, whose SensorModel delays sensordata"),
     },
     "stepper.lab.Study": {"drive": "controller", "policy": "controller=stepper.lab.Policy(...)"},
     "stepper.lab.Parameter": {

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import stepper
 from stepper import _stepper
-from stepper._hints import _place_of, did_you_mean, no_attribute, not_assigned, unknown_keyword
+from stepper._hints import did_you_mean, no_attribute, not_assigned, place_of, unknown_keyword
 from stepper._other_names import NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, ROOT_NAMES
 from stepper.shared.fields import RANDOMIZED
 
@@ -90,7 +90,7 @@ def is_written(owner, name):
     """Whether a hint is from a table or a rule, not a similar spelling."""
     if owner is stepper:
         return str(error_of(owner, name)).partition(repr(name))[2] not in ("", did_you_mean(name, dir(stepper)))
-    return _place_of(type(owner), name) != ""
+    return place_of(type(owner), name) != ""
 
 
 def error_of(owner, name):
@@ -359,5 +359,5 @@ def test_every_name_of_an_element_in_mujoco_exists_or_has_a_hint(kind):
         for name in theirs:
             if not name.startswith("_") and not hasattr(owner, name):
                 error = no_attribute(owner, name)
-                wrong += faults(str(error).partition(";")[2]) if _place_of(owner, name) else [str(error)]
+                wrong += faults(str(error).partition(";")[2]) if place_of(owner, name) else [str(error)]
     assert not wrong, "\n".join(wrong)

@@ -1,12 +1,14 @@
 """Submodules are there after `import stepper`, and the command line is one of them."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import stepper
+from stepper._other_names import NEW_NAMES
 
 FOLDERS = ["actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer"]
 ADAPTERS = sorted(file.stem for file in Path(stepper.__file__).parent.glob("adapters/*.py") if file.stem != "__init__")
@@ -38,8 +40,19 @@ def test_a_name_of_the_engine_can_be_imported_first(name):
 def test_every_adapter_is_an_attribute():
     assert set(ADAPTERS) <= set(dir(stepper.adapters))
     assert stepper.adapters.envpool.StepperPool
-    with pytest.raises(AttributeError, match=r"'stepper\.adapters' has no attribute 'acme'"):
+    with pytest.raises(AttributeError, match=r"'stepper\.adapters' has no attribute 'acme'; there are: envpool, .*unisim$"):
         _ = stepper.adapters.acme
+
+
+@pytest.mark.parametrize("name", NEW_NAMES["stepper.adapters"])
+def test_a_class_of_an_adapter_has_its_module(name):
+    """Read from the file of the adapter, whose library may be absent."""
+    hint = NEW_NAMES["stepper.adapters"][name]
+    with pytest.raises(AttributeError, match=f"^module 'stepper.adapters' has no attribute '{name}'; (did you mean|use) {hint}"):
+        getattr(stepper.adapters, name)
+    if hint.startswith("stepper.adapters."):
+        module, _, thing = hint.removeprefix("stepper.adapters.").partition(".")
+        assert re.search(rf"^(class|def) {thing}\b", (Path(stepper.__file__).parent / f"adapters/{module}.py").read_text(), re.MULTILINE)
 
 
 @pytest.mark.parametrize("module", ["stepper", "stepper.cli"])

@@ -49,3 +49,22 @@ class Strong(Task):
 
     def reward(self, now):
         return 1.0 - square_sum(now.action), {}
+
+
+SLIDE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="x" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+class Slide(Task):
+    """The shortest task."""
+
+    frame_skip = 1
+
+    def model(self):
+        return stepper.load(SLIDE)
+
+    def observations(self):
+        return Observation("qpos"), Observation("qvel")
+
+    def reward(self, now):
+        return now.qpos[:, 0], {}

@@ -1,6 +1,8 @@
 """Arguments of environments: names of Gymnasium and Stable-Baselines3, modes by name, and errors that name what was given."""
 
 import dataclasses
+import inspect
+import re
 
 import gymnasium
 import numpy as np
@@ -10,9 +12,10 @@ import stepper.envs
 from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
+from stepper._other_names import RENAMED
 from stepper.adapters.envpool import StepperPool
 from stepper.adapters.native import make_native, with_autoreset
-from stepper.envs import StepperEnv, StepperVectorEnv
+from stepper.envs import StepperEnv, StepperVectorEnv, Task
 from stepper.envs.making import SETTINGS, VECTOR_SETTINGS, autoreset
 from stepper.envs.tasks import TASKS
 
@@ -102,6 +105,92 @@ def test_an_unknown_argument_is_named_with_the_present_one(call, name, hint):
     with pytest.raises(TypeError) as error:
         CALLS[call](**{name: 1})
     assert f"an environment of InvertedPendulum() {hint}" in str(error.value)
+
+
+METHODS = [name for name, method in vars(Task).items() if inspect.isfunction(method) and name[0] != "_" and name not in VECTOR_SETTINGS]
+
+
+@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("name", [*METHODS, "randomize", "get_reward", "sensor_model", "is_healthy"])
+def test_an_argument_that_is_a_method_of_tasks_is_named_as_one(call, name):
+    method = RENAMED["Task"].get(name, name)
+    signature = f"{method}({', '.join(inspect.signature(getattr(Task, method)).parameters)})"
+    with pytest.raises(TypeError) as error:
+        CALLS[call](**{name: 1})
+    remedy = f"write a subclass of InvertedPendulum with a method {signature}, and give that as the task"
+    assert f"takes no {name!r}: {remedy}" in str(error.value)
+
+
+@pytest.mark.parametrize(("name", "hint"), [
+    ("model_path", "use xml_file"),
+    ("decimation", "use frame_skip"),
+    ("device", "leave it out, environments run on the CPU"),
+    ("wrappers", "wrap the environment that you get"),
+    ("observation_space", "observation_space follows from observations(self), remove it"),
+    ("max_episode_length", "give max_episode_steps to the environment"),
+])  # fmt: skip
+def test_an_argument_of_another_library_has_its_remedy(name, hint):
+    for kind, call in CALLS.items():
+        if name != "wrappers" or kind in ("single", "vector"):  # Gymnasium's functions have an argument of this name.
+            with pytest.raises(TypeError, match=re.escape(f"takes no {name!r}: {hint}")):
+                call(**{name: 1})
+
+
+@pytest.mark.parametrize("name", ["xml_file", "model_path", "urdf"])
+def test_a_task_without_a_file_defines_its_model(name):
+    for task in ("FallingBlock-v0", "Grasp-v0", "Go1Velocity-v0"):
+        with pytest.raises(TypeError, match=rf"takes no '{name}': write a subclass of \w+ with a method model\(self\)"):
+            gymnasium.make(f"stepper/{task}", **{name: "robot.xml"})
+
+
+def test_arguments_with_a_task_that_exists():
+    with pytest.raises(TypeError, match=r"Hopper exists already: give \['frame_skip'\] to its constructor, as Hopper\(frame_skip=\.\.\.\)"):
+        StepperEnv(TASKS["Hopper"](), frame_skip=2)
+    with pytest.raises(TypeError, match="takes no 'sensors': write a subclass of Hopper with a method sensors"):
+        StepperVectorEnv(TASKS["Hopper"](), 2, sensors=None)
+
+
+@pytest.mark.parametrize(("name", "hint"), [
+    ("Hopper-v5", "; did you mean 'Hopper'?"),
+    ("Walker2d-v4", "; did you mean 'Walker2d'?"),
+    ("/x/half_cheetah.xml", ": give the task and its file, as StepperEnv('HalfCheetah', xml_file='/x/half_cheetah.xml')"),
+    ("/x/robot.urdf", ": write a subclass of stepper.envs.Task, whose method model(self) returns stepper.load('/x/robot.urdf')"),
+])  # fmt: skip
+def test_another_name_of_a_task_has_a_hint(name, hint):
+    with pytest.raises(ValueError, match=re.escape(f"there is no task {name!r}{hint}")):
+        StepperEnv(name)
+
+
+def ranges():
+    """Arguments of tasks that are two numbers, the lower one first: task and name."""
+    return [(name, field.name) for name, task in TASKS.items() for field in dataclasses.fields(task) if field.name.endswith("_range")]
+
+
+@given(st.sampled_from(ranges()), st.lists(st.floats(-9, 9), min_size=2, max_size=2, unique=True))
+def test_a_range_with_its_ends_exchanged_is_an_error(argument, ends):
+    name, field = argument
+    with pytest.raises(ValueError, match=rf"^{field} of {name} is \(.*\), must be two numbers, the lower one first$"):
+        StepperEnv(name, **{field: (max(ends), min(ends))})
+
+
+@pytest.mark.parametrize("name", [name for name, task in TASKS.items() if hasattr(task, "reset_noise_scale")])
+def test_noise_has_no_negative_scale(name):
+    with pytest.raises(ValueError, match=f"reset_noise_scale of {name} is -0.1, must be a finite number of at least 0"):
+        StepperVectorEnv(name, 2, reset_noise_scale=-0.1)
+
+
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda envs: envs.reset(mask=[True, False]), "StepperVectorEnv.reset() takes no 'mask': use envs"),
+    (lambda envs: envs.reset(env_ids=[0]), "StepperVectorEnv.reset() takes no 'env_ids': use envs"),
+    (lambda envs: envs.step(action=np.zeros((2, 1))), "StepperVectorEnv.step() takes no 'action'; did you mean actions?"),
+    (lambda envs: envs.set_state(qpos=None, indices=[0]), "StepperVectorEnv.set_state() takes no 'indices': use envs"),
+    (lambda envs: StepperEnv("Hopper").reset(sed=0), "StepperEnv.reset() takes no 'sed'; did you mean seed?"),
+])  # fmt: skip
+def test_keywords_of_the_methods_of_environments(call, message):
+    envs = StepperVectorEnv("InvertedPendulum", 2)
+    with pytest.raises(TypeError, match=re.escape(message)):
+        call(envs)
+    assert "seed" in inspect.signature(envs.reset).parameters
 
 
 def test_a_seed_belongs_to_reset():

@@ -32,11 +32,12 @@ def watched(name):
     class Watched(kind):
         def observations(self):
             steps = (
-                Observation("action", func=lambda now: now.action),
-                Observation("velocity", func=lambda now: np.zeros(len(now.action)) if now.velocity is None else now.velocity),
+                Observation("seen action", func=lambda now: now.action),
+                Observation("seen velocity", func=lambda now: np.zeros(len(now.action)) if now.velocity is None else now.velocity),
                 *(Observation(f"episode_state {key}", func=lambda now, key=key: now.episode_state[key]) for key in self.episode_state(1)),
             )
-            return (*super().observations(), *steps, *(Observation(quantity) for quantity in SEEN))
+            seen = (Observation(f"seen {quantity}", func=lambda now, quantity=quantity: getattr(now, quantity)) for quantity in SEEN)
+            return (*super().observations(), *steps, *seen)
 
     return Watched(**arguments), options
 

@@ -177,19 +177,7 @@ def test_noise_and_levels_go_on_from_a_state():
         np.testing.assert_array_equal(again.step(np.ones((4, 1)))[0], row)
 
 
-@pytest.mark.parametrize("old", RENAMED["Task"])
-def test_methods_with_earlier_names_are_errors(old):
-    """Each would never be called, and its task would learn something else."""
-    with pytest.raises(TypeError, match=f"Old defines the method {old}, which is now called {RENAMED['Task'][old]}: rename it"):
-        type("Old", (Levels,), {old: lambda self, *_: None})
-    type("Field", (Levels,), {old: 3.0})  # A value of that name is the task's own.
-
-
 def test_other_earlier_names_are_hints():
-    envs = StepperVectorEnv(Levels(), 1)
-    for old, new in RENAMED["Moment"].items():
-        with pytest.raises(AttributeError, match=f"no attribute '{old}'; did you mean {new}"):
-            getattr(envs.now, old)
     for old, new in RENAMED["stepper.envs"].items():
         with pytest.raises(AttributeError, match=f"module 'stepper.envs' has no attribute '{old}'; did you mean {new}"):
             getattr(stepper.envs, old)

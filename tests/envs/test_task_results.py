@@ -107,7 +107,7 @@ TABLES = {
     "the function of the row 'x' returns an array of shape (1,), must return": (Observation("x", lambda now: now.qpos[0]),),
     "columns of the row 'qpos' is 0, must be a slice": (Observation("qpos", columns=0),),
     "has the row 'step' without func, which is a function and no array": (Observation("step"),),
-    "has the row 'qpoz' without func, so that it must be a quantity of the stepper: a stepper.Stepper has no attribute 'qpoz'; did":
+    "has the row 'qpoz' without func, so that it must be a quantity of the stepper: now, a stepper.envs.Moment, has no attribute 'qpoz'":
         (Observation("qpoz"),),
 }  # fmt: skip
 
@@ -166,7 +166,7 @@ def test_names_that_episode_state_does_not_return_suggest_those_it_does():
     ):
         with pytest.raises(KeyError, match=r"Other\.episode_state returns no 'tagret'; did you mean target\?"):
             cart(**methods)
-    with pytest.raises(KeyError, match=r"returns no 'target'; it returns no arrays"):
+    with pytest.raises(KeyError, match=r"returns no 'target'; define episode_state\(self, num_envs\), which returns"):
         cart(episode_state=lambda self, num_envs: {})
     again = pickle.loads(pickle.dumps(StepperVectorEnv(Cart(), 2))).now.episode_state
     assert again["target"].shape == (2, 3)

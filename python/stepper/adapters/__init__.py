@@ -8,6 +8,8 @@ docs/reference/adapters.md has an example of each. Importing an adapter requires
 import importlib
 from typing import Any
 
+from stepper._hints import no_name
+
 _SUBMODULES = ("envpool", "jax_rollout", "native", "pufferlib", "ray", "rllib", "sb3", "torch", "torch_rollout", "torchrl", "unisim")
 """Names of the adapter modules, which are imported at first use."""
 
@@ -15,7 +17,7 @@ _SUBMODULES = ("envpool", "jax_rollout", "native", "pufferlib", "ray", "rllib", 
 def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
         return importlib.import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    raise no_name(__name__, name, _SUBMODULES)
 
 
 def __dir__() -> list[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.task import Array, Contact, Moment, Reset, Task, Terms, with_zero_rows
 from stepper.envs.task_results import bounds_of, check_methods, infos_of, model_of, position_of, rewards_of, rows_of, table_of
 from stepper.loading import ModelWarning
-from stepper.shared.arguments import check_fields, check_whole
+from stepper.shared.arguments import check_fields, check_number, check_whole
 from stepper.shared.streams import Rng, Streams
 
 _NON_FINITE = np.uint32(Status.NON_FINITE)
@@ -66,6 +67,7 @@ class Batch:
         check_whole(f"frame_skip of {type(task).__name__}", task.frame_skip, least=1)
         if is_dataclass(task):
             check_fields(task)
+            _check_ranges(task)
         model = model_of(task) if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()
@@ -371,6 +373,21 @@ class Batch:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
         self._rows = table_of(self.task, self._now)
+
+
+def _check_ranges(task: Any) -> None:
+    """Raises ValueError if a range among the fields of a task has exchanged ends, or if its `reset_noise_scale` is negative."""
+    for field in fields(task):
+        value, name = getattr(task, field.name), f"{field.name} of {type(task).__name__}"
+        if (
+            field.name.endswith("_range")
+            and np.shape(value) == (2,)
+            and all(isinstance(end, Real) for end in value)
+            and value[0] > value[1]
+        ):
+            raise ValueError(f"{name} is {value!r}, must be two numbers, the lower one first")
+        if field.name == "reset_noise_scale":
+            check_number(name, value, least=0.0)
 
 
 def _all_finite(values: Array) -> bool:

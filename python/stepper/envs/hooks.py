@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import FrozenInstanceError
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,17 @@ IN_PLACE = {
 }
 """Remedies for error messages about hooks of a task that return a value: what the hook must change instead, by name of the hook."""
 
+_SHAPES = (
+    "rng.uniform(low, high, size) has the shape (n, size), a row for each environment that resets: for one number each, write "
+    "rng.uniform(low, high, 1)[:, 0]"
+)
+"""Note on errors of NumPy in hooks that draw random numbers: the shape of the draws."""
+NO_DATA = (
+    "a task has no data of episodes: define episode_state(self, num_envs), which returns an array for each name, and write to "
+    "now.episode_state[name]"
+)
+"""Note on errors of a task that assigns to an attribute of the task."""
+
 
 def call_hook(task: Any, hook: str, *arguments: Any) -> None:
     """Calls a hook of a task by name, and checks that it returns nothing.
@@ -27,7 +39,15 @@ def call_hook(task: Any, hook: str, *arguments: Any) -> None:
     Raises:
         ValueError: The hook returns a value, which would be ignored.
     """
-    result = getattr(task, hook)(*arguments)
+    try:
+        result = getattr(task, hook)(*arguments)
+    except ValueError as error:
+        if "broadcast" in str(error) and hook in ("sample_state", "place", "on_reset") and _SHAPES not in getattr(error, "__notes__", ()):
+            error.add_note(_SHAPES)
+        raise
+    except FrozenInstanceError as error:
+        error.add_note(NO_DATA)
+        raise
     if result is not None:
         raise ValueError(
             f"{type(task).__name__}.{hook} returns {in_words(result)}, must return nothing, because its result is ignored: {IN_PLACE[hook]}"
@@ -77,7 +97,8 @@ class EpisodeState(dict[str, Array]):
         super().__setitem__(name, np.asarray(value))
 
     def _unknown(self, name: str) -> str:
-        hint = did_you_mean_or_all(name, self) if self else "; it returns no arrays"
+        own = f"; define episode_state(self, num_envs), which returns {{{name!r}: np.zeros(num_envs)}}"
+        hint = did_you_mean_or_all(name, self) if self else own
         return f"{self._task}.episode_state returns no {name!r}{hint}"
 
     def __reduce__(self) -> Any:

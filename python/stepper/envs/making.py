@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import inspect
+import re
+from pathlib import PurePath
 from typing import Any
 
 import gymnasium
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from stepper._hints import WrongArgumentError, did_you_mean_or_all, unknown_keyword
-from stepper._other_names import NEW_KEYWORDS
+from stepper._other_names import IGNORED_BY_ENVIRONMENTS, NEW_KEYWORDS, RENAMED
+from stepper._stepper import Model, Stepper
+from stepper.envs.members import no_dataclass
 from stepper.envs.task import Task
 from stepper.envs.tasks import TASKS
 
@@ -20,6 +24,17 @@ SETTINGS = (
 """Arguments of single and vector environments that belong to the environment, not to the task."""
 VECTOR_SETTINGS = ("num_envs", "autoreset_mode", "threads", "episode_statistics", "model")
 """Arguments that only vector environments have."""
+
+_FILES = ("xml_file", "xml", "xml_path", "model_path", "model_file", "model_xml", "mjcf", "urdf", "file", "path", "fullpath")
+"""Arguments of other libraries that name the file of a model."""
+_REMEDIES = {
+    "seed": "give it to reset(seed=...), which begins episodes under it",
+    "env_kwargs": 'give its arguments themselves, as contact="hard"',
+    "device": "leave it out, environments run on the CPU",
+    "wrappers": "wrap the environment that you get, with gymnasium.wrappers or gymnasium.wrappers.vector",
+    **dict.fromkeys(("decimation", "action_repeat", "n_substeps", "nsubsteps", "n_frames", "n_sub_steps"), "use frame_skip"),
+}
+"""Remedies in error messages for arguments that environments do not take, by name."""
 
 
 def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vector: bool) -> Task:
@@ -35,10 +50,13 @@ def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vecto
         ValueError: The name is unknown, or the value of a number or bool is a text.
     """
     if isinstance(task, Task):
-        if not vector and (of_vectors := [name for name in arguments if name in VECTOR_SETTINGS]):
-            raise TypeError(_unknown(type(task), of_vectors[0], [], vector=vector))
+        known = inspect.signature(type(task)).parameters
+        for name in arguments:
+            if name not in known:
+                raise TypeError(_unknown(type(task), name, [], vector=vector))
         if arguments:
-            raise TypeError(f"{type(task).__name__} exists already: give {sorted(arguments)} to its constructor, not to the environment")
+            call = f"{type(task).__name__}({', '.join(f'{name}=...' for name in arguments)})"
+            raise TypeError(f"{type(task).__name__} exists already: give {sorted(arguments)} to its constructor, as {call}")
         return task
     if not isinstance(task, str) and not (isinstance(task, type) and issubclass(task, Task)):
         raise TypeError(f"the task is {_in_words(task)}, must be a stepper.envs.Task, the class of one, or the name of one{_remedy(task)}")
@@ -82,10 +100,8 @@ def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -
         vector: Whether the environment is a vector environment.
     """
     call = f"an environment of {kind.__name__}"
-    if name == "seed":
-        return f"{call}() takes no 'seed': give it to reset(seed=...), which begins episodes under it"
-    if name == "env_kwargs":
-        return f"{call}() takes no 'env_kwargs': give its arguments themselves, as contact=\"hard\""
+    if remedy := _remedy_of(kind, name, of_task) or no_dataclass(kind, name):
+        return f"{call}() takes no {name!r}{remedy}"
     if vector:
         return unknown_keyword(call, name, [*VECTOR_SETTINGS, *SETTINGS, *of_task])
     if name in VECTOR_SETTINGS:
@@ -94,6 +110,29 @@ def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -
     if (present := NEW_KEYWORDS.get(name)) in VECTOR_SETTINGS:
         return f"{call}() takes no {name!r}: use {present} of gymnasium.make_vec, an argument of vector environments"
     return unknown_keyword(call, name, [*SETTINGS, *of_task])
+
+
+def _remedy_of(kind: type[Task], name: str, of_task: list[str]) -> str:
+    """End of an error message for an argument that belongs elsewhere, such as into a method of the task; "" for other arguments.
+
+    Args:
+        kind: Class of the task.
+        name: The unknown argument.
+        of_task: Names of the arguments of the task's constructor.
+    """
+    settings = (*SETTINGS, *VECTOR_SETTINGS)
+    if name in VECTOR_SETTINGS or NEW_KEYWORDS.get(name, "").partition("=")[0] in settings:
+        return ""
+    if name in _FILES and "xml_file" in of_task:
+        return ": use xml_file"
+    if name in _REMEDIES:
+        return f": {_REMEDIES[name]}"
+    method = "model" if name in _FILES else RENAMED["Task"].get(name, name)
+    if inspect.isfunction(function := vars(Task).get(method)) and not method.startswith("_"):
+        arguments = ", ".join(inspect.signature(function).parameters)
+        return f": write a subclass of {kind.__name__} with a method {method}({arguments}), and give that as the task"
+    advice = IGNORED_BY_ENVIRONMENTS.get(name)
+    return f": {advice}" if advice else ""
 
 
 def _in_words(value: Any) -> str:
@@ -106,7 +145,9 @@ def _in_words(value: Any) -> str:
 
 
 def _remedy(value: Any) -> str:
-    """Advice at the end of an error message, if the user gave an environment or a function as a task; "" for other values."""
+    """Advice at the end of an error message, if the user gave an environment, a function or a model as a task; "" for other values."""
+    if isinstance(value, Model | Stepper):
+        return ": a class of tasks defines the observations and rewards of a model, which its method model(self) returns"
     if isinstance(value, gymnasium.Env | VectorEnv):
         name = value.spec.id if value.spec is not None else None
         return f": give the name of the environment{f', {name!r}' if name else ''} and num_envs, which make a batch of it"
@@ -116,7 +157,14 @@ def _remedy(value: Any) -> str:
 
 
 def _near_task(name: str) -> str:
-    """Hint for an unknown name of a task: similar names, or the call that makes Gymnasium's environment of this name."""
+    """Hint for an unknown name of a task: similar names, the call that makes Gymnasium's environment of this name, or what takes a file."""
+    if (short := re.sub(r"-v\d+$", "", name)) in TASKS:
+        return f"; did you mean {short!r}?"
+    if name.endswith((".xml", ".urdf", ".mjcf")):
+        stem = PurePath(name).stem.replace("_", "")
+        if own := next((task for task in TASKS if task.lower() == stem.lower()), None):
+            return f": give the task and its file, as StepperEnv({own!r}, xml_file={name!r})"
+        return f": write a subclass of stepper.envs.Task, whose method model(self) returns stepper.load({name!r})"
     if name in gymnasium.registry:
         return f"; {name!r} is a name of Gymnasium: gymnasium.make_vec({name!r}, num_envs=...) makes its environments"
     return did_you_mean_or_all(name, sorted(TASKS))

@@ -8,12 +8,14 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from stepper._hints import no_attribute
+from stepper._hints import hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Stepper
+from stepper.envs.absent import check_assignment, of_environment
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.making import make_task
+from stepper.envs.members import check_environment
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 from stepper.shared.arguments import array_of
@@ -78,8 +80,17 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         self.observation_structure = self._batch.structure
         self._begun = False
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        check_environment(cls, Task)
+
     def __getattr__(self, name: str) -> Any:
-        raise no_attribute(StepperEnv, name)
+        raise of_environment(StepperEnv, self, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name[0] != "_":
+            check_assignment(self, name, value)
+        object.__setattr__(self, name, value)
 
     @property
     def sim(self) -> Stepper:
@@ -101,6 +112,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         """Simulated time per action, s: the time step times `task.frame_skip`."""
         return self._batch.dt
 
+    @hint_keywords("StepperEnv.reset")
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Starts a new episode.
 
@@ -123,6 +135,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         self._begun = True
         return self._batch.observation()[0], _info_of_one(self._batch.info())
 
+    @hint_keywords("StepperEnv.step")
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Advances the environment by one action.
 
@@ -162,6 +175,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
             raise ResetNeeded("call reset before get_state")
         return self._batch.get_state()
 
+    @hint_keywords("StepperEnv.set_state")
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None) -> Array:
         """Sets positions and velocities, or restores a state of `get_state`.
 

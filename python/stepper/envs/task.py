@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import functools
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import WrongArgumentError, no_attribute
+from stepper._hints import WrongArgumentError, hint_keywords, no_attribute
 from stepper._other_names import RENAMED
 from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
+from stepper.envs.absent import of_now, of_task
 from stepper.envs.assets import load_quietly, model_file
 from stepper.envs.hooks import call_hook, in_words
+from stepper.envs.members import TaskType, check_members
 from stepper.sensors import SensorModel
+from stepper.shared.arguments import check_number
 from stepper.shared.functions import check_takes
 from stepper.shared.streams import Rng, Streams
 
@@ -67,16 +70,28 @@ class Moment:
         if name.startswith("_"):
             raise AttributeError(name)
         if name in RENAMED["Moment"]:
-            raise no_attribute(Moment, name)
+            raise of_now(name, Moment, _OWN)
         if self._expired:
             raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
-        value = self._healthy() if name == "healthy" else getattr(self.sim, name)
+        try:
+            value = self._healthy() if name == "healthy" else getattr(self.sim, name)
+        except AttributeError:
+            if name == "healthy" or hasattr(type(self.sim), name):
+                raise
+            raise of_now(name, Moment, _OWN) from None
         if callable(value):
             return value  # Methods are not stored, so that every access checks whether the moment has expired.
         if isinstance(value, np.ndarray):
             value = np.asarray(value)  # A plain array: `Stepper` returns a subclass of ndarray, with which arithmetic is slower.
         self.__dict__[name] = value
         return value
+
+    if not TYPE_CHECKING:
+
+        def __getitem__(self, name: Any) -> Any:
+            raise TypeError(
+                f"now[{name!r}] is not defined: quantities are attributes, as now.qpos, and now.read(name, of) selects elements"
+            )
 
     def _healthy(self) -> Any:
         """Result of the task's method `healthy`, (num_envs,) bool or None; a ValueError if it is anything else."""
@@ -196,6 +211,7 @@ def with_zero_rows(values: Array, mask: Array) -> Array:
     return made
 
 
+@hint_keywords("stepper.envs.Observation")
 @dataclass(frozen=True)
 class Observation:
     """One observed quantity of a task, a row in the table that `Task.observations` returns. The observation concatenates all rows.
@@ -220,9 +236,20 @@ class Observation:
         if not isinstance(self.name, str):
             raise WrongArgumentError(f"the name of an Observation is {in_words(self.name)}, must be a text: Observation(name, func=...)")
         if self.func is not None and not callable(self.func):
-            raise WrongArgumentError(f"func of Observation {self.name!r} is {in_words(self.func)}, must be a function of now, or None")
+            elements = isinstance(self.func, str | list | tuple)
+            remedy = f": for elements by name, write func=lambda now: now.read({self.name!r}, {self.func!r})" if elements else ""
+            raise WrongArgumentError(
+                f"func of Observation {self.name!r} is {in_words(self.func)}, must be a function of now, or None{remedy}"
+            )
         if self.func is not None:
             check_takes(self.func, ["now"], f"func of Observation {self.name!r}")
+        check_number(f"noise of Observation {self.name!r}", self.noise, least=0.0)
+        if self.clip is not None and np.shape(self.clip)[:1] != (2,):
+            one = isinstance(self.clip, int | float)
+            size = abs(self.clip) if one else 1.0  # type: ignore[arg-type]
+            raise TypeError(
+                f"clip of Observation {self.name!r} is {self.clip!r}, must be a lower and an upper bound: clip=({-size}, {size})"
+            )
 
     def read(self, now: Moment) -> Array:
         """Returns the values of this row of the observation table, (num_envs, n), in its unit, with noise and before `clip`."""
@@ -253,8 +280,13 @@ class Reset:
     episode_state: Terms
     rng: Rng
 
+    if not TYPE_CHECKING:
 
-class Task(ABC):
+        def __getattr__(self, name: str) -> Any:
+            raise no_attribute(Reset, name, self.__dataclass_fields__)
+
+
+class Task(metaclass=TaskType):
     """Task of a reinforcement-learning environment: scene, observations, reward and resets. Abstract.
 
     Write a task as a frozen dataclass, whose fields are arguments of `gymnasium.make`. All methods work on whole batches: the leading axis
@@ -274,9 +306,20 @@ class Task(ABC):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        for old, new in RENAMED["Task"].items():
-            if callable(vars(cls).get(old)):
-                raise TypeError(f"{cls.__name__} defines the method {old}, which is now called {new}: rename it")
+        check_members(cls, Task)
+
+    if not TYPE_CHECKING:  # Type checkers read the arguments from the fields of the class.
+
+        def __init__(self, *given: Any, **named: Any) -> None:
+            if (given or named) and type(self).__new__ is object.__new__:
+                what = f"{given[0]!r}" if given else f"{next(iter(named))!r}"
+                raise WrongArgumentError(
+                    f"{type(self).__name__} gives {what} to the constructor of Task, which takes no arguments: "
+                    "load the model in the method model(self), and define frame_skip in the class"
+                )
+
+        def __getattr__(self, name: str) -> Any:
+            raise of_task(self, name, _OWN)
 
     @abstractmethod
     def model(self) -> Model:
@@ -313,7 +356,7 @@ class Task(ABC):
             now: View of the batch after the step.
         """
 
-    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:  # noqa: B027
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Samples initial states of n episodes.
 
         Args:
@@ -339,7 +382,7 @@ class Task(ABC):
         """
         return {}
 
-    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:  # noqa: B027
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Hook that is called after the initial states are set, for example to draw commands or parameters (`sim.randomize`).
 
         Args:
@@ -349,7 +392,7 @@ class Task(ABC):
             rng: Random number generator of these environments.
         """
 
-    def on_end(self, now: Moment, envs: Array) -> None:  # noqa: B027
+    def on_end(self, now: Moment, envs: Array) -> None:
         """Hook that is called before environments start their next episode, even if `reset` ends the current episode early.
 
         The hook is not called for episodes without an action. A curriculum measures the progress of the episode here, and changes the level
@@ -405,7 +448,13 @@ class MujocoTask(Task):
     xml_file: str
 
     def model(self) -> Model:
-        """Returns the model of the scene, loaded from the file `xml_file`."""
+        """Returns the model of the scene, loaded from the file `xml_file`.
+
+        Raises:
+            TypeError: The class has no `xml_file`.
+        """
+        if not hasattr(self, "xml_file"):
+            raise TypeError(f'{type(self).__name__} has no xml_file, the file of its model: add the field `xml_file: str = "hopper.xml"`')
         return load_quietly(model_file(self.xml_file))
 
 

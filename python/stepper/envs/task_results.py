@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Mapping
+from dataclasses import FrozenInstanceError
 from typing import Any
 
 import numpy as np
 
 from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
-from stepper.envs.hooks import in_words
+from stepper.envs.hooks import NO_DATA, in_words
+from stepper.envs.members import check_members
 from stepper.envs.task import Array, Moment, Observation, Task, Terms
+from stepper.shared.arguments import check_mapping
 from stepper.shared.functions import check_takes
 
 _METHODS = {
@@ -25,8 +28,23 @@ Table = list[tuple[Observation, slice]]
 
 
 def check_methods(task: Task) -> None:
-    """Raises TypeError if a method of a task takes another number of arguments than the method of `Task` that it overrides."""
+    """Raises TypeError if a member of a task does not fit the member of `Task` that it overrides, or if environments ignore it.
+
+    A method must take the same number of arguments.
+    """
+    check_members(type(task), Task, vars(task))
+    kind = type(task).__name__
+    check_mapping(
+        f"{kind}.camera", task.camera, '{"distance": 3.0}; the argument camera_name of the environment names a camera of the file'
+    )
+    if isinstance(task.carried, str):
+        raise WrongArgumentError(f"{kind}.carried is {task.carried!r}, must be a tuple of names: ({task.carried!r},)")
     for name, arguments in _METHODS.items():
+        member = getattr(task, name)
+        if not callable(member):
+            raise WrongArgumentError(
+                f"{type(task).__name__}.{name} is {in_words(member)}, must be a method: write def {name}({', '.join(['self', *arguments])})"
+            )
         check_takes(getattr(task, name), arguments, f"{type(task).__name__}.{name}", is_method=True)
 
 
@@ -89,6 +107,10 @@ def table_of(task: Task, now: Moment) -> Table:
             raise ValueError(
                 f"{kind}.observations returns {in_words(row)} as row {len(rows)}, must be a stepper.envs.Observation{_row_like(row)}"
             )
+        if any(row.name == other.name for other, _ in rows):
+            raise ValueError(
+                f"{kind}.observations returns two rows with the name {row.name!r}: give one another name, as Observation('name', func=...)"
+            )
         at = rows[-1][1].stop if rows else 0
         rows.append((row, slice(at, at + _width(kind, row, now))))
     if not rows:
@@ -133,7 +155,8 @@ def _width(kind: str, row: Observation, now: Moment) -> int:
             value = getattr(now, row.name)
         except AttributeError as error:
             raise AttributeError(
-                f"{kind}.observations has the row {row.name!r} without func, so that it must be a quantity of the stepper: {error}"
+                f"{kind}.observations has the row {row.name!r} without func, so that it must be a quantity of the stepper: "
+                f"{_element(row.name, now) or error}"
             ) from error
         if callable(value) or not isinstance(value, np.ndarray):
             raise ValueError(
@@ -147,12 +170,35 @@ def _width(kind: str, row: Observation, now: Moment) -> int:
             f"{kind}.observations: the function of the row {row.name!r} returns {in_words(value)}, must return an array ({expected}, ...): "
             "one row for each environment"
         )
-    width = row.read(now).shape
+    try:
+        width = row.read(now).shape
+    except IndexError as error:
+        raise ValueError(f"{kind}.observations: columns of the row {row.name!r} is {row.columns!r}: {error}") from error
     if len(width) != 2:
         raise ValueError(
             f"{kind}.observations: columns of the row {row.name!r} is {row.columns!r}, must be a slice, as slice(0, 3), or a list"
         )
     return int(width[1])
+
+
+def _element(name: str, now: Moment) -> str:
+    """Advice for a row of the observation table that is named after an element of the model; "" if no element has this name."""
+    model = now.sim.model
+    for kind, quantity in _QUANTITIES.items():
+        if name in getattr(model, f"{kind}_names"):
+            return f"{name!r} is a {kind}, write Observation({name!r}, func=lambda now: now.read({quantity!r}, {name!r}))"
+    return ""
+
+
+_QUANTITIES = {
+    "sensor": "sensordata",
+    "joint": "qpos",
+    "body": "xpos",
+    "site": "site_xpos",
+    "geom": "geom_xpos",
+    "actuator": "actuator_force",
+}
+"""Most likely quantity of an element that a task observes, by kind of element."""
 
 
 def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
@@ -161,7 +207,11 @@ def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
     Raises:
         ValueError: `Task.reward` does not return a pair of rewards and entries, or the shape of an array is wrong.
     """
-    result: Any = task.reward(now)
+    try:
+        result: Any = task.reward(now)
+    except FrozenInstanceError as error:
+        error.add_note(NO_DATA)
+        raise
     if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], Mapping)):
         raise ValueError(
             f"{type(task).__name__}.reward returns {in_words(result)}, must return two values: rewards (num_envs,), and a dictionary of "
@@ -206,14 +256,20 @@ def check_terms(task: Task, method: str, terms: Mapping[str, Any], num_envs: int
 
 
 def rows_of(task: Task, method: str, values: Any, dtype: Any, num_envs: int) -> Array:
-    """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`.
+    """Converts a result of the task's method `method` to a new array (num_envs,) of type `dtype`, float64 or bool.
 
     Raises:
-        ValueError: The result has another shape.
+        ValueError: The result has another shape, or `dtype` is bool and the result is not.
     """
-    array = np.array(values, dtype=dtype)
-    if array.shape != (num_envs,):
+    kind = type(task).__name__
+    try:
+        array = np.array(values, dtype=None if dtype is bool else dtype)
+    except ValueError:  # Rows of different lengths, such as a tuple of an array and a dictionary.
         raise ValueError(
-            f"{type(task).__name__}.{method} returns an array of shape {array.shape}, must be ({num_envs},): one value for each environment"
-        )
+            f"{kind}.{method} returns {in_words(values)}, must be an array ({num_envs},): one value for each environment"
+        ) from None
+    if array.shape != (num_envs,):
+        raise ValueError(f"{kind}.{method} returns an array of shape {array.shape}, must be ({num_envs},): one value for each environment")
+    if dtype is bool and array.dtype.kind != "b":
+        raise ValueError(f"{kind}.{method} returns an array of {array.dtype}, must be of bool, as now.qpos[:, 0] < 0.2")
     return array

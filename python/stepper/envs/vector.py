@@ -13,12 +13,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
-from stepper._hints import no_attribute
+from stepper._hints import hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper, selected
+from stepper.envs.absent import check_assignment, of_environment
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.making import autoreset, make_task
+from stepper.envs.members import check_environment
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 from stepper.shared.arguments import array_of, check_mapping
@@ -106,8 +108,17 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         self._over, self._any_over = np.zeros(num_envs, dtype=bool), False
         self._since = np.zeros(num_envs)
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        check_environment(cls, Task)
+
     def __getattr__(self, name: str) -> Any:
-        raise no_attribute(StepperVectorEnv, name)
+        raise of_environment(StepperVectorEnv, self, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name[0] != "_":
+            check_assignment(self, name, value)
+        object.__setattr__(self, name, value)
 
     @property
     def sim(self) -> Stepper:
@@ -139,6 +150,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """Number of actions of each running episode so far, (num_envs,)."""
         return self._batch.lengths.copy()
 
+    @hint_keywords("StepperVectorEnv.reset")
     def reset(
         self,
         *,
@@ -187,6 +199,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         self._since[mask] = time.perf_counter()
         return self._batch.observation(observations), _infos(self._batch.info(), mask)
 
+    @hint_keywords("StepperVectorEnv.step")
     def step(self, actions: Array, *, out: Array | None = None) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Advances every environment by one action.
 
@@ -250,6 +263,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         state = self._batch.get_state()
         return replace(state, episodes=state.episodes | {"over": self._over.copy(), "elapsed": time.perf_counter() - self._since})
 
+    @hint_keywords("StepperVectorEnv.set_state")
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Array:
         """Sets positions and velocities, or restores a state of `get_state`.
 

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import copy
+import functools
 import hashlib
-from collections.abc import Sequence
+import inspect
+import math
+import operator
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, ParamSpec
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import no_attribute
+
+P = ParamSpec("P")
 Array = NDArray[Any]
 Words = NDArray[np.uint64]
 
@@ -97,12 +104,59 @@ class Streams:
         return _mix(words)
 
 
+def _with_arguments(example: str) -> Callable[[Callable[P, Array]], Callable[P, Array]]:
+    """Decorator of a draw: other arguments than those of the function raise TypeError with an example.
+
+    Args:
+        example: Call with the right arguments.
+    """
+
+    def checked(draw: Callable[P, Array]) -> Callable[P, Array]:
+        signature = inspect.signature(draw)
+
+        @functools.wraps(draw)
+        def drawn(*given: P.args, **named: P.kwargs) -> Array:
+            if named or len(given) != len(signature.parameters):
+                try:
+                    signature.bind(*given, **named)
+                except TypeError as error:
+                    name = draw.__name__
+                    raise TypeError(
+                        f"Rng.{name}: {error}; write {example}, which gives size numbers for each environment, (n, size)"
+                    ) from None
+            return draw(*given, **named)
+
+        return drawn
+
+    return checked
+
+
+def _shape_of(size: int | tuple[int, ...]) -> tuple[int, ...]:
+    """Shape of the numbers of one environment, from the argument `size` of a draw.
+
+    Raises:
+        TypeError: The size is neither a whole number nor a tuple of them.
+        ValueError: The size is negative.
+    """
+    if type(size) is int and size >= 0:  # A fast test of the usual size.
+        return (size,)
+    shape = size if isinstance(size, tuple) else (size,)
+    try:
+        if min(map(operator.index, shape), default=0) >= 0:
+            return shape
+    except TypeError:
+        raise TypeError(
+            f"size is {size!r}, must be a whole number or a tuple of them: how many numbers each environment gets, as rng.uniform(-1, 1, 3)"
+        ) from None
+    raise ValueError(f"size is {size!r}, must be at least 0")
+
+
 class Rng:
     """Random number generator for n environments. Each environment draws from a stream that depends only on its seed.
 
     Draws have the shape (n, size): `size` numbers for each environment. In `Task.on_reset`, `array[mask] = rng.uniform(low, high, size)`
-    sets the rows of the reset environments in an array (num_envs, size). The only draws are `uniform` and `normal`. Unlike NumPy's
-    generators, this generator gives each environment the same numbers in batches of every size.
+    sets the rows of the reset environments in an array (num_envs, size). `size` may be a tuple: (3, 2) gives (n, 3, 2). The only draws are
+    `uniform` and `normal`. Unlike NumPy's generators, this generator gives each environment the same numbers in batches of every size.
 
     Args:
         streams: Streams of all environments.
@@ -112,21 +166,29 @@ class Rng:
     def __init__(self, streams: Streams, envs: Array):
         self._streams, self.envs = streams, envs
 
-    def uniform(self, low: float, high: float, size: int) -> Array:
+    def __getattr__(self, name: str) -> Any:
+        raise no_attribute(Rng, name)
+
+    @_with_arguments("rng.uniform(low, high, size)")
+    def uniform(self, low: float, high: float, size: int | tuple[int, ...]) -> Array:
         """Returns uniform random numbers from `low` to `high`, (n, size): `size` for each environment."""
-        words = self._streams.words(self.envs, size)
+        shape = _shape_of(size)
+        words = self._streams.words(self.envs, math.prod(shape))
         words >>= _MANTISSA
-        numbers = words.astype(np.float64)
+        numbers = words.astype(np.float64).reshape(len(self.envs), *shape)
         numbers *= (high - low) * _STEP
         numbers += low
         return numbers
 
-    def normal(self, size: int) -> Array:
+    @_with_arguments("mean + std * rng.normal(size)")
+    def normal(self, size: int | tuple[int, ...]) -> Array:
         """Returns standard normal random numbers, (n, size): `size` for each environment, by the Box-Muller method."""
-        pairs = (size + 1) // 2
+        shape = _shape_of(size)
+        count = math.prod(shape)
+        pairs = (count + 1) // 2
         words = (self._streams.words(self.envs, 2 * pairs) >> _MANTISSA).astype(np.float64) * _STEP
         radius, angle = np.sqrt(-2.0 * np.log1p(-words[:, :pairs])), 2.0 * np.pi * words[:, pairs:]
-        return np.hstack([radius * np.cos(angle), radius * np.sin(angle)])[:, :size]
+        return np.hstack([radius * np.cos(angle), radius * np.sin(angle)])[:, :count].reshape(len(self.envs), *shape)
 
     def of(self, rows: Array) -> Rng:
         """Returns a generator for a subset of the n environments, given by the boolean mask `rows` (n,), for rejection sampling."""

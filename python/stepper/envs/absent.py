@@ -1,0 +1,72 @@
+"""Errors for absent attributes of tasks, of `now` and of environments, with hints."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Collection
+from typing import Any
+
+from stepper._hints import did_you_mean, no_attribute, place_of
+from stepper._other_names import NEW_NAMES, RENAMED
+from stepper._stepper import Stepper
+
+
+def of_task(task: object, name: str, of_moment: Collection[str]) -> AttributeError:
+    """Error for an attribute that a task does not have, with a hint: the attribute of `now`, or the method of `Task` to use.
+
+    Args:
+        task: The task.
+        name: Name of the attribute.
+        of_moment: Names of the attributes of a `Moment` that are not quantities.
+    """
+    if name in of_moment or inspect.isdatadescriptor(getattr(Stepper, name, None)):
+        hint = f"; now has it, as now.{name}, in methods that take now"
+    elif name in RENAMED["Task"]:
+        hint = f"; did you mean {RENAMED['Task'][name]}?"
+    else:
+        hint = did_you_mean(name, dir(task))
+    return AttributeError(f"the task {type(task).__name__} has no attribute {name!r}{hint}")
+
+
+def of_now(name: str, moment: type, of_moment: Collection[str]) -> AttributeError:
+    """Error for an attribute that a `Moment` does not have, with a hint: the quantity to use, or similar names.
+
+    Args:
+        name: Name of the attribute.
+        moment: The class `Moment`.
+        of_moment: Names of its attributes that are not quantities.
+    """
+    hint = place_of(moment, name) or place_of(Stepper, name).replace(" sim.", " now.sim.")
+    hint = hint or did_you_mean(name, {*dir(Stepper), *dir(moment), *of_moment})
+    return AttributeError(f"now, a stepper.envs.Moment, has no attribute {name!r}{hint}")
+
+
+def of_environment(owner: type, env: Any, name: str) -> AttributeError:
+    """Error for an attribute that an environment does not have, with a hint: its task, stepper, model or view that has the attribute.
+
+    Args:
+        owner: `StepperEnv` or `StepperVectorEnv`.
+        env: The environment, whose constructor may have failed.
+        name: Name of the attribute.
+    """
+    if "_batch" in vars(env) and name[0] != "_" and name not in NEW_NAMES[owner.__name__]:
+        for place, thing in (("task", env.task), ("sim", env.sim), ("sim.model", env.sim.model), ("now", env.now)):
+            if name in vars(type(thing)) or name in dir(thing):
+                text = f"a stepper.envs.{owner.__name__} has no attribute {name!r}; use env.unwrapped.{place}.{name}"
+                return AttributeError(text)
+    return no_attribute(owner, name)
+
+
+def check_assignment(env: Any, name: str, value: Any) -> None:
+    """Raises AttributeError if an argument of the task is assigned to an environment, which would change nothing.
+
+    Args:
+        env: The environment.
+        name: Name of the attribute.
+        value: The new value.
+    """
+    if "_batch" in vars(env) and name in getattr(env.task, "__dataclass_fields__", ()) and not hasattr(type(env), name):
+        raise AttributeError(
+            f"{name} of a {type(env).__name__} cannot be assigned, it is an argument of the task: make another environment with "
+            f"{name}={value!r}"
+        )

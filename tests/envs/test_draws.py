@@ -1,0 +1,161 @@
+"""Draws of `Rng`: shapes of tuples, and errors for the arguments and methods of NumPy's generators."""
+
+import copy
+import inspect
+import pickle
+
+import numpy as np
+import pytest
+from cases import Slide
+from hypothesis import given
+from hypothesis import strategies as st
+from stepper._other_names import NEW_NAMES
+from stepper.envs import Observation, Rng, StepperVectorEnv, Task
+from stepper.shared.streams import Streams
+
+
+def generator(num_envs=3):
+    return Rng(Streams(num_envs, 5), np.arange(num_envs))
+
+
+@given(st.integers(1, 5), st.lists(st.integers(0, 4), max_size=3).map(tuple))
+def test_a_tuple_gives_the_numbers_of_its_product(num_envs, shape):
+    size = int(np.prod(shape, dtype=int))
+    for draw in (lambda rng, size: rng.uniform(-2.0, 3.0, size), lambda rng, size: rng.normal(size)):
+        one, other = generator(num_envs), generator(num_envs)
+        found = draw(one, shape)
+        assert found.shape == (num_envs, *shape)
+        np.testing.assert_array_equal(found.reshape(num_envs, size), draw(other, size))
+        np.testing.assert_array_equal(one._streams.state, other._streams.state)
+
+
+@pytest.mark.parametrize(("draw", "write"), [
+    (lambda rng: rng.uniform(-1, 1), r"rng\.uniform\(low, high, size\)"),
+    (lambda rng: rng.uniform(3), r"rng\.uniform\(low, high, size\)"),
+    (lambda rng: rng.uniform(size=3), r"rng\.uniform\(low, high, size\)"),
+    (lambda rng: rng.uniform(minval=0, maxval=1, size=3), r"rng\.uniform\(low, high, size\)"),
+    (lambda rng: rng.normal(), r"mean \+ std \* rng\.normal\(size\)"),
+    (lambda rng: rng.normal(0, 0.1), r"mean \+ std \* rng\.normal\(size\)"),
+    (lambda rng: rng.normal(0, 0.1, 3), r"mean \+ std \* rng\.normal\(size\)"),
+    (lambda rng: rng.normal(loc=0, scale=0.1, size=3), r"mean \+ std \* rng\.normal\(size\)"),
+])  # fmt: skip
+def test_arguments_of_numpys_generators_are_errors_with_the_call(draw, write):
+    rng = generator()
+    before = rng._streams.state.copy()
+    with pytest.raises(TypeError, match=rf"^Rng\.(uniform|normal): .*; write {write}, which gives size numbers for each environment"):
+        draw(rng)
+    np.testing.assert_array_equal(rng._streams.state, before)
+
+
+@given(st.floats() | st.text() | st.none() | st.tuples(st.floats()))
+def test_another_size_is_an_error(size):
+    for draw in (lambda: generator().uniform(0.0, 1.0, size), lambda: generator().normal(size)):
+        with pytest.raises(TypeError, match=r"^size is .*, must be a whole number or a tuple of them"):
+            draw()
+
+
+@given(st.integers(max_value=-1))
+def test_a_negative_size_is_an_error(size):
+    with pytest.raises(ValueError, match=r"^size is \(3, -\d+\), must be at least 0"):
+        generator().normal((3, size))
+
+
+@pytest.mark.parametrize("name", NEW_NAMES["Rng"])
+def test_absent_draws_have_a_hint_that_works(name):
+    hint = NEW_NAMES["Rng"][name]
+    with pytest.raises(AttributeError, match=f"^a stepper.envs.Rng has no attribute '{name}'; ") as error:
+        getattr(generator(), name)
+    assert hint in str(error.value)
+    if name != "seed":
+        names = {
+            "np": np,
+            "rng": generator(2000),
+            "low": 3,
+            "high": 6,
+            "size": 4,
+            "values": [3, 4, 5],
+            "mean": 0.0,
+            "std": 1.0,
+            "scale": 1.0,
+        }
+        names["probability"] = 0.3
+        drawn = eval(hint if "rng." in hint else f"rng.{hint}", names)
+        assert drawn.shape == (2000, 4)
+        if "astype(int)" in hint:
+            assert set(np.unique(drawn)) == {3, 4, 5}
+        if name in ("permutation", "shuffle"):
+            assert (np.sort(drawn, axis=1) == np.arange(4)).all()
+        if name == "exponential":
+            assert abs(drawn.mean() - 1.0) < 0.05
+
+
+def test_generators_are_copied():
+    for twin in (copy.deepcopy(generator()), pickle.loads(pickle.dumps(generator()))):
+        np.testing.assert_array_equal(twin.normal(2), generator().normal(2))
+
+
+@pytest.mark.parametrize("hook", ["sample_state", "on_reset", "place"])
+def test_a_draw_of_a_wrong_shape_has_a_note_with_the_right_one(hook):
+    def draws(self, *arguments):
+        rng = arguments[0].rng if hook == "place" else arguments[-1]
+        np.zeros((3, 2))[:, 0] = rng.uniform(0.0, 1.0, 3)
+
+    draws.__signature__ = inspect.signature(getattr(Task, hook))
+    with pytest.raises(ValueError, match="broadcast") as error:
+        StepperVectorEnv(type("Own", (Slide,), {hook: draws})(), 3).reset(seed=0)
+    assert error.value.__notes__ == [
+        "rng.uniform(low, high, size) has the shape (n, size), a row for each environment that resets: for one number each, write "
+        "rng.uniform(low, high, 1)[:, 0]"
+    ]
+    np.zeros((3, 2))[:, 0] = generator().uniform(0.0, 1.0, 1)[:, 0]
+
+
+@pytest.mark.parametrize(("make", "message"), [
+    (lambda: Observation("qpos", scale=2.0), "takes no 'scale': use func=lambda now: 0.5 * now.qvel for scaled values"),
+    (lambda: Observation("xpos", body="box"), "takes no 'body': use func=lambda now: now.read('xpos', 'torso') for elements by name"),
+    (lambda: Observation("qpos", colums=slice(3)), "takes no 'colums'; did you mean columns?"),
+    (lambda: Observation("sensordata", name="acc"), "takes one name, not 'sensordata' and 'acc': use func=lambda now: now.read("),
+    (lambda: Observation("sensordata", "acc"), "for elements by name, write func=lambda now: now.read('sensordata', 'acc')"),
+    (lambda: Observation("xpos", ["a", "b"]), "write func=lambda now: now.read('xpos', ['a', 'b'])"),
+    (lambda: Observation("qvel", clip=5.0), "clip of Observation 'qvel' is 5.0, must be a lower and an upper bound: clip=(-5.0, 5.0)"),
+    (lambda: Observation("qvel", clip=(1.0,)), "clip of Observation 'qvel' is (1.0,), must be a lower and an upper bound"),
+    (lambda: Observation("qvel", noise=-1.0), "noise of Observation 'qvel' is -1.0, must be a finite number of at least 0"),
+    (lambda: Observation("qvel", noise=(-1.0, 1.0)), "noise of Observation 'qvel' is (-1.0, 1.0), must be a number"),
+])  # fmt: skip
+def test_rows_of_other_libraries_are_errors_with_the_row_to_write(make, message):
+    with pytest.raises((TypeError, ValueError)) as error:
+        make()
+    assert message in str(error.value)
+
+
+def test_the_rows_of_the_hints_work():
+    class Own(Slide):
+        def observations(self):
+            return (
+                Observation("a", func=lambda now: 0.5 * now.qvel),
+                Observation("b", func=lambda now: now.read("xpos", 1)),
+                Observation("c", func=lambda now: now.qpos - now.default_qpos),
+                Observation("qvel", clip=(-5.0, 5.0), columns=slice(0, 1), noise=0.1),
+            )
+
+    assert StepperVectorEnv(Own(), 2).reset(seed=0)[0].shape == (2, 6)
+
+
+def test_two_rows_of_one_name_are_an_error():
+    with pytest.raises(ValueError, match=r"Own\.observations returns two rows with the name 'qpos': give one another name"):
+        StepperVectorEnv(type("Own", (Slide,), {"observations": lambda self: (Observation("qpos"), Observation("qpos"))})(), 2)
+
+
+@pytest.mark.parametrize("method", ["terminated", "truncated"])
+@pytest.mark.parametrize(("values", "message"), [
+    (lambda now: now.qpos[:, 0], "returns an array of float64, must be of bool, as now.qpos[:, 0] < 0.2"),
+    (lambda now: np.zeros(2, dtype=int), "returns an array of int64, must be of bool"),
+    (lambda now: (now.qpos[:, 0] > 0, {}), "returns a tuple (ndarray, dict), must be an array (2,): one value for each environment"),
+    (lambda now: True, "returns an array of shape (), must be (2,): one value for each environment"),
+])  # fmt: skip
+def test_ends_of_episodes_are_bool(method, values, message):
+    envs = StepperVectorEnv(type("Own", (Slide,), {method: lambda self, now: values(now)})(), 2)
+    envs.reset(seed=0)
+    with pytest.raises(ValueError, match=rf"^Own\.{method} returns") as error:
+        envs.step(np.zeros((2, 1)))
+    assert message in str(error.value)

@@ -1,0 +1,364 @@
+"""Definitions of tasks: members that no environment calls, fields of a class that is no dataclass, and missing methods are errors."""
+
+import copy
+import functools
+import inspect
+import pickle
+import re
+from dataclasses import dataclass
+
+import gymnasium
+import numpy as np
+import pytest
+import stepper
+from cases import SLIDE, Slide
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from stepper._other_names import IGNORED_BY_ENVIRONMENTS, RENAMED
+from stepper.envs import TASKS, MujocoTask, Observation, StepperEnv, StepperVectorEnv, Task
+from stepper.envs.tasks import Hopper
+
+METHODS = [name for name, method in vars(Task).items() if inspect.isfunction(method) and name[0] != "_"]
+
+
+def signature(method):
+    return f"{method}({', '.join(inspect.signature(getattr(Task, method)).parameters)})"
+
+
+def nothing(self, *_):
+    pass
+
+
+FORMS = {
+    "method": nothing, "property": property(nothing), "static": staticmethod(nothing),
+    "class": type("Terms", (), {}), "decorated": functools.wraps(nothing)(functools.partial(nothing)),
+}  # fmt: skip
+"""Members that a class can have under a name."""
+
+
+@pytest.mark.parametrize("name", RENAMED["Task"])
+def test_a_method_of_another_library_is_an_error_with_the_method_to_define(name):
+    """Such a method was never called: episodes never ended, or had other rewards, without a word."""
+    method = RENAMED["Task"][name]
+    with pytest.raises(TypeError) as error:
+        type("Own", (Slide,), {name: nothing})
+    assert str(error.value) == f"Own defines {name}, which environments ignore: define {signature(method)} instead of {name}"
+    assert not hasattr(Task, name)
+    # The hint is right: a method of this name and these arguments is accepted.
+    exec(f"class Own(Slide):\n    def {signature(method)}: return super().{method}({signature(method).partition('self')[2].strip(', )')})")
+
+
+@given(st.sampled_from(sorted(RENAMED["Task"])), st.sampled_from(sorted(FORMS)))
+def test_every_form_of_a_member_is_seen(name, form):
+    with pytest.raises(TypeError, match=f"Own defines {name}, which environments ignore: define {RENAMED['Task'][name]}"):
+        type("Own", (Slide,), {name: FORMS[form]})
+    with pytest.raises(TypeError, match=f"Own defines {name}"):
+        type("Own", (Slide,), {name: functools.cached_property(nothing)})
+
+
+@given(st.sampled_from(sorted(RENAMED["Task"])))
+def test_a_member_that_the_class_uses_is_its_own(name):
+    namespace = {"Slide": Slide}
+    exec(f"class Own(Slide):\n    def {name}(self, now): ...\n    def info(self, now): return self.{name}(now) or {{}}", namespace)
+    exec(f"class Own(Slide):\n    def {name}(self, now): ...\n    def info(self, now): return (lambda: self.{name})() or {{}}", namespace)
+    with pytest.raises(TypeError, match=f"Own defines {name}"):  # A recursion is no use.
+        exec(f"class Own(Slide):\n    def {name}(self, now): return self.{name}(now)", namespace)
+
+
+@given(st.sampled_from(sorted(RENAMED["Task"])))
+def test_a_member_in_a_table_or_read_by_its_name_is_used(name):
+    for table in (f"TERMS = ({name!r},)", f"TERMS = {{{name!r}: 2.0}}", f"terms = [{name}]", f"TERMS = {{'own': {name}}}"):
+        exec(f"class Own(Slide):\n    def {name}(self, now): ...\n    {table}", {"Slide": Slide})
+    exec(f"class Own(Slide):\n    def {name}(self, now): ...\n    def info(self, now): return getattr(self, {name!r})", {"Slide": Slide})
+
+
+def test_a_task_may_have_its_own_constructor():
+    class Made(Slide):
+        def __new__(cls, gain=1.0):
+            return super().__new__(cls)
+
+    class Mixed:
+        def __init__(self, gain=1.0):
+            self.gain = gain
+
+    for kind in (Made, type("Own", (Mixed, Slide), {}), type("Any", (Slide,), {"__init__": lambda self, *given, **named: None})):
+        StepperEnv(kind(2.0))
+        StepperEnv(kind(gain=2.0))
+
+
+def test_members_that_use_one_another_are_all_named():
+    with pytest.raises(TypeError, match="Own defines reset, step, _get_obs, which environments ignore") as error:
+
+        class Own(Slide):
+            def reset(self, seed=None):
+                return self._get_obs(), {}
+
+            def step(self, action):
+                return self._get_obs(), 0.0, False, False, {}
+
+            def _get_obs(self):
+                return self.sim.qpos
+
+    for method in ("sample_state", "advance", "observations"):
+        assert f"define {signature(method)} instead of" in str(error.value)
+
+
+def test_a_base_class_may_call_what_a_subclass_defines():
+    class Template(Slide):
+        def reward(self, now):
+            return self.compute_reward(now), {}
+
+    class Own(Template):
+        def compute_reward(self, now):
+            return now.qpos[:, 0]
+
+    class Again(Own):
+        def compute_reward(self, now):
+            return now.qvel[:, 0]
+
+    StepperEnv(Again()).reset(seed=0)
+
+
+@st.composite
+def typos(draw):
+    """A method of Task, and its name with a letter left out, doubled or replaced, or two letters exchanged."""
+    method = draw(st.sampled_from([name for name in METHODS if len(name) > 6]))
+    at = draw(st.integers(0, len(method) - 2))
+    before, one, two, after = method[:at], method[at], method[at + 1], method[at + 2 :]
+    letter = draw(st.sampled_from("abcdefghijklmnopqrstuvwxyz"))
+    return method, before + draw(st.sampled_from([two, one + one + two, letter + two, two + one])) + after
+
+
+@given(typos())
+def test_a_misspelled_method_is_an_error_with_the_right_name(typo):
+    method, name = typo
+    assume(name.isidentifier() and name not in METHODS and not name.startswith("_"))
+    with pytest.raises(TypeError, match=f"Own defines {name}, which environments ignore: define {re.escape(signature(method))} instead"):
+        type("Own", (Slide,), {name: nothing})
+
+
+def test_helpers_of_other_names_and_values_are_the_tasks_own():
+    type("Own", (Slide,), {"height": nothing, "torso_upright": nothing, "_scan": nothing, "feet": property(nothing)})
+    for name in RENAMED["Task"].keys() - IGNORED_BY_ENVIRONMENTS.keys():
+        dataclass(frozen=True)(type("Own", (Slide,), {name: 3.0, "__annotations__": {name: float}}))
+
+
+@pytest.mark.parametrize("name", IGNORED_BY_ENVIRONMENTS)
+@pytest.mark.parametrize("how", ["value", "annotation", "instance"])
+def test_a_value_that_environments_ignore_is_an_error(name, how):
+    def make():
+        if how == "instance":
+            return StepperEnv(type("Own", (Slide,), {"__init__": lambda self: setattr(self, name, 3)})())
+        return type("Own", (Slide,), {name: 3} if how == "value" else {"__annotations__": {name: int}})
+
+    with pytest.raises(TypeError, match=f"Own defines {name}, which environments ignore: ") as error:
+        make()
+    assert IGNORED_BY_ENVIRONMENTS[name] in str(error.value)
+
+
+def test_the_advice_on_values_works():
+    assert StepperVectorEnv(Slide(), 2, max_episode_steps=3, options=stepper.Options(), precision="f32", threads=1, dtype=np.float32)
+    gymnasium.register("test/Slide-v0", entry_point="stepper.envs:StepperEnv", kwargs={"task": Slide()}, max_episode_steps=3)
+    assert gymnasium.make("test/Slide-v0").spec.max_episode_steps == 3
+
+    class Bounded(Slide):
+        frame_skip = 4
+
+        def action_bounds(self, model):
+            return np.full(1, -2.0), np.full(1, 2.0)
+
+    assert StepperEnv(Bounded()).action_space.high == 2.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_value_in_place_of_a_method_is_an_error_with_the_definition(method):
+    own = type("Own", (Slide,), {method: 3})()
+    with pytest.raises(TypeError, match=rf"Own\.{method} is 3, must be a method: write def {re.escape(signature(method))}"):
+        StepperEnv(own)
+
+
+def test_a_missing_method_is_an_error_with_a_skeleton():
+    class Own(Task):
+        pass
+
+    class OfMujoco(MujocoTask):
+        xml_file: str = "hopper.xml"
+
+    for kind, missing in ((Own, "model, observations, reward"), (OfMujoco, "observations, reward")):
+        with pytest.raises(
+            TypeError, match=f"^{kind.__name__} does not define {missing}. In the class of {kind.__name__}, write\n"
+        ) as error:
+            kind()
+        body = str(error.value).partition("\n")[2].replace('"robot.xml"', repr(SLIDE))
+        namespace = {"kind": kind, "stepper": stepper}
+        exec(f"class Whole(kind):\n{body}", namespace)
+        envs = StepperVectorEnv(namespace["Whole"](), 2)
+        envs.reset(seed=0)
+        assert envs.step(envs.action_space.sample())[1].shape == (2,)
+    with pytest.raises(TypeError, match=r"^Task does not define model, observations, reward"):
+        Task()
+
+
+FIELD = {"__annotations__": {"gain": float}, "gain": 1.0}
+
+
+@pytest.mark.parametrize("base", [Slide, *TASKS.values()])
+def test_a_field_without_dataclass_is_no_argument_and_the_error_says_so(base):
+    own = type("Own", (base,), FIELD)
+    for call in (lambda: own(gain=2.0), lambda: StepperEnv(own, gain=2.0), lambda: StepperVectorEnv(own, 2, gain=2.0)):
+        with pytest.raises(TypeError) as error:
+            call()
+        remedy = "takes no 'gain', because Own is no dataclass: write @dataclass(frozen=True, kw_only=True) above class Own"
+        assert str(error.value).endswith(remedy)
+    assert dataclass(frozen=True, kw_only=True)(own)(gain=2.0).gain == 2.0
+
+
+@pytest.mark.parametrize("arguments", [("robot.xml",), (5,)])
+def test_a_task_without_fields_takes_no_arguments(arguments):
+    with pytest.raises(TypeError, match=r"Slide\(\) takes no argument without a name, but .*: write @dataclass\(.*above class Slide"):
+        Slide(*arguments)
+    with pytest.raises(TypeError, match=r"Slide\(\) takes no 'gain': write @dataclass\(.*above class Slide, with the field gain"):
+        Slide(gain=1.0)
+
+
+def test_arguments_of_a_dataclass_are_checked():
+    with pytest.raises(TypeError, match=r"Hopper\(\) takes no 'forward_weight'; did you mean forward_reward_weight"):
+        Hopper(forward_weight=1.0)
+    with pytest.raises(TypeError, match=r"Hopper\(\) takes no argument without a name, but 'x\.xml' is given: give it by name"):
+        Hopper("x.xml")
+    with pytest.raises(
+        TypeError, match=r"Own gives 'robot\.xml' to the constructor of Task, which takes no arguments: load the model in the"
+    ):
+        type("Own", (Slide,), {"__init__": lambda self: super(Slide, self).__init__("robot.xml", frame_skip=5)})()
+
+
+def changes():
+    """Fields of Gymnasium's tasks: task, and name of the field."""
+    return [(task, field) for task in TASKS.values() for field in task.__dataclass_fields__ if task.__dataclass_fields__[field].init]
+
+
+@given(st.sampled_from(changes()), st.booleans(), st.booleans())
+def test_a_changed_default_that_python_ignores_is_an_error(change, typed, decorated):
+    task, field = change
+    if field in ("camera", "contact", "lamp", "carried"):
+        return
+    value = task.__dataclass_fields__[field].default
+    own = type("Own", (task,), {field: value} | ({"__annotations__": {field: type(value)}} if typed else {}))
+    own = dataclass(frozen=True, kw_only=True)(own) if decorated else own
+    if typed and decorated:
+        assert getattr(own(), field) is value
+        return
+    for call in (own, lambda: StepperEnv(own)):
+        with pytest.raises(
+            TypeError, match=f"Own changes {field} of the dataclass {task.__name__} without effect: write @dataclass"
+        ) as error:
+            call()
+        assert f"the field with its type, {field}: " in str(error.value)
+
+
+def test_a_changed_default_takes_effect_as_the_error_says():
+    with pytest.raises(TypeError) as error:
+        type("Own", (Hopper,), {"reset_noise_scale": 0.5})()
+    namespace = {"dataclass": dataclass, "Hopper": Hopper}
+    decorator, line = re.search(r"write (@.*\)) above class Own, and the field with its type, (.*)", str(error.value)).groups()
+    exec(f"{decorator}\nclass Own(Hopper):\n    {line}", namespace)
+    assert namespace["Own"]().reset_noise_scale == 0.5
+    assert type("Own", (Hopper,), {"frame_skip": 3, "__init__": lambda self: None})().frame_skip == 3
+
+
+@pytest.mark.parametrize(("name", "hint"), [
+    ("sim", "now has it, as now.sim, in methods that take now"),
+    ("qpos", "now has it, as now.qpos"),
+    ("action", "now has it, as now.action"),
+    ("get_reward", "did you mean reward?"),
+    ("observatoins", "did you mean observations"),
+])  # fmt: skip
+def test_an_absent_attribute_of_a_task_has_a_hint(name, hint):
+    with pytest.raises(AttributeError, match=f"^the task Slide has no attribute '{name}'; {re.escape(hint)}"):
+        getattr(Slide(), name)
+
+
+@pytest.mark.parametrize("task", [Slide(), Hopper(frame_skip=2)])
+def test_tasks_are_copied_and_pickled(task):
+    for twin in (copy.copy(task), copy.deepcopy(task), pickle.loads(pickle.dumps(task))):
+        assert vars(twin) == vars(task)
+    assert str(inspect.signature(Slide)) == "()"
+    assert "reset_noise_scale" in inspect.signature(Hopper).parameters
+    with pytest.raises(TypeError, match=r"OfMujoco has no xml_file, the file of its model: add the field `xml_file: str"):
+        StepperEnv(type("OfMujoco", (MujocoTask,), {name: vars(Slide)[name] for name in ("frame_skip", "observations", "reward")})())
+
+
+@pytest.mark.parametrize("env", [StepperEnv, StepperVectorEnv])
+@pytest.mark.parametrize("name", [*METHODS, "_get_obs", "_get_rew", "reset_model", "reset_idx", "compute_reward", "_get_reset_info"])
+def test_a_class_of_environments_defines_no_methods_of_tasks(env, name):
+    """As subclasses of Gymnasium's MujocoEnv define them: they were never called."""
+    method = RENAMED["Task"].get(name, name)
+    with pytest.raises(TypeError) as error:
+        type("Own", (env,), {name: nothing})
+    remedy = f"define {signature(method)} in a subclass of stepper.envs.Task, and give that to {env.__name__}"
+    assert str(error.value) == f"Own defines {name}, which environments ignore: {remedy}"
+
+
+def test_a_class_of_environments_has_its_own_methods():
+    class Own(StepperEnv):
+        def __init__(self, **given):
+            super().__init__("Hopper", **given)
+
+        def reset(self, **given):
+            return self._get_obs(super().reset(**given))
+
+        def _get_obs(self, found):
+            return found[0][:3], found[1]
+
+        @property
+        def model(self):
+            return self.sim.model
+
+        def height(self):
+            return self.sim.qpos[0, 1]
+
+    assert Own().reset(seed=0)[0].shape == (3,)
+    assert Own().model.nq == 6
+
+
+ELEMENTS = """<mujoco><worldbody><body name="arm"><joint name="x" type="slide" axis="1 0 0"/><geom name="ball" size=".1"/><site name="tip"/>
+  </body></worldbody><actuator><motor name="motor" joint="x" ctrlrange="-1 1"/></actuator>
+  <sensor><accelerometer name="acc" site="tip"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize("name", ["acc", "arm", "x", "ball", "tip", "motor"])
+def test_a_row_with_the_name_of_an_element_has_a_hint_that_works(name):
+    rows = [Observation(name)]
+    own = type("Own", (Slide,), {"model": lambda self: stepper.load(ELEMENTS), "observations": lambda self: rows})()
+    with pytest.raises(AttributeError, match=rf"Own\.observations has the row '{name}' .*'{name}' is a \w+, write Observation") as error:
+        StepperEnv(own)
+    rows[0] = eval(str(error.value).partition(", write ")[2], {"Observation": Observation})
+    assert StepperEnv(own).reset(seed=0)[0].ndim == 1
+
+
+@pytest.mark.parametrize(("members", "message"), [
+    ({"carried": "level"}, r"Own\.carried is 'level', must be a tuple of names: \('level',\)"),
+    ({"camera": "track"}, r"Own\.camera is 'track', must be a dict such as .*camera_name of the environment names a camera"),
+    ({"observations": lambda self: [Observation("qpos", columns=[0, 9])]}, r"columns of the row 'qpos' is \[0, 9\]: index 9 is out"),
+])  # fmt: skip
+def test_values_of_a_wrong_kind_are_named(members, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        StepperEnv(type("Own", (Slide,), members)())
+
+
+def test_an_absent_array_of_a_task_without_arrays_names_the_method():
+    own = type("Own", (Slide,), {"reward": lambda self, now: (now.episode_state["speed"], {})})
+    message = (
+        r"Own.episode_state returns no 'speed'; define episode_state\(self, num_envs\), which returns \{'speed': np.zeros\(num_envs\)\}"
+    )
+    with pytest.raises(KeyError, match=message):
+        _step(own())
+    own.episode_state = lambda self, num_envs: {"speed": np.zeros(num_envs)}
+    assert _step(own())[1].tolist() == [0.0, 0.0]
+
+
+def _step(task):
+    """Results of one step of two environments."""
+    envs = StepperVectorEnv(task, 2)
+    envs.reset(seed=0)
+    return envs.step(np.zeros((2, 1)))

@@ -10,10 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from stepper._stepper import Model
 from stepper.loading.mjcf.actuators import CUBIC, PREVIOUS, delay_in_buffer, is_whole
 from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SDF, SPHERE, Description, Source
-from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
+from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS, not_read
 
 RAY_FIELDS = ("Distance", "Direction", "Origin", "Point")
 CONTACT_FIELDS = ("Found", "Force", "Torque", "Distance", "Pos", "Normal", "Tangent")
@@ -28,22 +27,6 @@ MISSING = {
     "user": "callbacks of MuJoCo do not run here",
 }
 """Reason why a type of sensor is not simulated, by its name in MJCF."""
-
-
-_NOT_READ = "not read: "
-"""Beginning of the reasons in `Model.omitted` for sensors without readings."""
-
-_SHORTER = "; nsensordata is smaller"
-"""End of the reasons in `Model.omitted` for sensors without readings."""
-
-
-def unread(model: Model) -> list[str]:
-    """Lines on the sensors of a model's source that have no readings: type, name and reason."""
-    return [
-        f"{kind.removeprefix('sensor ')} {label}: {why.removeprefix(_NOT_READ).removesuffix(_SHORTER)}"
-        for kind, label, why in model.omitted
-        if why.startswith(_NOT_READ)
-    ]
 
 
 class _NotReadError(Exception):
@@ -94,7 +77,7 @@ def sensors(source: Source) -> Iterator[Description]:
         try:
             kind = _kind(source, i, word)
         except _NotReadError as reason:
-            source.leave_out(f"sensor {word}", name, f"{_NOT_READ}{reason}{_SHORTER}", changes_motion=False)
+            source.leave_out(f"sensor {word}", name, not_read(reason), changes_motion=False)
             continue
         yield {
             "name": source.name("SENSOR", i),

@@ -2,8 +2,10 @@
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use stepper_core::DerivedQuantity;
 
+use crate::arguments::no_others;
 use crate::array::{OwnNumbers, read_only};
 use crate::elements::Kind;
 use crate::error::value_error;
@@ -55,13 +57,15 @@ impl Stepper {
     ///     ValueError: Both or none of body and site are given.
     ///     KeyError: The model has no body or site of that name.
     ///     IndexError: The model has no body or site of that index.
-    #[pyo3(signature = (body=None, site=None))]
+    #[pyo3(signature = (body=None, site=None, **others), text_signature = "($self, body=None, site=None)")]
     fn jacobian<'py>(
         mut slf: Writing<'_>,
         py: Python<'py>,
         body: Option<Bound<'py, PyAny>>,
         site: Option<Bound<'py, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        no_others("Stepper.jacobian", others, &["body", "site"])?;
         let model = slf.simulation.model();
         let quantity = match (body, site) {
             (Some(body), None) => DerivedQuantity::BodyJacobian(Kind::Body.find(model, &body)?),

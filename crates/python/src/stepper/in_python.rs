@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
+use crate::arguments::no_others;
 use crate::stepper::Stepper;
 
 #[pymethods]
@@ -68,8 +69,14 @@ impl Stepper {
     /// Raises:
     ///     ValueError: The quantity is unknown.
     ///     KeyError, IndexError: The model has no element of that name or index.
-    #[pyo3(signature = (name, of=None))]
-    fn read<'py>(slf: &Bound<'py, Self>, name: &str, of: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[pyo3(signature = (name, of=None, **others), text_signature = "($self, name, of=None)")]
+    fn read<'py>(
+        slf: &Bound<'py, Self>,
+        name: &str,
+        of: Option<Bound<'py, PyAny>>,
+        others: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        no_others("Stepper.read", others, &["name", "of"])?;
         slf.py().import("stepper._quantities")?.call_method1("read", (slf, name, of))
     }
 

@@ -4,8 +4,10 @@ use numpy::PyUntypedArrayMethods;
 use numpy::{IntoPyArray, ndarray::ArrayD};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use stepper_core::RayCast;
 
+use crate::arguments::no_others;
 use crate::array::{OwnNumbers, check_shape, float64_array, shape_text};
 use crate::elements::Kind;
 use crate::error::value_error;
@@ -37,7 +39,10 @@ impl Stepper {
     ///     ValueError: A shape is wrong, `axes` is unknown, a point is not finite, a direction is zero, or a mesh is not part of the model.
     ///     KeyError, IndexError: The model has no geom or body of that name or index.
     #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
-    #[pyo3(signature = (points, directions, *, body=None, axes="body", geoms=None, exclude=None))]
+    #[pyo3(
+        signature = (points, directions, *, body=None, axes="body", geoms=None, exclude=None, **others),
+        text_signature = "($self, points, directions, *, body=None, axes='body', geoms=None, exclude=None)"
+    )]
     fn rays<'py>(
         slf: &Bound<'py, Self>,
         py: Python<'py>,
@@ -47,7 +52,9 @@ impl Stepper {
         axes: &str,
         geoms: Option<Vec<Bound<'py, PyAny>>>,
         exclude: Option<Bound<'py, PyAny>>,
+        others: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        no_others("Stepper.rays", others, &["points", "directions", "body", "axes", "geoms", "exclude"])?;
         if let Some(body) = &body {
             let placed = py.import("stepper._quantities")?.call_method1("around_body", (slf, points, directions, body, axes))?;
             (points, directions) = placed.extract()?;

@@ -474,7 +474,8 @@ def hint_keywords(call: str) -> Callable[[C], C]:
 
         @functools.wraps(target)
         def checked(*given: Any, **named: Any) -> Any:
-            check(given[bound:], named)
+            if named or len(given) > most + bound:
+                check(given[bound:], named)
             return target(*given, **named)
 
         return checked  # type: ignore[return-value]

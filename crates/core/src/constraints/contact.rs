@@ -161,7 +161,8 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.may_have_immovable_rows = true;
         kernel!(R, || {
             let mut squared_speed = R::zero();
-            // A lever arm is rounding error if its terms are smaller than this number.
+            // A lever arm counts as rounding error below the fraction `least_lever` of the size of its terms. For terms of the size
+            // `least_size`, this bound is the rounding error of the contact point.
             let least_size = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
             self.builder.contact_columns(input, contacts, k, lanes);
             for i in 0..self.builder.dofs.len() {

@@ -252,8 +252,9 @@ pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
 /// Compliance that damps each constraint row of the position solve, as a fraction of the inverse inertia along the row.
 ///
-/// A row of average inverse inertia keeps 0.1 % of its error per correction. In a nearly singular configuration, where no motion is along
-/// a row, the damping bounds the motion: to 1 / (2 sqrt(DAMPING)), that is 16, times the length of the error (damped least squares).
+/// A row of average inverse inertia keeps 0.1 % of its error per correction. Near a singular configuration, joints must move far to
+/// change a row a little. The damping bounds this motion, as in damped least squares: to 1 / (2 sqrt(DAMPING)), that is 16, times the
+/// error.
 pub(crate) const DAMPING: f64 = 1e-3;
 
 /// Lever arm that converts between displacements and rotations in a position correction, m. It also increases the damping of long

@@ -60,8 +60,8 @@ pub(crate) struct Scratch<R: Real> {
     /// Free velocity in steps with an impact, if the forces before the impact acted for the whole step. Their inertial part is evaluated
     /// at the velocity before the step.
     pub(crate) v_free_early: Vec<R>,
-    /// Change of the free velocity in rows of impacts, in addition to `free_change`: `v_free_early` minus the corrected free velocity in
-    /// the first correction, and minus `free_change` in later ones.
+    /// Change of the free velocity in rows of impacts, in addition to `free_change`. In the first correction it is `v_free_early` minus
+    /// the corrected free velocity, in later ones minus `free_change`.
     pub(crate) early_extra_change: Vec<R>,
 }
 

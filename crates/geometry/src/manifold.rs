@@ -152,7 +152,7 @@ impl Clipper {
     /// Adds the contact points of two edges that cross, if a face next to one of the edges is nearly perpendicular to the contact normal.
     /// Returns whether points were added.
     ///
-    /// Such a face is as close to the other shape at other points as at the crossing, or will be soon. Points of the whole face at a
+    /// Such a face is nearly level: other points of it are about as close to the other shape as the crossing. Points of the whole face at a
     /// distance of at most `max_distance`, m, are therefore added. `tilts` is 1 - cos(angle) between each shape's face normal and the
     /// contact normal. Triangles of a surface get no points, because their neighbours have these points.
     fn level_faces(

@@ -29,8 +29,9 @@ use crate::pair::Pair;
 use crate::shape::ConvexShape;
 use crate::vectors::neg;
 
-/// Bulge of the ball around the second hull towards the first. It is relative to the part of the gap that the motion of the step cannot
-/// close. A larger bulge allows a smaller ball, but the plane becomes invalid after a smaller motion of the hulls.
+/// Distance by which the ball around the second hull projects beyond the hull towards the first one. It is relative to the part of the
+/// gap that the motion of the step cannot close. A larger distance allows a smaller ball, but the plane becomes invalid after a smaller
+/// motion of the hulls.
 const BULGE: f64 = 0.05;
 /// Smallest gap between two hulls for which a separating plane is computed, relative to the size of the hulls. Only the part of the gap
 /// that the motion of the step cannot close counts. With a smaller gap, the plane would be valid for a step or two only.

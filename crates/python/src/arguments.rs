@@ -18,6 +18,11 @@ pub(crate) fn no_others(call: &str, others: Option<&Bound<'_, PyDict>>, known: &
     Err(PyTypeError::new_err(text))
 }
 
+/// Value of a required argument of the Python call `call`, after [`no_others`]. `TypeError` if it is missing.
+pub(crate) fn required<'py>(call: &str, name: &str, given: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    given.ok_or_else(|| PyTypeError::new_err(format!("{call}() lacks the argument {name}")))
+}
+
 /// Integer argument of a Python call. `Number` is a valid u64; `Other` is any other object, which [`Whole::from`] converts or rejects.
 #[derive(FromPyObject)]
 pub(crate) enum Whole<'py> {

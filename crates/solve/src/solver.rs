@@ -119,8 +119,8 @@ fn solve_system<R: Real>(
         let redistributed = newly_loaded.and(before.gt(goal).or(slip.gt(R::of(SLIPS))));
         let search = Search { steps: newton_steps, tolerance: goal, terms: Terms::LeastNorm };
         newton.solve(system, iterate, search, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
-        // A newly loaded lane that meets its tolerance needs no sweeps, unless its tolerance is at most the goal (a lane that hardly
-        // moves). In such a lane, sweeps bring the motion to rest, and hardly change the distribution of the load.
+        // A newly loaded lane that meets its tolerance needs no sweeps, with one exception: a lane that hardly moves, whose tolerance is
+        // the goal or less. There, sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(newly_loaded.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     // In 32 bits, sweeps continue to their limit (see `FIRST_SWEEPS`).

@@ -104,7 +104,7 @@ impl<S: LaneScalar> Batch<S> {
     ///
     /// # Errors
     /// [`Error::Threads`].
-    pub(super) fn present_contacts(&mut self, inputs: &StepInputs<'_>, envs: &[usize]) -> Result<Vec<Vec<ContactOfGeoms>>, Error> {
+    pub(super) fn contacts_at_state(&mut self, inputs: &StepInputs<'_>, envs: &[usize]) -> Result<Vec<Vec<ContactOfGeoms>>, Error> {
         let mut copies: Vec<Option<Group<S>>> = vec![None; self.groups.len()];
         for &env in envs {
             let (group, lane) = self.lane(env);

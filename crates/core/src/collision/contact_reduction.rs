@@ -25,10 +25,9 @@ const MIN_CONTACTS: usize = 5;
 /// Sine of the angle between two normals below which they count as equal.
 const PARALLEL: f64 = 1e-9;
 
-/// Tolerance of three tests, relative to the size of a contact area: 2 micrometres for a foot. A contact counts as on an edge of the area's
-/// hull if its distance from the edge is below the tolerance. The gaps at the corners of the hull count as linear in their positions if a
-/// linear function has an error of at most the tolerance. The gap of a redundant contact may be smaller than this function by the
-/// tolerance.
+/// Length, relative to the size of a contact area, that counts as zero when redundant contacts are found: 2 micrometres for a foot. It is
+/// the tolerance of three tests: whether a contact is on an edge of the area's hull; whether the gaps at the corners are a linear
+/// function of position; and whether the gap of an inner contact is at least that of this function.
 ///
 /// Evidence: files have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;

@@ -23,7 +23,7 @@ pub struct ConstraintProblem<R: Real> {
     /// [`VelocitySolution::scalar_impulse`]: crate::constraints::velocity_solution::VelocitySolution::scalar_impulse
     pub impulse_indices: Vec<usize>,
     /// Contacts with three rows (sliding friction, or none): index of the slot in the contact set, and lanes of the slot with such a
-    /// contact. An elastic contact that neither bounces nor rests has no rows in its lane.
+    /// contact. An elastic contact that neither bounces nor rests in this step has no rows.
     pub sliding_slots: Vec<(usize, R::Mask)>,
     /// Contacts with six rows (torsional or rolling friction): index of the slot in the contact set, and lanes of the slot with such a
     /// contact. The third element has the lengths, m, that scale the three rotation rows.

@@ -176,7 +176,7 @@ proptest! {
         let (general, _) = distance(&a, &still, &b, &pose);
         let points = manifold(&a, &still, &b, &pose, 10.0).points;
         if points.is_empty() {
-            // The max_distance is longer than the distance. Only boxes that touch in a sliver may therefore have no contact.
+            // The largest distance exceeds that of the boxes. Only boxes that touch in a sliver may therefore have no contact.
             prop_assert!(graze([&a, &b], [&still, &pose]), "no contact, {general} apart");
             return Ok(());
         }

@@ -57,7 +57,7 @@ impl Stepper {
         let envs = slf.selection(envs.as_ref())?.envs;
         slf.apply(py)?;
         let simulation = &mut slf.simulation;
-        let contacts = py.detach(|| simulation.present_contacts(&envs)).map_err(value_error)?;
+        let contacts = py.detach(|| simulation.contacts_at_state(&envs)).map_err(value_error)?;
         structured(py, &envs, &contacts)
     }
 

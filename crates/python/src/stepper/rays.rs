@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::RayCast;
 
-use crate::arguments::no_others;
+use crate::arguments::{no_others, required};
 use crate::array::{OwnNumbers, check_shape, float64_array, shape_text};
 use crate::elements::Kind;
 use crate::error::value_error;
@@ -40,14 +40,14 @@ impl Stepper {
     ///     KeyError, IndexError: The model has no geom or body of that name or index.
     #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
     #[pyo3(
-        signature = (points, directions, *, body=None, axes="body", geoms=None, exclude=None, **others),
+        signature = (points=None, directions=None, *, body=None, axes="body", geoms=None, exclude=None, **others),
         text_signature = "($self, points, directions, *, body=None, axes='body', geoms=None, exclude=None)"
     )]
     fn rays<'py>(
         slf: &Bound<'py, Self>,
         py: Python<'py>,
-        mut points: Bound<'py, PyAny>,
-        mut directions: Bound<'py, PyAny>,
+        points: Option<Bound<'py, PyAny>>,
+        directions: Option<Bound<'py, PyAny>>,
         body: Option<Bound<'py, PyAny>>,
         axes: &str,
         geoms: Option<Vec<Bound<'py, PyAny>>>,
@@ -55,6 +55,8 @@ impl Stepper {
         others: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         no_others("Stepper.rays", others, &["points", "directions", "body", "axes", "geoms", "exclude"])?;
+        let mut points = required("Stepper.rays", "points", points)?;
+        let mut directions = required("Stepper.rays", "directions", directions)?;
         if let Some(body) = &body {
             let placed = py.import("stepper._quantities")?.call_method1("around_body", (slf, points, directions, body, axes))?;
             (points, directions) = placed.extract()?;

@@ -7,7 +7,7 @@ use pyo3::types::{PyDict, PyTuple};
 use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{Precision, StepInputs};
 
-use crate::arguments::{Whole, no_others};
+use crate::arguments::{Whole, no_others, required};
 use crate::array::{check_shape, described, float64_array, shape_text};
 use crate::error::value_error;
 use crate::options::unknown;
@@ -170,12 +170,12 @@ impl Stepper {
     ///     KeyboardInterrupt: The call was interrupted, as in `step`. The exception's `steps` counts the steps of all controls. `out` has
     ///         results for each control so far; for the interrupted control, these are the results after the last step before the
     ///         interruption. Later rows of `out` are unchanged.
-    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
+    #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn rollout<'py>(
         slf: &Bound<'py, Self>,
         py: Python<'py>,
-        ctrl: Bound<'py, PyAny>,
+        ctrl: Option<Bound<'py, PyAny>>,
         nstep: Whole<'_>,
         initial: Option<Bound<'py, PyAny>>,
         fields: Option<Vec<String>>,
@@ -183,6 +183,7 @@ impl Stepper {
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         no_others("Stepper.rollout", others, &["ctrl", "nstep", "initial", "fields", "out"])?;
+        let ctrl = required("Stepper.rollout", "ctrl", ctrl)?;
         let nstep = nstep.from(0, "nstep")? as usize;
         let mut slf = borrow(slf)?;
         if slf.recorder.is_some() {

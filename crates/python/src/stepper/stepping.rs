@@ -131,7 +131,8 @@ impl Stepper {
     /// Args:
     ///     ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
     ///         current controls (`Stepper.ctrl`), as in MuJoCo.
-    ///     nstep: Number of steps. With 0, the call only sets the controls, for quantities that follow from them, such as `qacc_smooth`.
+    ///     nstep: Number of steps. With 0, the call only sets the controls, for quantities that follow from them, such as `qacc_smooth`;
+    ///         `status` and other results are still those of the last step.
     ///     envs: Environments, as in `reset`. The other environments keep their state, controls, sensor readings and flags. A SIMD group
     ///         without a selected environment takes no time. But if sensors or actuators have delays, or if the stepper is recorded, all
     ///         environments step, and then the states of the unselected environments are restored.

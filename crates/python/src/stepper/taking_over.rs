@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyTuple};
+use pyo3::types::{PyDict, PyList, PyTuple};
 use stepper_core::SavedState;
 
+use crate::arguments::{no_others, required};
 use crate::error::value_error;
 use crate::selection::{Selection, indices};
 use crate::state::State;
@@ -73,8 +74,15 @@ impl Stepper {
     ///     TypeError: An index is no integer.
     ///     ValueError: The number of sources differs from the number of environments.
     ///     IndexError: An index is out of range.
-    #[pyo3(signature = (sources, envs=None))]
-    fn copy_state(slf: &Bound<'_, Self>, sources: Bound<'_, PyAny>, envs: Option<Bound<'_, PyAny>>) -> PyResult<()> {
+    #[pyo3(signature = (sources=None, envs=None, **others), text_signature = "($self, sources, envs=None)")]
+    fn copy_state<'py>(
+        slf: &Bound<'py, Self>,
+        sources: Option<Bound<'py, PyAny>>,
+        envs: Option<Bound<'_, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        no_others("Stepper.copy_state", others, &["sources", "envs"])?;
+        let sources = required("Stepper.copy_state", "sources", sources)?;
         let mut this = borrow(slf)?;
         let targets = this.selection(envs.as_ref())?.envs;
         let from = slf.py().import("numpy")?.call_method1("asarray", (&sources,))?;

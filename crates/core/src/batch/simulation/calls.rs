@@ -99,6 +99,10 @@ impl Simulation {
             self.set_ctrl_of(inputs.ctrl, inputs.mask)?;
         }
         self.invalidate_caches();
+        // A call without steps keeps the results of the last step, such as its status.
+        if nstep == 0 {
+            return Ok(0);
+        }
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(inputs) };
         with_batch!(&mut self.engine, batch => batch.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch))
     }

@@ -242,10 +242,10 @@ impl Simulation {
     /// # Panics
     /// When there is no such environment.
     #[track_caller]
-    pub fn present_contacts(&mut self, envs: &[usize]) -> Result<Vec<Vec<Contact>>, Error> {
+    pub fn contacts_at_state(&mut self, envs: &[usize]) -> Result<Vec<Vec<Contact>>, Error> {
         envs.iter().for_each(|&env| self.assert_env(env));
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
-        let stored = with_batch!(&mut self.engine, batch => batch.present_contacts(&inputs, envs))?;
+        let stored = with_batch!(&mut self.engine, batch => batch.contacts_at_state(&inputs, envs))?;
         Ok(stored.into_iter().map(|contacts| contacts.into_iter().map(|stored| self.contact(stored)).collect()).collect())
     }
 

@@ -149,6 +149,24 @@ def kind_of_environments(field: str) -> type[ReadOnly]:
     return kind(field, _OF_ENVIRONMENTS.format(field))
 
 
+class Contacts(np.ndarray[Any, Any]):
+    """Contacts of `Stepper.contacts`, one per row. Errors for unknown fields list the fields.
+
+    A single field is a plain array.
+    """
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, str) and key not in (self.dtype.names or ()):
+            raise ValueError(f"contacts have no field {key!r}; there are: {', '.join(self.dtype.names or ())}")
+        found = super().__getitem__(key)
+        return found.view(np.ndarray) if isinstance(key, str) else found
+
+    def __getattr__(self, name: str) -> Any:
+        names = self.dtype.names or ()
+        hint = f"; use contacts[{name!r}]" if name in names else f"; its fields are {', '.join(names)}, as contacts['force']"
+        raise AttributeError(f"contacts are an array without the attribute {name!r}{hint}")
+
+
 def not_assigned(owner: type, name: str) -> AttributeError:
     """Error for an assignment to a read-only attribute of a stepper, a model, or an element of a model, such as a body."""
     there = getattr(owner, name, None)

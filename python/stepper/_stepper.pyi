@@ -35,7 +35,8 @@ __all__ = [
     "Stepper",
     "Tendon",
     "__version__",
-    "check_options", "cpu_levels",
+    "check_options",
+    "cpu_levels",
     "fields",
     "selected",
 ]

@@ -266,3 +266,12 @@ def test_a_call_without_steps_sets_the_controls():
     sim.step()
     other.step(ctrl)
     np.testing.assert_array_equal(sim.qvel, other.qvel)
+
+
+def test_an_unknown_field_of_contacts_is_told_the_fields():
+    sim = stepper.Stepper(stepper_model("gymnasium/ant"))
+    found = sim.contacts()
+    assert type(found["pos"]) is np.ndarray
+    for wrong in (lambda: found["dist"], lambda: found.force, lambda: found.geom1):
+        with pytest.raises((ValueError, AttributeError), match=r"env, geom, body, pos, normal|use contacts\['force'\]"):
+            wrong()

@@ -143,6 +143,19 @@ pub(crate) fn float64_array<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyRes
     array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
 }
 
+/// Checks that the value of the field `name` in the Python call `call` is no dict.
+///
+/// # Errors
+/// `TypeError` for a dict, with the form in which values are given by the names of elements.
+pub(crate) fn no_mapping(call: &str, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    if !value.is_instance_of::<PyDict>() {
+        return Ok(());
+    }
+    Err(PyTypeError::new_err(format!(
+        "{call}: {name} is a dict, must be an array; values by name are {{'{name}[element]': value}}, as the first argument"
+    )))
+}
+
 /// Calls `read` with the shape and the numbers of an argument, and returns its result. If the argument is no C-contiguous float64 array,
 /// the function returns None.
 ///

@@ -14,7 +14,9 @@ use stepper_core::analysis::overlaps;
 use stepper_core::model::{Description, Field, HeightField, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
 use stepper_core::{Integrator, Options, Parameter, Precision};
 
-use crate::array::{array, assign_attribute, check_shape, check_shape_of, float64_array, hint, read_only, unknown_field, whole};
+use crate::array::{
+    array, assign_attribute, check_shape, check_shape_of, float64_array, hint, no_mapping, read_only, unknown_field, whole,
+};
 use crate::configurations;
 use crate::error::{ModelError, to_py, value_error};
 use crate::getters::getters;
@@ -222,6 +224,7 @@ impl Model {
                 let known = REPLACEABLE.iter().map(|field| field.name).collect();
                 return Err(unknown_field(given.py(), "Model.replace", &name, known, "help(stepper.Model)")?);
             };
+            no_mapping("Model.replace", &name, &given)?;
             let numbers = float64_array(&given, &name)?;
             // The conversion to an array gives a scalar the shape (1,).
             let scalar = shape.is_empty() && numbers.shape() == [1];

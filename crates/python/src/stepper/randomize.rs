@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
-use crate::array::{array, check_shape_of, described, float64_array, read_only_of_environments, unknown_field};
+use crate::array::{array, check_shape_of, described, float64_array, no_mapping, read_only_of_environments, unknown_field};
 use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -29,16 +29,21 @@ impl Stepper {
         let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
         let mut specs = None;
+        // An unknown name is reported before wrong values of other fields.
+        for (name, _) in fields.into_iter().flatten() {
+            let text: String = name.extract()?;
+            if text != ACTUATORS && text.parse::<Parameter>().is_err() {
+                let known = Parameter::ALL.into_iter().map(Parameter::name).chain([ACTUATORS]).collect();
+                return Err(unknown_field(name.py(), "Stepper.randomize", &text, known, "help(stepper.Stepper.randomize)")?);
+            }
+        }
         for (name, value) in fields.into_iter().flatten() {
             let name: String = name.extract()?;
-            if name == ACTUATORS {
+            let Ok(parameter) = name.parse::<Parameter>() else {
                 specs = Some(if value.is_none() { None } else { Some(drives(&value, &self.model, self.n(), Some(envs))?) });
                 continue;
-            }
-            let Ok(parameter) = name.parse::<Parameter>() else {
-                let known = Parameter::ALL.into_iter().map(Parameter::name).chain([ACTUATORS]).collect();
-                return Err(unknown_field(value.py(), "Stepper.randomize", &name, known, "help(stepper.Stepper.randomize)")?);
             };
+            no_mapping("Stepper.randomize", &name, &value)?;
             if value.is_none() {
                 given.push((parameter, None));
                 continue;

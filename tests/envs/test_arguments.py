@@ -173,6 +173,16 @@ def test_a_range_with_its_ends_exchanged_is_an_error(argument, ends):
         StepperEnv(name, **{field: (max(ends), min(ends))})
 
 
+def test_a_range_of_another_task_may_descend():
+    @dataclasses.dataclass(frozen=True, kw_only=True)
+    class Own(TASKS["Hopper"]):
+        anneal_range: tuple[float, float] = (1.0, 0.1)
+
+    StepperEnv(Own)
+    with pytest.raises(ValueError, match="healthy_z_range of Own is"):
+        StepperEnv(Own, healthy_z_range=(2.0, 1.0))
+
+
 @pytest.mark.parametrize("name", [name for name, task in TASKS.items() if hasattr(task, "reset_noise_scale")])
 def test_noise_has_no_negative_scale(name):
     with pytest.raises(ValueError, match=f"reset_noise_scale of {name} is -0.1, must be a finite number of at least 0"):

@@ -118,6 +118,7 @@ def test_a_draw_of_a_wrong_shape_has_a_note_with_the_right_one(hook):
     (lambda: Observation("sensordata", "acc"), "for elements by name, write func=lambda now: now.read('sensordata', 'acc')"),
     (lambda: Observation("xpos", ["a", "b"]), "write func=lambda now: now.read('xpos', ['a', 'b'])"),
     (lambda: Observation("qvel", clip=5.0), "clip of Observation 'qvel' is 5.0, must be a lower and an upper bound: clip=(-5.0, 5.0)"),
+    (lambda: Observation("qpos", clip=(1, -1)), "clip of Observation 'qpos' is (1, -1), must be the lower bound and then the upper bound"),
     (lambda: Observation("qvel", clip=(1.0,)), "clip of Observation 'qvel' is (1.0,), must be a lower and an upper bound"),
     (lambda: Observation("qvel", noise=-1.0), "noise of Observation 'qvel' is -1.0, must be a finite number of at least 0"),
     (lambda: Observation("qvel", noise=(-1.0, 1.0)), "noise of Observation 'qvel' is (-1.0, 1.0), must be a number"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import warnings
 from collections.abc import Sequence
@@ -376,8 +377,9 @@ class Batch:
 
 
 def _check_ranges(task: Any) -> None:
-    """Raises ValueError if a range among the fields of a task has exchanged ends, or if its `reset_noise_scale` is negative."""
-    for field in fields(task):
+    """Raises ValueError if a range has its upper end first, or `reset_noise_scale` is negative, among the fields of stepper's own tasks."""
+    own = {name for kind in type(task).__mro__ if kind.__module__.startswith("stepper.") for name in inspect.get_annotations(kind)}
+    for field in (field for field in fields(task) if field.name in own):
         value, name = getattr(task, field.name), f"{field.name} of {type(task).__name__}"
         if (
             field.name.endswith("_range")

@@ -250,6 +250,9 @@ class Observation:
             raise TypeError(
                 f"clip of Observation {self.name!r} is {self.clip!r}, must be a lower and an upper bound: clip=({-size}, {size})"
             )
+        low, high = (None, None) if self.clip is None else self.clip
+        if low is not None and high is not None and np.any(np.greater(low, high)):
+            raise ValueError(f"clip of Observation {self.name!r} is {self.clip!r}, must be the lower bound and then the upper bound")
 
     def read(self, now: Moment) -> Array:
         """Returns the values of this row of the observation table, (num_envs, n), in its unit, with noise and before `clip`."""

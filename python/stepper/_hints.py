@@ -197,6 +197,16 @@ def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeE
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint}")
 
 
+def raise_error_of_property(instance: Any, name: str) -> None:
+    """Raises the AttributeError that hides behind a call of `__getattr__`: that of a property, or a plain one for a special name.
+
+    Python calls `__getattr__` also after a property of the class raised an AttributeError. The function evaluates the property again, so
+    that the original error shows. It returns if the class has no such attribute.
+    """
+    if name.startswith("__") or hasattr(type(instance), name):
+        object.__getattribute__(instance, name)
+
+
 def _similar_attribute(owner: type, name: str, more: Iterable[str] = ()) -> str:
     """End of an error message with attributes of similar names, of a class or, for a model and a stepper, of the other one.
 
@@ -397,6 +407,7 @@ class Hints:
     if not TYPE_CHECKING:  # Type checkers read the attributes from the class.
 
         def __getattr__(self, name: str) -> Any:
+            raise_error_of_property(self, name)
             raise no_attribute(type(self), name, vars(self))
 
         def __setattr__(self, name: str, value: Any) -> None:

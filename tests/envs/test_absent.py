@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import stepper.envs
 from cases import Slide
-from stepper import Stepper
+from stepper import Stepper, _hints
 from stepper._hints import place_of
 from stepper._other_names import NEW_NAMES
 from stepper.envs import StepperEnv, StepperVectorEnv
@@ -78,6 +78,33 @@ def test_attributes_of_the_parts_of_an_environment_are_found(owner):
         env.unwrapped.healthy_z_range  # noqa: B018
 
 
+@pytest.mark.parametrize("owner", OWNERS)
+@pytest.mark.parametrize(("name", "place"), [("healthy", "now.healthy"), ("reward", "task.reward(env.unwrapped.now)")])
+def test_a_method_of_the_task_is_named_with_its_argument(owner, name, place):
+    with pytest.raises(AttributeError, match=rf"; use env\.unwrapped\.{re.escape(place)}$"):
+        getattr(OWNERS[owner].unwrapped, name)
+
+
+class Wrong:
+    @property
+    def height(self):
+        return [].top
+
+
+@pytest.mark.parametrize("kind", [Slide, StepperEnv, StepperVectorEnv, Moment, _hints.Hints])
+def test_an_error_inside_a_property_shows(kind):
+    own = type("Own", (Wrong, kind), {})
+    with pytest.raises(AttributeError, match=r"^'list' object has no attribute 'top'$"):
+        own.__new__(own).height  # noqa: B018
+
+
+def test_special_names_have_no_hint():
+    """Libraries look for many of them, and similar names take a millisecond."""
+    for thing in (Slide(), ENV.unwrapped, ENVS.unwrapped):
+        with pytest.raises(AttributeError, match=f"^'{type(thing).__name__}' object has no attribute '__array__'$"):
+            thing.__array__  # noqa: B018
+
+
 def test_a_misspelled_attribute_of_an_environment_is_suggested():
     with pytest.raises(AttributeError, match="did you mean episode_returns"):
         ENVS.unwrapped.episode_retuns  # noqa: B018
@@ -105,6 +132,8 @@ def test_hints_of_the_stepper_are_those_of_now():
             assert place_of(Stepper, name).replace(" sim.", " now.sim.") in str(error.value)
     with pytest.raises(AttributeError, match=r"the value of the model is now\.sim\.model\.body_mass$"):
         NOW.body_mass  # noqa: B018
+    with pytest.raises(AttributeError, match=r"did you mean len\(now\.sim\.model\.keyframe_names\)\?$"):
+        NOW.nkey  # noqa: B018
     with pytest.raises(AttributeError, match=r"did you mean qpos\?$"):
         NOW.qpso  # noqa: B018
     with pytest.raises(TypeError, match=r"now\['qpos'\] is not defined: quantities are attributes, as now\.qpos, and now\.read"):
@@ -163,8 +192,12 @@ def test_an_argument_of_the_task_is_not_assigned_to_an_environment(owner):
     """The assignment changed nothing."""
     env = OWNERS[owner].unwrapped
     for name in ("frame_skip", "healthy_reward", "reset_noise_scale"):
-        with pytest.raises(AttributeError, match=rf"^{name} of a {owner} cannot be assigned, .*: make another environment with {name}=3$"):
+        with pytest.raises(
+            AttributeError, match=rf"^{name} of a {owner} cannot be assigned, .*: make another environment, with the argument {name}=3 or"
+        ):
             setattr(env, name, 3)
     assert gymnasium.make(NAME, frame_skip=3, healthy_reward=3).unwrapped.task.frame_skip == 3
+    with pytest.raises(AttributeError, match=r"^frame_skip of a StepperEnv cannot be assigned: set it in the class Slide of the task"):
+        StepperEnv(Slide()).frame_skip = 3
     env.own = 3
     assert env.own == 3

@@ -26,9 +26,9 @@ _SHAPES = (
     "rng.uniform(low, high, 1)[:, 0]"
 )
 """Note on errors of NumPy in hooks that draw random numbers: the shape of the draws."""
-NO_DATA = (
-    "a task has no data of episodes: define episode_state(self, num_envs), which returns an array for each name, and write to "
-    "now.episode_state[name]"
+NO_ASSIGNMENT = (
+    "attributes of a task cannot be assigned: for data of episodes, define episode_state(self, num_envs), which returns an array for each "
+    "name, and write to now.episode_state[name]"
 )
 """Note on errors of a task that assigns to an attribute of the task."""
 
@@ -46,7 +46,7 @@ def call_hook(task: Any, hook: str, *arguments: Any) -> None:
             error.add_note(_SHAPES)
         raise
     except FrozenInstanceError as error:
-        error.add_note(NO_DATA)
+        error.add_note(NO_ASSIGNMENT)
         raise
     if result is not None:
         raise ValueError(

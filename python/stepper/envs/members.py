@@ -19,6 +19,7 @@ from stepper._other_names import IGNORED_BY_ENVIRONMENTS, RENAMED
 _SIMILAR = 0.85
 """Ratio of `difflib` from which the name of a method counts as a misspelled method of `Task`."""
 _DATACLASS = "@dataclass(frozen=True, kw_only=True)"
+_NO_ARGUMENTS = "the constructor of Task takes no arguments: load the model in the method model(self), and define frame_skip in the class"
 _SKELETON = {
     "frame_skip": "frame_skip: int = 1",
     "model": 'def model(self): return stepper.load("robot.xml")',
@@ -38,7 +39,12 @@ class TaskType(ABCMeta):
             _check_complete(cls)
             _check_defaults(cls)
             _check_arguments(cls, given, named)
-            return super().__call__(*given, **named)
+            try:
+                return super().__call__(*given, **named)
+            except TypeError as error:
+                if str(error).startswith("object.__init__()"):
+                    error.add_note(_NO_ARGUMENTS)
+                raise
 
         @property
         def __signature__(cls) -> inspect.Signature:

@@ -8,10 +8,10 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from stepper._hints import hint_keywords
+from stepper._hints import hint_keywords, raise_error_of_property
 from stepper._options import Options, Precision
 from stepper._stepper import Stepper
-from stepper.envs.absent import check_assignment, of_environment
+from stepper.envs.absent import check_assignment, missing_from_environment
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.making import make_task
@@ -85,7 +85,8 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         check_environment(cls, Task)
 
     def __getattr__(self, name: str) -> Any:
-        raise of_environment(StepperEnv, self, name)
+        raise_error_of_property(self, name)
+        raise missing_from_environment(StepperEnv, self, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name[0] != "_":

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import WrongArgumentError, hint_keywords, no_attribute
+from stepper._hints import WrongArgumentError, hint_keywords, no_attribute, raise_error_of_property
 from stepper._other_names import RENAMED
 from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
-from stepper.envs.absent import of_now, of_task
+from stepper.envs.absent import missing_from_now, missing_from_task
 from stepper.envs.assets import load_quietly, model_file
 from stepper.envs.hooks import call_hook, in_words
 from stepper.envs.members import TaskType, check_members
@@ -67,10 +67,11 @@ class Moment:
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this only for attributes that do not exist yet.
+        raise_error_of_property(self, name)
         if name.startswith("_"):
             raise AttributeError(name)
         if name in RENAMED["Moment"]:
-            raise of_now(name, Moment, _OWN)
+            raise missing_from_now(name, Moment, _OWN)
         if self._expired:
             raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
         try:
@@ -78,7 +79,7 @@ class Moment:
         except AttributeError:
             if name == "healthy" or hasattr(type(self.sim), name):
                 raise
-            raise of_now(name, Moment, _OWN) from None
+            raise missing_from_now(name, Moment, _OWN) from None
         if callable(value):
             return value  # Methods are not stored, so that every access checks whether the moment has expired.
         if isinstance(value, np.ndarray):
@@ -313,16 +314,11 @@ class Task(metaclass=TaskType):
 
     if not TYPE_CHECKING:  # Type checkers read the arguments from the fields of the class.
 
-        def __init__(self, *given: Any, **named: Any) -> None:
-            if (given or named) and type(self).__new__ is object.__new__:
-                what = f"{given[0]!r}" if given else f"{next(iter(named))!r}"
-                raise WrongArgumentError(
-                    f"{type(self).__name__} gives {what} to the constructor of Task, which takes no arguments: "
-                    "load the model in the method model(self), and define frame_skip in the class"
-                )
-
         def __getattr__(self, name: str) -> Any:
-            raise of_task(self, name, _OWN)
+            if (of_next_class := getattr(super(), "__getattr__", None)) is not None:
+                return of_next_class(name)
+            raise_error_of_property(self, name)
+            raise missing_from_task(self, name, _OWN)
 
     @abstractmethod
     def model(self) -> Model:

@@ -11,7 +11,7 @@ import numpy as np
 
 from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
-from stepper.envs.hooks import NO_DATA, in_words
+from stepper.envs.hooks import NO_ASSIGNMENT, in_words
 from stepper.envs.members import check_members
 from stepper.envs.task import Array, Moment, Observation, Task, Terms
 from stepper.shared.arguments import check_mapping
@@ -210,7 +210,7 @@ def rewards_of(task: Task, now: Moment, num_envs: int) -> tuple[Array, Terms]:
     try:
         result: Any = task.reward(now)
     except FrozenInstanceError as error:
-        error.add_note(NO_DATA)
+        error.add_note(NO_ASSIGNMENT)
         raise
     if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], Mapping)):
         raise ValueError(

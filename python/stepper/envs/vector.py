@@ -13,10 +13,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
-from stepper._hints import hint_keywords
+from stepper._hints import hint_keywords, raise_error_of_property
 from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper, selected
-from stepper.envs.absent import check_assignment, of_environment
+from stepper.envs.absent import check_assignment, missing_from_environment
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.making import autoreset, make_task
@@ -113,7 +113,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         check_environment(cls, Task)
 
     def __getattr__(self, name: str) -> Any:
-        raise of_environment(StepperVectorEnv, self, name)
+        raise_error_of_property(self, name)
+        raise missing_from_environment(StepperVectorEnv, self, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name[0] != "_":

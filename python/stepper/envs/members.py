@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
-import dis
 import inspect
-import re
+import sys
+import warnings
 from abc import ABCMeta
-from collections.abc import Iterable, Iterator
 from dataclasses import fields
-from functools import cached_property
-from types import CodeType, MethodType
+from types import MethodType
 from typing import TYPE_CHECKING, Any
 
 from stepper._hints import WrongArgumentError, unknown_keyword
 from stepper._other_names import IGNORED_BY_ENVIRONMENTS, RENAMED
 
-_SIMILAR = 0.85
-"""Ratio of `difflib` from which the name of a method counts as a misspelled method of `Task`."""
 _DATACLASS = "@dataclass(frozen=True, kw_only=True)"
 _NO_ARGUMENTS = "the constructor of Task takes no arguments: load the model in the method model(self), and define frame_skip in the class"
 _SKELETON = {
@@ -48,7 +43,7 @@ class TaskType(ABCMeta):
 
         @property
         def __signature__(cls) -> inspect.Signature:
-            if _takes_nothing(cls):
+            if _has_no_constructor(cls):
                 return inspect.Signature()
             return inspect.signature(MethodType(cls.__init__, cls))
 
@@ -63,36 +58,30 @@ def no_dataclass(task: type, name: str) -> str:
     for kind in _undecorated(task):
         if name in _annotations(kind):
             own, field = (task, f", with the field {name}") if _is_abstract(kind) else (kind, "")
-            return f", because {own.__name__} is no dataclass: write {_above(own)}{field}"
+            return f", because {own.__name__} is no dataclass: write {_dataclass_advice(own)}{field}"
     return ""
 
 
-def check_members(task: type, base: type, members: Iterable[str] | None = None) -> None:
-    """Raises TypeError if a class of tasks defines a member that environments ignore.
+def check_members(task: type, base: type) -> None:
+    """Warns of members of a class of tasks that environments ignore.
 
-    Such a member has another library's name for a method of `Task`, or is misspelled. Members that the class itself uses are accepted, and
-    all members of stepper's own tasks.
+    They are methods with another library's name for a method of `Task`, methods whose name is one edit away from a method of `Task`, and
+    values such as `decimation`. Members that a base class already has are accepted, and all members of stepper's own tasks.
 
     Args:
         task: The class.
         base: The class `Task`.
-        members: Names of attributes of an instance that its constructor set; None checks the body of the class.
     """
     if task.__module__.startswith("stepper."):
         return
-    others = task.__mro__[1:] if members is None else task.__mro__
-    known = {name for kind in others for name in _names_of(kind)}
-    names = [name for name in (_names_of(task) if members is None else members) if name not in known]
-    suspects = {name: text for name in names if (text := _instead(name, vars(task).get(name), base))}
-    while suspects and (used := suspects.keys() & set(_read_in(task, suspects))):
-        suspects = {name: text for name, text in suspects.items() if name not in used}
-    if suspects:
-        remedies = "; ".join(suspects.values())
-        raise TypeError(f"{task.__name__} defines {', '.join(suspects)}, which environments ignore: {remedies}")
+    inherited = {name for kind in task.__mro__[1:] for name in _names_of(kind)}
+    for name in _names_of(task):
+        if name not in inherited and (advice := _advice(name, vars(task).get(name), base)):
+            _warn(task, f"{task.__name__} defines {name}, which environments ignore: {advice}")
 
 
 def check_environment(env: type, base: type) -> None:
-    """Raises TypeError if a class of environments defines a method that belongs into a task, and that the class itself does not use.
+    """Warns of methods of a class of environments that belong into a task.
 
     Args:
         env: The class.
@@ -100,18 +89,18 @@ def check_environment(env: type, base: type) -> None:
     """
     inherited = {name for kind in env.__mro__[1:] for name in _names_of(kind)}
     for name, member in vars(env).items():
-        is_method = name[0] != "_" and inspect.isfunction(vars(base).get(name))
-        method = name if is_method else RENAMED["Task"].get(name, "") if _OF_TASKS.match(name) else ""
-        if method and inspect.isfunction(member) and name not in inherited and name not in set(_read_in(env, [name])):
-            arguments = ", ".join(inspect.signature(vars(base)[method]).parameters)
-            raise TypeError(
-                f"{env.__name__} defines {name}, which environments ignore: define {method}({arguments}) in a subclass of "
-                f"stepper.envs.Task, and give that to {env.__mro__[1].__name__}"
-            )
+        method = name if name in _methods_of(base) else RENAMED["Task"].get(name)
+        if method and inspect.isfunction(member) and name not in inherited:
+            remedy = f"define {_signature(base, method)} in a subclass of stepper.envs.Task, and give that to {env.__mro__[1].__name__}"
+            _warn(env, f"{env.__name__} defines {name}, which environments ignore: {remedy}")
 
 
-_OF_TASKS = re.compile("_|reset_|compute_")
-"""Beginning of names of other libraries for methods that a class of environments defines, and no user of it calls."""
+def _warn(kind: type, text: str) -> None:
+    """Issues a UserWarning at the line that defines a class: the innermost call in the module of the class."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__") != kind.__module__:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, UserWarning, stacklevel=level)
 
 
 def _annotations(kind: type) -> dict[str, Any]:
@@ -127,7 +116,17 @@ def _names_of(kind: type) -> list[str]:
     return [*dict.fromkeys([*_annotations(kind), *vars(kind)])]
 
 
-def _instead(name: str, value: Any, base: type) -> str:
+def _methods_of(base: type) -> list[str]:
+    """Names of the public methods in the body of a class."""
+    return [name for name, member in vars(base).items() if inspect.isfunction(member) and name[0] != "_"]
+
+
+def _signature(base: type, method: str) -> str:
+    """Call of a method with the names of its arguments, such as "reward(self, now)"."""
+    return f"{method}({', '.join(inspect.signature(vars(base)[method]).parameters)})"
+
+
+def _advice(name: str, value: Any, base: type) -> str:
     """Advice on a member of a task that environments ignore, or "" if the member may be the task's own.
 
     Args:
@@ -135,47 +134,18 @@ def _instead(name: str, value: Any, base: type) -> str:
         value: Its value in the body of the class, or None.
         base: The class `Task`.
     """
-    if _codes(value) or inspect.isclass(value):
-        methods = [method for method, function in vars(base).items() if inspect.isfunction(function) and method[0] != "_"]
-        new = RENAMED["Task"].get(name)
-        if new is None and name[0] != "_":
-            new = next(iter(difflib.get_close_matches(name, methods, n=1, cutoff=_SIMILAR)), None)
-        if new is not None:
-            return f"define {new}({', '.join(inspect.signature(vars(base)[new]).parameters)}) instead of {name}"
+    if inspect.isfunction(value):
+        method = RENAMED["Task"].get(name) or next((each for each in _methods_of(base) if _one_edit_apart(name, each)), None)
+        if method is not None:
+            return f"define {_signature(base, method)} instead of {name}"
     return IGNORED_BY_ENVIRONMENTS.get(name, "")
 
 
-def _codes(value: Any) -> list[CodeType]:
-    """Code of a function, method, property or decorated function, with that of the functions in it; empty for other values."""
-    if isinstance(value, property):
-        value = value.fget
-    elif isinstance(value, cached_property):
-        value = value.func
-    code = getattr(inspect.unwrap(getattr(value, "__func__", value)), "__code__", None)
-    codes = [code] if isinstance(code, CodeType) else []
-    for code in codes:
-        codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
-    return codes
-
-
-def _read_in(task: type, without: Iterable[str]) -> Iterator[str]:
-    """Names that the members of a class and of its bases outside stepper use, except the members `without`.
-
-    They are attributes that code reads, texts in code, and texts and functions in tables, such as a dictionary of terms of a reward.
-    """
-    members = [member for kind in task.__mro__ if not kind.__module__.startswith("stepper.") for member in vars(kind).items()]
-    for name, member in members:
-        if name in without:
-            continue
-        for code in _codes(member):
-            yield from (step.argval for step in dis.get_instructions(code) if step.opname in _READS and isinstance(step.argval, str))
-        if not name.startswith("__") and isinstance(member, tuple | list | set | frozenset | dict):
-            for item in [*member, *(member.values() if isinstance(member, dict) else ())]:
-                yield item if isinstance(item, str) else getattr(item, "__name__", "")
-
-
-_READS = {name for name in dis.opname if name.startswith("LOAD_") and any(part in name for part in ("ATTR", "METHOD", "CONST"))}
-"""Instructions of Python that read an attribute or a constant."""
+def _one_edit_apart(one: str, other: str) -> bool:
+    """Whether two names differ by one letter that is added, removed or replaced, or by an exchange of two adjacent letters."""
+    start = next((k for k, (x, y) in enumerate(zip(one, other, strict=False)) if x != y), min(len(one), len(other)))
+    a, b = one[start:], other[start:]
+    return a != b and (a[1:] == b[1:] or a[1:] == b or a == b[1:] or (a[:2] == b[1::-1] and a[2:] == b[2:]))
 
 
 def _check_complete(task: type) -> None:
@@ -196,10 +166,16 @@ def _check_arguments(task: type, given: tuple[Any, ...], named: dict[str, Any]) 
     if inspect.Parameter.VAR_KEYWORD not in kinds:
         for name in named:
             if name not in known:
-                remedy = no_dataclass(task, name) or (f": write {_above(task)}, with the field {name}" if _takes_nothing(task) else "")
+                remedy = no_dataclass(task, name) or (
+                    f": write {_dataclass_advice(task)}, with the field {name}" if _has_no_constructor(task) else ""
+                )
                 raise WrongArgumentError(f"{call} takes no {name!r}{remedy}" if remedy else unknown_keyword(task.__name__, name, known))
     if given and kinds <= {inspect.Parameter.KEYWORD_ONLY}:
-        remedy = f"give it by name, as {task.__name__}({next(iter(known))}=...)" if known else f"write {_above(task)}, with a field for it"
+        remedy = (
+            f"give it by name, as {task.__name__}({next(iter(known))}=...)"
+            if known
+            else f"write {_dataclass_advice(task)}, with a field for it"
+        )
         raise WrongArgumentError(f"{call} takes no argument without a name, but {given[0]!r} is given: {remedy}")
 
 
@@ -214,8 +190,8 @@ def _check_defaults(task: type) -> None:
             if field.init and field.name in vars(kind) and field.name not in typed:
                 text = f"{field.name}: {field.type} = {vars(kind)[field.name]!r}"
                 raise TypeError(
-                    f"{kind.__name__} changes {field.name} of the dataclass {owner.__name__} without effect: write {_above(kind)}, and the "
-                    f"field with its type, {text}"
+                    f"{kind.__name__} changes {field.name} of the dataclass {owner.__name__} without effect: write "
+                    f"{_dataclass_advice(kind)}, and the field with its type, {text}"
                 )
 
 
@@ -235,7 +211,7 @@ def _undecorated(task: type) -> list[type]:
     return kinds
 
 
-def _takes_nothing(task: type) -> bool:
+def _has_no_constructor(task: type) -> bool:
     """Whether a class of tasks defines no constructor, nor do its bases except `Task` and `MujocoTask`."""
     return not any(name in vars(kind) for kind in task.__mro__ if not _is_abstract(kind) for name in ("__init__", "__new__"))
 
@@ -245,6 +221,6 @@ def _is_abstract(kind: type) -> bool:
     return kind is object or kind.__module__ == "stepper.envs.task"
 
 
-def _above(kind: type) -> str:
+def _dataclass_advice(kind: type) -> str:
     """Advice to make a class a dataclass."""
     return f"{_DATACLASS} above class {kind.__name__}"

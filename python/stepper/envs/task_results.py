@@ -12,7 +12,6 @@ import numpy as np
 from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
 from stepper.envs.hooks import NO_ASSIGNMENT, in_words
-from stepper.envs.members import check_members
 from stepper.envs.task import Array, Moment, Observation, Task, Terms
 from stepper.shared.arguments import check_mapping
 from stepper.shared.functions import check_takes
@@ -28,11 +27,10 @@ Table = list[tuple[Observation, slice]]
 
 
 def check_methods(task: Task) -> None:
-    """Raises TypeError if a member of a task does not fit the member of `Task` that it overrides, or if environments ignore it.
+    """Raises TypeError if a member of a task does not fit the member of `Task` that it overrides.
 
     A method must take the same number of arguments.
     """
-    check_members(type(task), Task, vars(task))
     kind = type(task).__name__
     check_mapping(
         f"{kind}.camera", task.camera, '{"distance": 3.0}; the argument camera_name of the environment names a camera of the file'

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import stepper
 import stepper.envs
+from cases import Slide
 from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
@@ -104,7 +105,7 @@ CALLS = {
 def test_an_unknown_argument_is_named_with_the_present_one(call, name, hint):
     with pytest.raises(TypeError) as error:
         CALLS[call](**{name: 1})
-    assert f"an environment of InvertedPendulum() {hint}" in str(error.value)
+    assert re.fullmatch(rf"Stepper(Vector)?Env\(\) {re.escape(hint)}.*", str(error.value))
 
 
 METHODS = [name for name, method in vars(Task).items() if inspect.isfunction(method) and name[0] != "_" and name not in VECTOR_SETTINGS]
@@ -146,6 +147,11 @@ def test_a_task_without_a_file_defines_its_model(name):
 def test_arguments_with_a_task_that_exists():
     with pytest.raises(TypeError, match=r"Hopper exists already: give \['frame_skip'\] to its constructor, as Hopper\(frame_skip=\.\.\.\)"):
         StepperEnv(TASKS["Hopper"](), frame_skip=2)
+    for name, argument in (("decimation", "frame_skip"), ("xml", "xml_file")):
+        with pytest.raises(TypeError, match=rf"takes no '{name}': give {argument} to the constructor of the task, as Hopper\({argument}="):
+            StepperVectorEnv(TASKS["Hopper"](), 2, **{name: 2})
+    with pytest.raises(TypeError, match="takes no 'decimation': set frame_skip in the class Slide, or in a subclass"):
+        StepperVectorEnv(Slide, 2, decimation=2)
     with pytest.raises(TypeError, match="takes no 'sensors': write a subclass of Hopper with a method sensors"):
         StepperVectorEnv(TASKS["Hopper"](), 2, sensors=None)
 

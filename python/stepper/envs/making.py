@@ -32,9 +32,10 @@ _REMEDIES = {
     "env_kwargs": 'give its arguments themselves, as contact="hard"',
     "device": "leave it out, environments run on the CPU",
     "wrappers": "wrap the environment that you get, with gymnasium.wrappers or gymnasium.wrappers.vector",
-    **dict.fromkeys(("decimation", "action_repeat", "n_substeps", "nsubsteps", "n_frames", "n_sub_steps"), "use frame_skip"),
 }
 """Remedies in error messages for arguments that environments do not take, by name."""
+_FRAME_SKIPS = ("decimation", "action_repeat", "n_substeps", "nsubsteps", "n_frames", "n_sub_steps")
+"""Names of other libraries for the argument `frame_skip` of a task."""
 
 
 def make_task(task: Task | type[Task] | str, arguments: dict[str, Any], *, vector: bool) -> Task:
@@ -90,41 +91,42 @@ def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
     return found
 
 
-def _unknown(kind: type[Task], name: str, of_task: list[str], *, vector: bool) -> str:
+def _unknown(kind: type[Task], name: str, task_arguments: list[str], *, vector: bool) -> str:
     """Error message for an argument that neither an environment nor its task has.
 
     Args:
         kind: Class of the task.
         name: The unknown argument.
-        of_task: Names of the arguments of the task's constructor.
+        task_arguments: Names of the arguments of the task's constructor.
         vector: Whether the environment is a vector environment.
     """
-    call = f"an environment of {kind.__name__}"
-    if remedy := _remedy_of(kind, name, of_task) or no_dataclass(kind, name):
+    call = "StepperVectorEnv" if vector else "StepperEnv"
+    if remedy := _remedy_of(kind, name, task_arguments) or no_dataclass(kind, name):
         return f"{call}() takes no {name!r}{remedy}"
     if vector:
-        return unknown_keyword(call, name, [*VECTOR_SETTINGS, *SETTINGS, *of_task])
+        return unknown_keyword(call, name, [*VECTOR_SETTINGS, *SETTINGS, *task_arguments])
     if name in VECTOR_SETTINGS:
         remedy = "make them with gymnasium.make_vec, without vectorization_mode"
         return f"{call}() takes no {name!r}, an argument of vector environments: {remedy}"
     if (present := NEW_KEYWORDS.get(name)) in VECTOR_SETTINGS:
         return f"{call}() takes no {name!r}: use {present} of gymnasium.make_vec, an argument of vector environments"
-    return unknown_keyword(call, name, [*SETTINGS, *of_task])
+    return unknown_keyword(call, name, [*SETTINGS, *task_arguments])
 
 
-def _remedy_of(kind: type[Task], name: str, of_task: list[str]) -> str:
+def _remedy_of(kind: type[Task], name: str, task_arguments: list[str]) -> str:
     """End of an error message for an argument that belongs elsewhere, such as into a method of the task; "" for other arguments.
 
     Args:
         kind: Class of the task.
         name: The unknown argument.
-        of_task: Names of the arguments of the task's constructor.
+        task_arguments: Names of the arguments of the task's constructor.
     """
     settings = (*SETTINGS, *VECTOR_SETTINGS)
     if name in VECTOR_SETTINGS or NEW_KEYWORDS.get(name, "").partition("=")[0] in settings:
         return ""
-    if name in _FILES and "xml_file" in of_task:
-        return ": use xml_file"
+    field = "xml_file" if name in _FILES else "frame_skip" if name in _FRAME_SKIPS else ""
+    if remedy := _remedy_of_field(kind, field, task_arguments):
+        return f": {remedy}"
     if name in _REMEDIES:
         return f": {_REMEDIES[name]}"
     method = "model" if name in _FILES else RENAMED["Task"].get(name, name)
@@ -133,6 +135,21 @@ def _remedy_of(kind: type[Task], name: str, of_task: list[str]) -> str:
         return f": write a subclass of {kind.__name__} with a method {method}({arguments}), and give that as the task"
     advice = IGNORED_BY_ENVIRONMENTS.get(name)
     return f": {advice}" if advice else ""
+
+
+def _remedy_of_field(kind: type[Task], field: str, task_arguments: list[str]) -> str:
+    """Advice on how to set the field "xml_file" or "frame_skip" of a task; "" for other fields, and for a task without a file.
+
+    Args:
+        kind: Class of the task.
+        field: Name of the field.
+        task_arguments: Names of the arguments of the task's constructor; empty if the task exists already.
+    """
+    if field in task_arguments:
+        return f"use {field}"
+    if field in inspect.signature(kind).parameters:
+        return f"give {field} to the constructor of the task, as {kind.__name__}({field}=...)"
+    return f"set frame_skip in the class {kind.__name__}, or in a subclass" if field == "frame_skip" else ""
 
 
 def _in_words(value: Any) -> str:

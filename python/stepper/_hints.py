@@ -10,12 +10,13 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from stepper import _stepper
-from stepper._other_names import EARLIER_SELECTORS, FAMILIES, KINDS, NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, OF_PARTS, ROOT_NAMES
+from stepper._other_names import EARLIER_SELECTORS, FAMILIES, KINDS, NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, PARTS, ROOT_NAMES
 from stepper._stepper import Model, Stepper
 
 C = TypeVar("C", bound=Callable[..., Any])
@@ -193,7 +194,7 @@ def no_attribute(owner: type, name: str, more: Iterable[str] = ()) -> AttributeE
     The hint is the current name of the attribute, the class that has the attribute, or similar names. `more` are the names of further
     attributes, which only the instances have.
     """
-    hint = place_of(owner, name) or _similar_attribute(owner, name, more)
+    hint = "" if name.startswith("__") else hint_of(owner, name) or _similar_attribute(owner, name, more)
     return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint}")
 
 
@@ -232,15 +233,15 @@ def _public_name(owner: type) -> str:
     return f"stepper.{owner.__name__}" if folder.startswith("_") else f"stepper.{folder}.{owner.__name__}"
 
 
-def place_of(owner: type, name: str) -> str:
+def hint_of(owner: type, name: str) -> str:
     """End of an error message about a missing attribute: its current name, or the class that has it. "" if neither is known."""
     if owner in _INSTANCES:
-        return "" if name.startswith("_") else _place_of_model(name) if owner is Model else _place_of_stepper(name)
+        return "" if name.startswith("_") else _hint_of_model(name) if owner is Model else _hint_of_stepper(name)
     if text := _other_name(owner.__name__, name) or present_keyword(f"stepper.{owner.__name__}", name):
         return _replacement(text)
     if owner is _stepper.State and hasattr(Stepper, name):
         return f"; after sim.set_state(state), sim.{name} has it"
-    return _place_of_element(owner.__name__.lower(), name) if owner.__module__ == _stepper.__name__ else ""
+    return _hint_of_element(owner.__name__.lower(), name) if owner.__module__ == _stepper.__name__ else ""
 
 
 def _replacement(text: str) -> str:
@@ -260,21 +261,25 @@ def _other_name(place: str, name: str) -> str:
     return ""
 
 
-def _place_of_model(name: str) -> str:
+def _hint_of_model(name: str) -> str:
     """End of an error message about an attribute that a model does not have; "" if no place is known."""
     text = NEW_NAMES["Model"].get(name, "")
     if not text and hasattr(Stepper, name):
         start = f", and model.{name}0 is its value after a reset" if hasattr(Model, f"{name}0") else ""
         return f"; a stepper.Stepper of the model has it, as sim.{name}{start}"
-    text = text or _attribute_of_element(name) or _other_name("Model", name) or _of_instance(Stepper, "sim", name, Model)
+    text = text or _attribute_of_element(name) or _other_name("Model", name) or _from_other_class(Stepper, "sim", name, Model)
     return _replacement(text.replace("sim.model.", "model.")) if text else ""
 
 
-def _place_of_stepper(name: str) -> str:
+def _hint_of_stepper(name: str) -> str:
     """End of an error message about an attribute that a stepper does not have; "" if no place is known."""
+    if name.startswith(("get_", "set_")) and name not in NEW_NAMES["Stepper"]:
+        methods = [method for method in dir(Stepper) if method.startswith(name[:4])]
+        if difflib.get_close_matches(name, methods, n=1, cutoff=0.85):  # A misspelt method, such as get_stat.
+            return ""
     rest = name.removeprefix("get_")
     if rest != name and name not in NEW_NAMES["Stepper"]:  # Getters of mujoco-py and others.
-        hint = f"; use sim.{rest}" if hasattr(Stepper, rest) else _place_of_stepper(rest)
+        hint = f"; use sim.{rest}" if hasattr(Stepper, rest) else _hint_of_stepper(rest)
         if hint:
             return hint
     text = _other_name("Stepper", name)
@@ -285,18 +290,18 @@ def _place_of_stepper(name: str) -> str:
         )
     if not text and hasattr(Model, name):
         return f"; its model has it, as sim.model.{name}"
-    text = text or _attribute_of_element(name) or _of_instance(Model, "sim.model", name, Stepper)
+    text = text or _attribute_of_element(name) or _from_other_class(Model, "sim.model", name, Stepper)
     return _replacement(re.sub(r"(?<![\w.])model\.", "sim.model.", text)) if text else ""
 
 
-def _of_instance(owner: type, instance: str, name: str, other: type) -> str:
-    """Replacement for an attribute of a class in the tables of another class, with the name of an instance in front. "" without one.
+def _from_other_class(owner: type, instance: str, name: str, other: type) -> str:
+    """Replacement for an attribute from the tables of another class, or "".
 
     Args:
-        owner: Class in whose tables the name is.
-        instance: Name of an instance of `owner`, such as "sim.model".
+        owner: The other class.
+        instance: Name of its instances, such as "sim.model". It precedes a replacement that only they have.
         name: Name of the attribute.
-        other: Class of the object without the attribute. If it has the replacement too, no instance is named.
+        other: Class of the object that lacks the attribute.
     """
     text = _other_name(owner.__name__, name)
     first = re.match(r"\w*", text)
@@ -317,7 +322,7 @@ def _attribute_of_element(name: str) -> str:
     return ""
 
 
-def _place_of_element(kind: str, name: str) -> str:
+def _hint_of_element(kind: str, name: str) -> str:
     """End of an error message about an attribute that an element of a model, such as a body, does not have; "" if no place is known."""
     arrays = [f"{prefix}_{name}" for prefix in KINDS.get(kind, ())]
     for whole in arrays:
@@ -327,7 +332,7 @@ def _place_of_element(kind: str, name: str) -> str:
         if hasattr(Stepper, whole) and (whole != name or re.fullmatch(_READ.get(kind, ""), name)):
             return f"; use sim.read('{whole}', name) of a stepper.Stepper"
     for whole in (*arrays, name):
-        if text := _of_instance(Model, "model", whole, Stepper) or _of_instance(Stepper, "sim", whole, Model):
+        if text := _from_other_class(Model, "model", whole, Stepper) or _from_other_class(Stepper, "sim", whole, Model):
             return _replacement(text)
     return ""
 
@@ -346,6 +351,8 @@ def no_root_attribute(name: str, known: Iterable[str]) -> Exception:
     hint = ""
     if name in ROOT_NAMES:
         hint = f"; use {ROOT_NAMES[name]}"
+    elif module := _module_of("stepper", name):
+        hint = f"; use {module}.{name}"
     elif text := _other_name("stepper", name):
         hint = _replacement(text)
     elif owner := next((owner for owner in _INSTANCES if hasattr(owner, name) and not name.startswith("_")), None):
@@ -361,9 +368,41 @@ def no_name(module: str, name: str, known: Iterable[str]) -> Exception:
         name: The absent name.
         known: Names that the submodule has.
     """
+    if name.startswith("_"):
+        return _absent(module, name, "", known)
     new = NEW_NAMES.get(module, {}).get(name)
-    hint = _replacement(new) if new else "" if name.startswith("_") else did_you_mean_or_all(name, list(known))
-    return _absent(module, name, hint, known)
+    if not new and (place := _module_of(module, name)):
+        new = f"{place}.{name}"
+    new = new or _other_name(module, name)
+    return _absent(module, name, _replacement(new) if new else did_you_mean_or_all(name, list(known)), known)
+
+
+_INTERNAL_PACKAGES = ("cli", "loading", "shared")
+_PUBLIC = re.compile(r"^(?:class|def) ([A-Za-z]\w*)", re.MULTILINE)
+
+
+def _module_of(package: str, name: str) -> str:
+    """Module of a package that has a public name, such as "stepper.lab" for `Study`, or ""."""
+    return _modules(package).get(name, "")
+
+
+@functools.cache
+def _modules(package: str) -> dict[str, str]:
+    """Module of each public name of the subpackages of a package, and of the modules of `stepper.adapters`.
+
+    The function reads source files, because imports are slow and need optional libraries.
+    """
+    folder = Path(str(sys.modules[package].__file__)).parent
+    found: dict[str, str] = {}
+    for file in folder.glob("*/__init__.py"):
+        if file.parent.name not in _INTERNAL_PACKAGES and (
+            listed := re.search(r"^__all__ = \[(.*?)\]", file.read_text("utf-8"), re.M | re.S)
+        ):
+            found |= dict.fromkeys(re.findall(r'"(\w+)"', listed[1]), f"{package}.{file.parent.name}")
+    if package == "stepper.adapters":
+        for file in folder.glob("[a-z]*.py"):
+            found |= dict.fromkeys(_PUBLIC.findall(file.read_text("utf-8")), f"{package}.{file.stem}")
+    return found
 
 
 def _absent(module: str, name: str, hint: str, known: Iterable[str]) -> Exception:
@@ -401,7 +440,7 @@ class Hinting(type):
 class Hints:
     """Base class whose instances raise an AttributeError with a hint for a missing attribute, and for an assignment to one.
 
-    Public attributes that may be assigned are those that the class annotates.
+    A class annotates its public attributes that users may assign; results are properties.
     """
 
     if not TYPE_CHECKING:  # Type checkers read the attributes from the class.
@@ -431,7 +470,7 @@ def present_keyword(call: str, name: str) -> str:
         call: Name of the call, such as "Stepper.reset".
         name: Name in an earlier version or another library.
     """
-    return NEW_KEYWORDS_OF.get(call, {}).get(name, "").replace("NAME", name)
+    return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 
 
 class WrongArgumentError(TypeError):
@@ -452,12 +491,12 @@ def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
     if present.partition("=")[0] in known:
         return f"{call}() takes no {name!r}: use {present}"
     hint = did_you_mean(name, known)
-    if not hint and call in OF_PARTS:
-        part, text, field = OF_PARTS[call]
+    if not hint and call in PARTS:
+        part, text, default = PARTS[call]
         fields = inspect.signature(getattr(sys.modules["stepper"], part)).parameters
-        given = (present_keyword(f"stepper.{part}", name), name, field)
-        found = next(own for own in given if own.partition("=")[0] in fields)
-        hint = f": use {text.replace('FIELD', found if '=' in found else f'{found}=...')}"
+        new = present_keyword(f"stepper.{part}", name) or (name if name in fields else default)
+        keyword = new if "=" in new else f"{new}=..."
+        hint = f": use {text.replace('FIELD', keyword) if new.partition('=')[0] in fields else new}"
     return f"{call}() takes no {name!r}{(hint or did_you_mean_or_all(name, known)) if known else ': it has no arguments'}"
 
 
@@ -552,8 +591,8 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
         hint = _replacement(other[name])
     elif isinstance(getattr(Model, name, None), property):
         hint = _SHARED.format(name)
-    elif name in _REMEDIES or "(" in view:
-        hint = f"; {_REMEDIES.get(name, _IN_FILE)}"
+    elif (result := next((own for own in (name, _other_name("Stepper", name)) if own in _REMEDIES), "")) or "(" in view:
+        hint = f"; {_REMEDIES.get(result, _IN_FILE)}"
     elif field in known:
         hint = f"; did you mean {field}?"
     elif isinstance(getattr(Model, field, None), property):
@@ -563,7 +602,7 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
     elif form:
         hint = f"; did you mean {field}?"
     else:
-        hint = _place_of_model(name) or did_you_mean(name, known) or f"; {listed} lists the fields"
+        hint = _hint_of_model(name) or did_you_mean(name, known) or f"; {listed} lists the fields"
     return f"{where}: there is no field {name!r}{hint}"
 
 
@@ -574,7 +613,7 @@ def unknown_quantity(name: str, known: Collection[str]) -> str:
         name: The unknown name.
         known: Names of the quantities.
     """
-    hint = f"; use sim.{name}, which has no elements" if hasattr(Stepper, name) else _place_of_stepper(name)
+    hint = f"; use sim.{name}" if hasattr(Stepper, name) else _hint_of_stepper(name)
     return f"there is no quantity {name!r}{hint or did_you_mean_or_all(name, sorted(known))}"
 
 
@@ -600,6 +639,8 @@ def did_you_mean(name: str, known: Iterable[str], *, text: str | None = None) ->
     The result is "" if no name is similar. `text` is the user's text that contains the unknown name, such as "body_mas[arm]". With `text`,
     the message suggests one corrected text instead: the most similar name replaces the unknown one, as in "body_mass[arm]".
     """
+    if name.startswith("__"):
+        return ""
     found = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")], n=3 if text is None else 1)
     if text not in (None, name):
         found = [repr(text.replace(name, other, 1)) for other in found]

@@ -10,8 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from stepper import _stepper
-from stepper._hints import did_you_mean, no_attribute, not_assigned, place_of, unknown_keyword
+from stepper._hints import did_you_mean, hint_of
 from stepper._other_names import NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, ROOT_NAMES
 from stepper.shared.fields import RANDOMIZED
 
@@ -90,7 +89,7 @@ def is_written(owner, name):
     """Whether a hint is from a table or a rule, not a similar spelling."""
     if owner is stepper:
         return str(error_of(owner, name)).partition(repr(name))[2] not in ("", did_you_mean(name, dir(stepper)))
-    return place_of(type(owner), name) != ""
+    return hint_of(type(owner), name) != ""
 
 
 def error_of(owner, name):
@@ -99,7 +98,15 @@ def error_of(owner, name):
     return error.value
 
 
-ROOT = [name for name in dir(mujoco) if re.match(r"mj|Mj|[gs]et_mj", name)]
+def is_imported(name):
+    """Whether a name in `mujoco` is that of another package: a module such as numpy, or a type for annotations."""
+    thing = getattr(mujoco, name)
+    if inspect.ismodule(thing):
+        return not thing.__name__.startswith("mujoco")
+    return getattr(thing, "__module__", "") in ("typing", "types", "collections.abc")
+
+
+ROOT = [name for name in dir(mujoco) if not name.startswith("_") and not is_imported(name)]
 FROM_MUJOCO = [
     *(("stepper.Model", name) for name in dir(mujoco.MjModel) if not name.startswith("_")),
     *(("stepper.Stepper", name) for name in dir(mujoco.MjData) if not name.startswith("_")),
@@ -203,20 +210,54 @@ def test_names_of_other_simulators_have_hints_that_can_be_followed(place):
 
 CALLS = {
     "stepper.Stepper": stepper.Stepper,
-    **{f"Stepper.{name}": getattr(stepper.Stepper, name) for name in dir(stepper.Stepper) if not name.startswith("_")},
+    **{call: getattr(SIM, call.partition(".")[2]) for call in NEW_KEYWORDS_OF if call.startswith("Stepper.")},
 }
+REQUIRED = {
+    "stepper.Stepper": (MODEL,), "Stepper.save_problem": ("problem",), "Stepper.rollout": (np.zeros((1, 1)),),
+    "Stepper.rays": (np.ones((1, 3)), np.ones((1, 3))), "Stepper.read": ("xpos",),
+}  # fmt: skip
+"""Arguments that calls require."""
 
 
-@pytest.mark.parametrize("call", [call for call in NEW_KEYWORDS_OF if call in CALLS])
+@pytest.mark.parametrize("call", CALLS)
 def test_every_keyword_of_other_simulators_names_one_that_the_call_takes_or_another_call(call):
     known = inspect.signature(CALLS[call]).parameters
     for name in {*NEW_KEYWORDS_OF[call], *NEW_KEYWORDS} - known.keys():
-        text = unknown_keyword(call, name, [other for other in known if other != "self"])
+        with pytest.raises(TypeError) as error:
+            CALLS[call](*REQUIRED.get(call, ()), **{name: 1})
+        text = str(error.value)
         assert text.startswith(f"{call}() takes no {name!r}")
         assert faults(text.partition(repr(name))[2]) == []
         if name in NEW_KEYWORDS_OF[call]:
             first = re.split(r"\W", NEW_KEYWORDS_OF[call][name])[0]
             assert first in {*known, "sim", "stepper", "the"} or hasattr(SIM, first), text
+
+
+@pytest.mark.parametrize(("attempt", "hint"), [
+    (lambda: SIM.get_stat, "did you mean get_state"),
+    (lambda: SIM.set_stat, "did you mean set_state"),
+    (lambda: SIM.get_param, "sim.randomize(...) sets parameters of each environment"),
+    (lambda: SIM.get_values, "use read('xpos', name)"),
+    (lambda: SIM.randomize(body_xpos=1), "no field 'body_xpos'; sim.set_state(qpos=...) moves bodies"),
+    (lambda: SIM.randomize(joint_pos=1), "no field 'joint_pos'; sim.set_state(qpos=...) sets it"),
+    (lambda: stepper.ActuatorModel(noise=3), "takes no 'noise': use a disturbance added to the controls: a drive has no noise"),
+    (lambda: stepper.rendering, "stepper.viewer.Renderer(model) draws pictures"),
+    (lambda: stepper.from_zip, "use mujoco.from_zip(path), then stepper.load(spec.compile())"),
+    (lambda: stepper.mj_setTotalmass, "use model.replace(...), which recomputes dependent values"),
+    (lambda: stepper.mjd_inverseFD, "derivatives of inverse dynamics are not computed"),
+    (lambda: stepper.mju_user_warning, "there are no callbacks"),
+    (lambda: stepper.mju_threadpool, "did you mean stepper.Stepper(model, threads=...)?"),
+    (lambda: MODEL.dof_invweight0, "mujoco.MjModel.from_xml_path(path) of the same file has it"),
+])  # fmt: skip
+def test_a_hint_names_what_does_the_same(attempt, hint):
+    with pytest.raises((AttributeError, TypeError, ValueError), match=re.escape(hint)):
+        attempt()
+
+
+@pytest.mark.parametrize("owner", [SIM, MODEL, stepper, stepper.recording, stepper.Options(), MODEL.body("x")])
+def test_a_special_name_of_python_has_no_hint(owner):
+    with pytest.raises(AttributeError, match=r"has no attribute '__array_interfac__'$"):
+        getattr(owner, "__array_interfac__")  # noqa: B009
 
 
 @pytest.mark.parametrize("call", ["Stepper.randomize", "Model.replace"])
@@ -289,16 +330,18 @@ ELEMENTS = {
 """Names that users look for on an element of a model, or on a state."""
 
 
+def element(kind):
+    return STATE if kind == "State" else getattr(MODEL, kind.lower())("x")
+
+
 @pytest.mark.parametrize("kind", ELEMENTS)
 def test_elements_of_a_model_have_hints_that_can_be_followed(kind):
-    """`no_attribute` serves these classes too. Their own attributes are the words at the start of a hint."""
-    owner = getattr(_stepper, kind)
-    instance = STATE if kind == "State" else getattr(MODEL, kind.lower())("x")
-    wrong = []
+    """Attributes of the element are the words at the start of a hint."""
+    instance, wrong = element(kind), []
     for name in ELEMENTS[kind].split():
-        if hasattr(owner, name):
+        if hasattr(instance, name):
             continue
-        error = str(no_attribute(owner, name))
+        error = str(error_of(instance, name))
         hint = error.partition(f"has no attribute {name!r}")[2]
         assert error.startswith("a stepper.State" if kind == "State" else f"a stepper.Model's {kind.lower()}"), error
         first = re.match(rf"; (?:did you mean|use) ((?!{INSTANCES})\w+)", hint)
@@ -313,7 +356,7 @@ def test_elements_of_a_model_have_hints_that_can_be_followed(kind):
     ("acc", "did you mean qacc?"),
     ("body_mass", "sim.randomize(body_mass=...)"),
     ("ten_length", "a sensor has it"),
-    ("time", "use sim.time, which has no elements"),
+    ("time", "there is no quantity 'time'; use sim.time"),
     ("zzz", "there are: actuator_force"),
 ])  # fmt: skip
 def test_a_quantity_that_read_does_not_have_is_said_to_be_elsewhere(name, hint):
@@ -324,9 +367,11 @@ def test_a_quantity_that_read_does_not_have_is_said_to_be_elsewhere(name, hint):
 
 @pytest.mark.parametrize("kind", [kind for kind in ELEMENTS if kind != "State"])
 def test_an_assignment_to_an_attribute_of_an_element_names_what_sets_it(kind):
-    for name in dir(getattr(_stepper, kind)):
+    for name in dir(element(kind)):
         if not name.startswith("_"):
-            error = str(not_assigned(getattr(_stepper, kind), name))
+            with pytest.raises(AttributeError) as raised:
+                setattr(element(kind), name, 1)
+            error = str(raised.value)
             assert error.startswith(f"{name} of a stepper.Model's {kind.lower()} cannot be assigned: ")
             assert faults(error.partition(": ")[2]) == []
             for field in re.findall(r"sim\.randomize\((\w+)=", error):
@@ -353,11 +398,11 @@ DATA = mujoco.MjData(MUJOCO)
 @pytest.mark.parametrize("kind", [kind for kind in ELEMENTS if kind != "State"])
 def test_every_name_of_an_element_in_mujoco_exists_or_has_a_hint(kind):
     """Elements of MuJoCo's model, and those of its data, which stepper's elements are tried as."""
-    owner, wrong = getattr(_stepper, kind), []
+    owner, wrong = element(kind), []
     for source in (MUJOCO, DATA):
         theirs = dir(getattr(source, kind.lower())("x")) if hasattr(source, kind.lower()) else []
         for name in theirs:
             if not name.startswith("_") and not hasattr(owner, name):
-                error = no_attribute(owner, name)
-                wrong += faults(str(error).partition(";")[2]) if place_of(owner, name) else [str(error)]
+                error = error_of(owner, name)
+                wrong += faults(str(error).partition(";")[2]) if is_written(owner, name) else [str(error)]
     assert not wrong, "\n".join(wrong)

@@ -11,9 +11,8 @@ import pytest
 import stepper
 from hypothesis import given
 from hypothesis import strategies as st
-from stepper._other_names import NEW_KEYWORDS_OF, NEW_NAMES, OF_PARTS
+from stepper._other_names import NEW_KEYWORDS_OF, NEW_NAMES, PARTS
 from stepper.recording.format import KINDS, read_header, read_rows
-from stepper.recording.recorder import FILES
 
 XML = """<mujoco><worldbody><light pos="0 0 3"/><camera name="side" pos="0 -2 1" xyaxes="1 0 0 0 0 1"/><body name="arm">
   <joint name="hip" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/><site name="tip" pos=".6 0 0"/></body></worldbody>
@@ -66,11 +65,17 @@ def test_a_recording_without_steps_says_so(tmp_path):
     assert str(stepper.replay(tmp_path / "open")) == "nothing to compare: no call of step was recorded"
 
 
-@pytest.mark.parametrize("ending", FILES)
-def test_a_recording_has_no_ending_of_a_file(tmp_path, ending):
-    with pytest.raises(ValueError, match=r"but a recording is a folder: use '.*run'$"):
-        SIM.record(tmp_path / f"run{ending.upper()}")
-    assert list(tmp_path.iterdir()) == []
+def test_a_file_is_no_folder_of_a_recording(tmp_path):
+    (tmp_path / "run").write_text("text")
+    with pytest.raises(FileExistsError, match=r"run is a file, but a recording is a folder; give the path of a new folder$"):
+        SIM.record(tmp_path / "run")
+    assert (tmp_path / "run").read_text() == "text"
+
+
+@pytest.mark.parametrize("name", ["run.gz", "run.tar.gz", "run.npz"])
+def test_a_folder_of_a_recording_has_any_name(tmp_path, name):
+    stepper.Stepper(MODEL).record(tmp_path / name).close()
+    assert (tmp_path / name / "run.json").is_file()
 
 
 def test_a_recording_is_read_as_arrays(tmp_path):
@@ -245,8 +250,8 @@ def test_an_unknown_keyword_has_a_hint(call):
     for name in (*NEW_KEYWORDS_OF.get(call, ()), "zzz"):
         with pytest.raises(TypeError) as error:
             CALLS[call](**{name: 1})
-        present = NEW_KEYWORDS_OF.get(call, {}).get(name, "").replace("NAME", name)
-        hint = f": use {present}" if present else ": use" if call in OF_PARTS else "; there are: "
+        present = NEW_KEYWORDS_OF.get(call, {}).get(name, "")
+        hint = f": use {present}" if present else ": use" if call in PARTS else "; there are: "
         assert str(error.value).startswith(f"{call}() takes no {name!r}{hint}")
 
 
@@ -260,6 +265,16 @@ def test_keywords_that_hints_name_are_those_of_the_call(call):
     for present in NEW_KEYWORDS_OF[call].values():
         if re.fullmatch(r"\w+", present):
             assert present in inspect.signature(CALLS[call]).parameters
+
+
+def test_results_of_a_recorder_cannot_be_assigned(tmp_path):
+    recorder = stepper.Stepper(MODEL).record(tmp_path / "run")
+    for name in ("path", "rows", "failures"):
+        with pytest.raises(AttributeError, match=rf"^{name} of a stepper\.recording\.Recorder cannot be assigned$"):
+            setattr(recorder, name, 1)
+    sensors = stepper.SensorModel()
+    sensors.default = stepper.Transfer(delay=0.01)
+    assert sensors == stepper.SensorModel(default=stepper.Transfer(delay=0.01))
 
 
 OBJECTS = {

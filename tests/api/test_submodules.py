@@ -1,7 +1,6 @@
 """Submodules are there after `import stepper`, and the command line is one of them."""
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -44,15 +43,15 @@ def test_every_adapter_is_an_attribute():
         _ = stepper.adapters.acme
 
 
-@pytest.mark.parametrize("name", NEW_NAMES["stepper.adapters"])
+CLASSES = {"StepperPool": "envpool", "StepperVecEnv": "sb3", "TorchVectorEnv": "torch", "register_env": "rllib", "make_native": "native"}
+"""Classes and functions of adapters, and their modules, whose libraries may be absent."""
+
+
+@pytest.mark.parametrize("name", [*CLASSES, *NEW_NAMES["stepper.adapters"]])
 def test_a_class_of_an_adapter_has_its_module(name):
-    """Read from the file of the adapter, whose library may be absent."""
-    hint = NEW_NAMES["stepper.adapters"][name]
+    hint = f"stepper.adapters.{CLASSES[name]}.{name}" if name in CLASSES else NEW_NAMES["stepper.adapters"][name]
     with pytest.raises(AttributeError, match=f"^module 'stepper.adapters' has no attribute '{name}'; (did you mean|use) {hint}"):
         getattr(stepper.adapters, name)
-    if hint.startswith("stepper.adapters."):
-        module, _, thing = hint.removeprefix("stepper.adapters.").partition(".")
-        assert re.search(rf"^(class|def) {thing}\b", (Path(stepper.__file__).parent / f"adapters/{module}.py").read_text(), re.MULTILINE)
 
 
 @pytest.mark.parametrize("module", ["stepper", "stepper.cli"])

@@ -192,7 +192,7 @@ def test_what_the_table_calls_not_simulated_is_left_out_with_its_reason():
     ):
         model = stepper.load(source)
     assert {(kind, reason) for kind, _, reason in model.omitted if kind.startswith("sensor ")} == {
-        (f"sensor {word}", f"not read: {MISSING[word]}; nsensordata is smaller") for word in ("camprojection", "user")
+        (f"sensor {word} without reading", MISSING[word]) for word in ("camprojection", "user")
     }
     assert model.nsensordata == 3
 

@@ -371,7 +371,7 @@ def test_what_the_model_leaves_out_is_noted_beside_the_rows(tmp_path):
     stepper.lab.sweep(study, tmp_path)
     (told,) = json.loads((tmp_path / "model" / "in_force.json").read_text()).values()
     assert told["notes"] == study.notes
-    assert any(note.startswith("sensor user own: ") for note in told["notes"])
+    assert any(note.startswith("sensor user without reading own: ") for note in told["notes"])
     assert any("RK4" in note for note in told["notes"])
 
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection
 from typing import Any
 
-from stepper._hints import did_you_mean, no_attribute, place_of
+from stepper._hints import did_you_mean, hint_of, no_attribute
 from stepper._other_names import NEW_NAMES, RENAMED
 from stepper._stepper import Stepper
 from stepper.envs.hooks import IN_PLACE
@@ -38,7 +38,7 @@ def missing_from_now(name: str, moment: type, names_of_moment: Collection[str]) 
         moment: The class `Moment`.
         names_of_moment: Names of its attributes that are not quantities.
     """
-    hint = place_of(moment, name) or re.sub(r"(?<![\w.])sim\.", "now.sim.", place_of(Stepper, name))
+    hint = hint_of(moment, name) or re.sub(r"(?<![\w.])sim\.", "now.sim.", hint_of(Stepper, name))
     hint = hint or did_you_mean(name, {*dir(Stepper), *dir(moment), *names_of_moment})
     return AttributeError(f"now, a stepper.envs.Moment, has no attribute {name!r}{hint}")
 

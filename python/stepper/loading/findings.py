@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Iterator
 
 from stepper._stepper import Model, ModelError
-from stepper.shared.sensor_words import unread
 
 _MOST_LINES = 8
 """Largest number of lines per kind of finding in a warning."""
@@ -55,8 +54,9 @@ def warn_about(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) ->
         parts.append(_listed(f"{name} has settings that the default options do not use:", model.deviations))
     if loaded and (hulls := [hull for hull in model.wide_hulls if _is_worth_a_warning(model, *hull, is_robot=is_robot)]):
         parts.append(_hulls(model, hulls))
-    if loaded and (lines := unread(model.omitted)):
-        parts.append(_listed("sensors without readings, so that `sensordata` is shorter than MuJoCo's:", lines))
+    unread = [f"{kind.split()[1]} {label}: {reason}" for kind, label, reason in model.omitted if kind.endswith(" without reading")]
+    if loaded and unread:
+        parts.append(_listed("sensors without readings, so that `sensordata` is shorter than MuJoCo's:", unread))
     if excluded:
         parts += _overlaps(model)
     details = "model.explain() has the details; " if parts else ""

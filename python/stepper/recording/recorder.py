@@ -25,13 +25,6 @@ if TYPE_CHECKING:
     from stepper._stepper import Model
 
 
-FILES = (
-    *(".csv", ".gif", ".gz", ".h5", ".hdf5", ".json", ".mat", ".mcap", ".mp4", ".npy", ".npz", ".parquet", ".pickle", ".pkl", ".pt"),
-    *(".rrd", ".stepper", ".tar", ".txt", ".xml", ".zip"),
-)
-"""Endings of files, which the folder of a recording must not have."""
-
-
 @hint_keywords("stepper.Recorder")
 class Recorder(Hints):
     """Writer of the calls and results of a `Stepper` to a folder; a context manager. `close` completes the recording.
@@ -40,46 +33,52 @@ class Recorder(Hints):
 
     Args:
         sim: The stepper, without another recorder.
-        path: New or empty folder, without the ending of a file such as ".npz".
+        path: New or empty folder.
         chunk: Size of the recorded events in memory at which they are written to a file, bytes.
         note: Remark of the user, which is stored in the file run.json.
 
     Raises:
-        FileExistsError: The folder is not empty.
-        ValueError: The stepper already has a recorder, or the path has the ending of a file.
-
-    Attributes:
-        path: Folder of the recording.
-        rows: Number of events recorded so far: the start, calls, and changes of applied forces.
-        failures: Counts of failures so far.
+        FileExistsError: The folder is not empty, or a file has this path.
+        ValueError: The stepper already has a recorder.
     """
-
-    path: Path
-    rows: int
-    failures: Failures
 
     def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
         check_kind("sim", sim, Stepper, "sim.record(path) of a stepper is shorter")
         if sim.recorder is not None:
             raise ValueError(f"this stepper is already being recorded to {sim.recorder.path}; close that recording first")
         check_whole("chunk (bytes)", chunk, least=1)
-        self.path = path_of("path", path)
-        if self.path.suffix.lower() in FILES:
-            raise ValueError(f"path is {str(path)!r}, but a recording is a folder: use {str(self.path.with_suffix(''))!r}")
-        if self.path.exists() and any(self.path.iterdir()):
-            raise FileExistsError(f"{self.path} is not empty; give a new folder, or remove it")
-        self.path.mkdir(parents=True, exist_ok=True)
-        self.rows = 0
-        self.failures = Failures(sim)
+        self._path = path_of("path", path)
+        if self._path.is_file():
+            raise FileExistsError(f"{self._path} is a file, but a recording is a folder; give the path of a new folder")
+        if self._path.exists() and any(self._path.iterdir()):
+            raise FileExistsError(f"{self._path} is not empty; give a new folder, or remove it")
+        self._path.mkdir(parents=True, exist_ok=True)
+        self._rows = 0
+        self._failures = Failures(sim)
         self._sim, self._chunk = sim, chunk
         self._files: list[dict[str, str | int]] = []
         self._applied: list[np.ndarray[Any, Any] | None] = [None] * len(APPLIED)
         self._clear()
-        sim.model.save(self.path / MODEL)
+        sim.model.save(self._path / MODEL)
         self._header = header(sim, note)
         self._flush()
         self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
         sim.recorder = self
+
+    @property
+    def path(self) -> Path:
+        """Folder of the recording."""
+        return self._path
+
+    @property
+    def rows(self) -> int:
+        """Number of events recorded so far: the start, calls, and changes of applied forces."""
+        return self._rows
+
+    @property
+    def failures(self) -> Failures:
+        """Counts of failures so far."""
+        return self._failures
 
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
         """Records a call of `Stepper.step` with controls (num_envs, nu). The stepper calls this method after the steps.
@@ -92,7 +91,7 @@ class Recorder(Hints):
             self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
         row = {name: np.asarray(getattr(sim, name)) for name in COMPARED}
         row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
-        self.failures.count(self.rows, row, sim.sensor_faults, sim.actuator_saturation)
+        self._failures.count(self._rows, row, sim.sensor_faults, sim.actuator_saturation)
         for name, value in row.items():
             self._steps[name].append(value)
         self._count("step", sum(value.nbytes for value in row.values()))
@@ -151,7 +150,7 @@ class Recorder(Hints):
     def _count(self, kind: str, nbytes: int) -> None:
         """Counts a new recorded event of `nbytes` bytes, and writes a file if the recorded events in memory exceed the size `chunk`."""
         self._kinds.append(KINDS.index(kind))
-        self.rows += 1
+        self._rows += 1
         self._bytes += nbytes
         if self._bytes >= self._chunk:
             self._flush()
@@ -167,12 +166,12 @@ class Recorder(Hints):
         """Writes the recorded events in memory (if there are any) to a new .npz file, and updates the file run.json."""
         if self._kinds:
             self._write_rows()
-        write_header(self.path, self._header | {"closed": closed, **self._so_far()})
+        write_header(self._path, self._header | {"closed": closed, **self._so_far()})
 
     def _write_rows(self) -> None:
         """Writes the recorded events in memory to the next .npz file, and removes them from memory."""
         stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
-        final = self.path / f"{len(self._files):05d}.npz"
+        final = self._path / f"{len(self._files):05d}.npz"
         with atomic_write(final) as file:
             np.savez(file, kind=np.array(self._kinds, np.uint8), **stacked, **self._others)  # type: ignore[arg-type]
             file.seek(0)
@@ -184,7 +183,7 @@ class Recorder(Hints):
     def _so_far(self) -> dict[str, Any]:
         """Entries of run.json that change during the recording: number of stored events (rows), list of files, and failures so far."""
         rows = sum(int(file["rows"]) for file in self._files)
-        return {"rows": rows, "files": self._files, "failures": self.failures.summary()}
+        return {"rows": rows, "files": self._files, "failures": self._failures.summary()}
 
 
 def header(sim: Stepper, note: str = "") -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from stepper.loading.mjcf.actuators import CUBIC, PREVIOUS, delay_in_buffer, is_whole
 from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SDF, SPHERE, Description, Source
-from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS, not_read
+from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
 RAY_FIELDS = ("Distance", "Direction", "Origin", "Point")
 CONTACT_FIELDS = ("Found", "Force", "Torque", "Distance", "Pos", "Normal", "Tangent")
@@ -77,7 +77,7 @@ def sensors(source: Source) -> Iterator[Description]:
         try:
             kind = _kind(source, i, word)
         except _NotReadError as reason:
-            source.leave_out(f"sensor {word}", name, not_read(reason), changes_motion=False)
+            source.leave_out(f"sensor {word} without reading", name, str(reason), changes_motion=False)
             continue
         yield {
             "name": source.name("SENSOR", i),

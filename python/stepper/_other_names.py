@@ -289,7 +289,7 @@ NEW_NAMES: dict[str, dict[str, str]] = RENAMED | _by_name_in(
         "Stepper.randomize": {
             "envs": "mask reset_mask env_ids env_idx env_mask indices reset_ids",
             _DRIVES: "delay lag",
-            _READINGS: "noise bias scale",
+            _READINGS: "noise bias scale sensor_noise",
         },
         "Model.replace": {"stepper.Stepper(model, sensors=..., actuators=...), not the model": "delay noise bias scale lag"},
         "Stepper": {
@@ -357,7 +357,10 @@ NEW_NAMES: dict[str, dict[str, str]] = RENAMED | _by_name_in(
             "model.tendon(name)": "ten tendon",
             "model, one for all environments; sim.randomize(...) sets values of each": "models model_of get_model set_model",
             ": a stepper needs no closing; a recording by sim.record(path) does": "close free delete",
-            "view()": "viewer launch render launch_passive",
+            "view()": "viewer launch launch_passive",
+            "stepper.viewer.Renderer(sim.model).render(sim) for a picture, or sim.view() for a live view": "render",
+            "qpos, xpos and other attributes, or read('xpos', name) for one element": "bind bind_scalar",
+            "randomize({'geom_friction[floor][0]': ...}), values per environment": "expand unexpand",
             "copy.deepcopy(sim) for another stepper, sim.get_state() for its state": "copy clone fork duplicate",
             "get_state(), whose bytes a file can hold; sim.model.save(path) stores the model": "save save_state snapshot get_states",
             "set_state(state), with the state of sim.get_state()": "load load_state restore reset_to set_states",
@@ -682,7 +685,7 @@ FAMILIES: dict[str, dict[str, str]] = {
         r"Mj\w+": ": stepper has no such structure: model, options and state are stepper.Model, stepper.Options and stepper.Stepper",
         "FatalError|UnexpectedError|StepperError": "stepper.ModelError for models; other errors are ValueError, TypeError and the like",
         r"mjx|mujoco|Physics|physics|Batch\w*|batch|System|Data|World|worlds|sim|get_data": (
-            "stepper.load(path) and stepper.Stepper(model, num_envs)"
+            "stepper.load(path), and stepper.Stepper(model) for one environment or stepper.Stepper(model, num_envs) for a batch"
         ),
         "suite|dm_control|list_envs|registry|VecEnv|gym|gymnasium|tasks": "gymnasium.make(...); stepper.envs.TASKS lists names",
         "(add_|generate_)?terrains?|Terrain|rough|ground|TerrainGenerator": "stepper.envs.terrain, after import stepper.envs.terrain",
@@ -713,7 +716,9 @@ ROOT_NAMES = _by_name(
         "attributes and methods of a stepper.Stepper, as sim.qpos, sim.read(...), sim.inverse_dynamics(...), sim.rays(...)": "quantities",
         "methods of a stepper.Stepper with envs=, as sim.reset(envs=[3, 5]), and sim.copy_state(...)": "states",
         "stepper.doctor.cpu_levels()": "cpu_levels",
-        "stepper.Stepper(model, num_envs)": "MjData Simulation Simulator Sim put_data make_data",
+        "stepper.Stepper(model) for one environment, stepper.Stepper(model, num_envs) for a batch": (
+            "MjData Simulation Simulator Sim put_data make_data"
+        ),
         "sim.step(ctrl) of a stepper.Stepper": "mj_step mj_step1 mj_step2",
         "attributes of a stepper.Stepper, which follow from its state, as sim.qacc": "mj_forward mj_kinematics mj_comPos forward",
         "model.body(name).id and model.body_names, likewise joint, geom, site, sensor": "mj_name2id mj_id2name mjtObj",
@@ -788,6 +793,7 @@ NEW_KEYWORDS_OF = _by_name_in(
         "stepper.Options": {
             "timestep": "dt time_step",
             "model.replace(gravity=...): the model has it": "gravity",
+            "stepper.Stepper(model, sensors=..., actuators=...)": "noise sensor_noise delay action_delay latency",
             "contact='mujoco', which takes it from the MJCF file": "cone impratio noslip_iterations noslip_tolerance solref solimp",
             "<option><flag .../></option> in the MJCF file": "disableflags enableflags",
             "sim.step(ctrl, nstep)": "frame_skip nstep decimation substeps n_frames",

@@ -27,7 +27,7 @@ SCRIPTS = {
     # Load a robot, drive it, read bodies, contacts and sensors, randomise friction of some environments, replay.
     "mujoco": (
         (lambda: stepper.MjModel.from_xml_path("robot.xml"), "use stepper.load(path or text)"),
-        (lambda: stepper.MjData(MODEL), "use stepper.Stepper(model, num_envs)"),
+        (lambda: stepper.MjData(MODEL), "use stepper.Stepper(model) for one environment"),
         (lambda: stepper.mj_resetDataKeyframe(MODEL, SIM, 0), "use sim.reset() of a stepper.Stepper, with keyframe="),
         (lambda: stepper.mj_step(MODEL, SIM), "use sim.step(ctrl)"),
         (lambda: stepper.mj_forward(MODEL, SIM), "attributes of a stepper.Stepper, which follow from its state"),
@@ -83,7 +83,7 @@ SCRIPTS = {
     ),
     "batched": (
         (lambda: stepper.put_model(MODEL), "use stepper.load(mujoco_model)"),
-        (lambda: stepper.make_data(MODEL), "use stepper.Stepper(model, num_envs)"),
+        (lambda: stepper.make_data(MODEL), "use stepper.Stepper(model) for one environment"),
         (lambda: stepper.Stepper(MODEL, nworld=4), "use num_envs"),
         (lambda: stepper.Stepper(MODEL, 4, dt=0.002), "use options=stepper.Options(timestep=...)"),
         (lambda: stepper.Stepper(MODEL, 4, contact="mujoco"), "use options=stepper.Options(contact=...)"),
@@ -171,7 +171,7 @@ def inspect_text(method):
         ("from stepper.envs import Go1Rough", "did you mean stepper.envs.locomotion.Go1Rough?"),
         ("from stepper.envs import Quantity", "did you mean Observation?"),
         ("from stepper import Study", "use stepper.lab.Study"),
-        ("from stepper import mjx", "use stepper.load(path) and stepper.Stepper(model, num_envs)"),
+        ("from stepper import mjx", "use stepper.load(path), and stepper.Stepper(model) for one environment"),
         ("from stepper import mju_mulQuat", "use mujoco.mju_mulQuat"),
         ("from stepper import step", "use sim.step of a stepper.Stepper"),
     ],

@@ -76,7 +76,7 @@ def faults(text):
 
 
 def check(error, owner):
-    """What the hint of an error says wrongly, if anything. `owner` is the word for the object of the error: "sim", "model" or "stepper"."""
+    """Faults of the hint of an error, as texts. `owner` is the word for the object of the error: "sim", "model" or "stepper"."""
     hint = re.split(r"has no attribute '\w+'", str(error), maxsplit=1)[1]
     if not hint.startswith("; ") or len(str(error)) > LONGEST:
         return [f"{error}: no hint, or too long"]

@@ -8,20 +8,19 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from stepper._hints import hint_keywords, raise_error_of_property
+from stepper._hints import hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Stepper
-from stepper.envs.absent import check_assignment, missing_from_environment
 from stepper.envs.batch import Batch
+from stepper.envs.checked_environment import CheckedEnvironment
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.making import make_task
-from stepper.envs.members import check_environment
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 from stepper.shared.arguments import array_of
 
 
-class StepperEnv(gymnasium.Env[Array, Array]):
+class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
     """Single environment of a task. A `StepperVectorEnv` gives an environment with the same seed the same results, bit for bit.
 
     A pickled environment contains its state.
@@ -79,19 +78,6 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         self.observation_space, self.action_space = self._batch.observation_space, self._batch.action_space
         self.observation_structure = self._batch.structure
         self._begun = False
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        check_environment(cls, Task)
-
-    def __getattr__(self, name: str) -> Any:
-        raise_error_of_property(self, name)
-        raise missing_from_environment(StepperEnv, self, name)
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name[0] != "_":
-            check_assignment(self, name, value)
-        object.__setattr__(self, name, value)
 
     @property
     def sim(self) -> Stepper:

@@ -41,9 +41,9 @@ def check_methods(task: Task) -> None:
         member = getattr(task, name)
         if not callable(member):
             raise WrongArgumentError(
-                f"{type(task).__name__}.{name} is {in_words(member)}, must be a method: write def {name}({', '.join(['self', *arguments])})"
+                f"{kind}.{name} is {in_words(member)}, must be a method: write def {name}({', '.join(['self', *arguments])})"
             )
-        check_takes(getattr(task, name), arguments, f"{type(task).__name__}.{name}", is_method=True)
+        check_takes(member, arguments, f"{kind}.{name}", is_method=True)
 
 
 def model_of(task: Task) -> Model:

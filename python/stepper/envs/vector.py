@@ -13,20 +13,19 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
-from stepper._hints import hint_keywords, raise_error_of_property
+from stepper._hints import hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper, selected
-from stepper.envs.absent import check_assignment, missing_from_environment
 from stepper.envs.batch import Batch
+from stepper.envs.checked_environment import CheckedEnvironment
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.making import autoreset, make_task
-from stepper.envs.members import check_environment
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 from stepper.shared.arguments import array_of, check_mapping
 
 
-class StepperVectorEnv(VectorEnv[Array, Array, Array]):
+class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
     """Vector environment of one task. Later steps do not change returned arrays. A pickle contains the states of the environments.
 
     If a step would give an environment a state that is not finite, this environment keeps its last finite state. Its episode is terminated,
@@ -107,19 +106,6 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         self._statistics, self._begun = episode_statistics, False
         self._over, self._any_over = np.zeros(num_envs, dtype=bool), False
         self._since = np.zeros(num_envs)
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        check_environment(cls, Task)
-
-    def __getattr__(self, name: str) -> Any:
-        raise_error_of_property(self, name)
-        raise missing_from_environment(StepperVectorEnv, self, name)
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name[0] != "_":
-            check_assignment(self, name, value)
-        object.__setattr__(self, name, value)
 
     @property
     def sim(self) -> Stepper:

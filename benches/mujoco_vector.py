@@ -59,7 +59,7 @@ def mujoco_model(model: Model, *, with_contact_forces: bool) -> Any:
     if not with_contact_forces:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # stepper.load has already issued these warnings.
-            return copy.copy(compile_source(origin.source, origin.package_dirs))
+            return copy.copy(compile_source(origin))
     source = origin.source
     return with_an_acceleration(mujoco.MjSpec.from_file(source) if origin.is_file else mujoco.MjSpec.from_string(source))
 

@@ -641,7 +641,7 @@ FAMILIES: dict[str, dict[str, str]] = {
         "mjt(DisableBit|EnableBit)": "stepper.Options(...) for settings of the step; flags of the file hold",
         "mjt(Geom|Joint|Sensor|Trn|Gain|Bias|Dyn|Eq|Tendon|Wrap|Obj|DataType|Actuator)": "strings, as model.geom(name).type",
         "mjtState|mj_(stateSize|extractState|copyState)": "sim.get_state() of a stepper.Stepper",
-        r"Mjs\w+|MjSpec|Spec|spec": "mujoco.MjSpec, then stepper.load(spec.compile())",
+        r"Mjs\w+|MjSpec|Spec|spec": "mujoco.MjSpec, then stepper.load(spec)",
         r"Mj[vr]\w+|mj[vr]\w+|Scene|scene|render(ing)?|GLContext|glfw|Viewer|launch|mjt(Camera|Font\w*|VisFlag|RndFlag|Label|Frame\w*|Mouse|Stereo|CatBit|PertBit|Light\w*|DepthMap)|"
         r"mj_(camlight|printScene|printFormattedScene)": _RENDERED,
         r"[gs]et_mj\w+|mj_resetCallbacks|mj_load\w*Plugin\w*|mjtPluginCapabilityBit": (
@@ -810,6 +810,9 @@ NEW_KEYWORDS_OF = _by_name_in(
             "stepper.load(mujoco.MjModel.from_xml_string(xml, assets))": "assets",
             "a geom of type hfield, mesh or box in the MJCF file": "terrain",
             "package_dirs": "package_dir mesh_dir search_paths",
+            "floor=True": "ground plane ground_plane add_floor add_ground",
+            "free_base=True": "floating floating_base free freejoint free_joint root_joint floating_root",
+            "free_base, its opposite": "fixed_base fix_base fix_base_link useFixedBase fixed fix_root_link",
         },
         "stepper.Recorder": {
             "sim.step(ctrl, nstep): each call of step is one row": "every interval stride fps",

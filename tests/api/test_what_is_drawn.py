@@ -208,7 +208,7 @@ def test_moments_of_a_recording_are_those_that_were(recorded):
     folder, chosen, moments = recorded
     run = RecordedRun(folder, chosen.tolist())
     assert len(run) == len(moments)
-    assert run.source.endswith("humanoid.xml")
+    assert run.source.source.endswith("humanoid.xml")
     # In any order: parameters and forces follow.
     touching = 0
     for index in (39, 0, 12, 30, 9, 10, 24, 25, 15):

@@ -234,7 +234,7 @@ def test_the_parts_are_all_that_a_model_has():
     parts = {"sensors", "geoms", "pairs", "joints", "tendons", "equalities", "medium", "actuators", "keyframes"}
     bodies = {"name", "timestep", "gravity", "magnetic", "explicit_damping", "bodies", "meshes", "height_fields", "excludes", "sites"}
     rest = {"qpos0", "qpos_spring", "omitted", "soft", "requested"}
-    assert set(describe(stepper.loading.compile_source(HEAP.format(more="")))) == parts | bodies | rest
+    assert set(describe(stepper.loading.compile_source(stepper.loading.Origin(HEAP.format(more=""))))) == parts | bodies | rest
 
 
 def test_explain_of_a_run(tmp_path, monkeypatch):

@@ -57,7 +57,7 @@ def cache_model(read: Callable[P, Model]) -> Callable[P, Model]:
     def model_of(*args: P.args, **kwargs: P.kwargs) -> Model:
         model, origin = known(*args, **kwargs)
         if origin is not None:
-            remember(model, origin.source, origin.package_dirs)
+            remember(model, origin)
         return model
 
     return model_of

@@ -1,18 +1,21 @@
-"""`stepper.load`: reading of models from files, text, or a compiled `mujoco.MjModel`."""
+"""`stepper.load`: reading of models from files, text, a `mujoco.MjSpec` or a compiled `mujoco.MjModel`."""
 
 import contextlib
+import math
+import numbers
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from stepper._hints import hint_keywords
 from stepper._stepper import Model, ModelError
+from stepper.loading.additions import complete
 from stepper.loading.findings import warn_about
 from stepper.loading.mjcf import describe
-from stepper.loading.origins import remember
+from stepper.loading.origins import Origin, remember
 from stepper.loading.urdf import resolve_meshes
 from stepper.loading.urdf_actuators import KINDS, Actuators, add_actuators
 from stepper.loading.urdf_elements import Urdf, omissions, refuse_xacro
@@ -27,6 +30,9 @@ _MUJOCO = "4"
 _SAVED = b"stepper\xff"
 """First bytes of every saved model (crates/model/src/file.rs)."""
 
+_TEXT = "XML text"
+"""Name of a source in messages that is a text."""
+
 _INSTALL = 'pip install "stepper-sim[mjcf]"'
 
 
@@ -38,12 +44,15 @@ def load(
     package_dirs: Sequence[str | os.PathLike[str]] | None = None,
     overlaps: Literal["keep", "exclude"] = "keep",
     actuators: Actuators | None = None,
+    floor: bool | float = False,
+    free_base: bool = False,
 ) -> Model:
     """Reads a model.
 
     Args:
         source: Path of an MJCF file (.xml), a URDF file (.urdf), a compiled MuJoCo model (.mjb), or a model that `Model.save` wrote; except
-            for .mjb, the kind is detected from the contents. Alternatively MJCF or URDF text, or a compiled `mujoco.MjModel`.
+            for .mjb, the kind is detected from the contents. Alternatively MJCF or URDF text, a `mujoco.MjSpec`, of which `load` compiles
+            a copy, or a compiled `mujoco.MjModel`.
         strict: Whether unsupported elements that would change the motion are an error. If False, they are left out, and `Model.omitted`
             and `Model.explain()` list them; `nu` counts only the remaining actuators. Saved models ignore `strict`.
         package_dirs: Folders to search for meshes of a URDF: package folders (of `package://package/...` or `model://package/...`), folders
@@ -55,6 +64,11 @@ def load(
         actuators: Kind of actuators to add to the joints of a URDF: servos ("position", "velocity") or motors ("torque"). The control
             ranges are the position, velocity and effort limits of the file. For the inertia at the reference pose, a position servo
             has a natural frequency of 5 Hz with critical damping, and a velocity servo a bandwidth of 50 Hz. None adds none.
+        floor: Whether to add a horizontal plane "floor", with MuJoCo's default friction of 1. True puts it at z = 0; a number is its
+            height, m.
+        free_base: Whether to give the root link of a URDF a free joint "free_base", as a mobile robot needs. With `floor`, the robot starts
+            so high that its lowest geom touches the floor at the reference pose; otherwise at the origin. Position servos of hinges are
+            stiff enough to carry a robot: they reach their effort limit at an error of at most 0.25 rad.
 
     Warns:
         ModelWarning: The source sets an integrator other than Euler, or solref or solimp other than MuJoCo's defaults, which the default
@@ -65,24 +79,47 @@ def load(
             `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
 
     Raises:
-        ModelError: The model is invalid or damaged, uses unsupported elements, or lacks a mesh file. The message has the element and a
-            remedy.
-        ValueError: An unknown value of `overlaps` or `actuators`; actuators for a source that is not a URDF.
+        ModelError: The model is invalid or damaged, uses unsupported elements, or lacks a mesh file. Or it has a floor or a free base
+            already. The message has the element and a remedy.
+        ValueError: An unknown value of `overlaps` or `actuators`, or a floor that is not finite. Actuators or a free base for a source
+            that is not a URDF. A floor for a compiled or saved model.
         ImportError: MJCF or URDF without MuJoCo's compiler installed, or with one of another version; the message has the remedy.
         OSError: The file cannot be read.
     """
     _check_choices(overlaps, actuators, package_dirs, strict=strict)
+    check_flag("free_base", free_base)
+    height = _height(floor)
     saved = is_saved(source)
     urdf = None if saved else read_urdf(source)
-    if actuators is not None and urdf is None:
-        raise ValueError(f"actuators is {actuators!r}, which needs a URDF, and the source is not one: define actuators in its file")
-    model = Model.from_file(source) if saved else _read(source, strict, package_dirs, urdf, actuators)
+    for name, value, missing in (("actuators", actuators, None), ("free_base", free_base, False)):
+        if value is not missing and urdf is None:
+            remedy = "define actuators" if name == "actuators" else "write <freejoint/> into the base"
+            raise ValueError(f"{name} is {value!r}, which needs a URDF, and the source is not one: {remedy} in its file")
+    if height is not None and (saved or is_binary(source)):
+        raise ValueError(
+            f"floor is {floor!r}, which needs MJCF, URDF or a mujoco.MjSpec, and the source is a compiled or saved model: "
+            "add the floor before it is compiled or saved"
+        )
+    own: Any = source
+    origin = Origin(own.copy() if is_spec(own) else own, package_dirs, height, free_base)
+    model = Model.from_file(source) if saved else _read(origin, strict, urdf, actuators)
     if overlaps == "exclude":
         model = model.exclude_overlaps()
     warn_about(model, loaded=not saved, excluded=overlaps == "exclude", is_robot=urdf is not None)
     if not saved:
-        remember(model, source, package_dirs)
+        remember(model, origin)
     return model
+
+
+def _height(floor: bool | float) -> float | None:
+    """Height of the floor for the argument `floor` of `load`, m; None for no floor."""
+    if floor is False or floor is True:
+        return 0.0 if floor else None
+    if not isinstance(floor, numbers.Real):
+        raise TypeError(f"floor is {floor!r}, must be True, False or a height in m")
+    if not math.isfinite(floor):
+        raise ValueError(f"floor is {floor!r}, must be finite: the height of the floor in m")
+    return float(floor)
 
 
 def _check_choices(overlaps: str, actuators: str | None, package_dirs: Any, *, strict: Any) -> None:
@@ -98,40 +135,35 @@ def _check_choices(overlaps: str, actuators: str | None, package_dirs: Any, *, s
         raise ValueError(f"actuators is {actuators!r}, must be None or one of {', '.join(map(repr, KINDS))}")
 
 
-def _read(
-    source: Source, strict: bool, package_dirs: Sequence[str | os.PathLike[str]] | None, urdf: Urdf | None, actuators: Actuators | None
-) -> Model:
+def _read(origin: Origin, strict: bool, urdf: Urdf | None, actuators: Actuators | None) -> Model:
     """Model of any source other than a model file of `Model.save`.
 
     Args:
-        source: Path, text or compiled `mujoco.MjModel`.
+        origin: Source with the floor and the free base that are added to it.
         strict: Whether elements that stepper does not support are errors.
-        package_dirs: Folders to search for meshes of a URDF.
         urdf: The parsed source, if it is a URDF.
         actuators: Kind of actuator that the joints of a URDF get; None means no actuators.
     """
     _mujoco()
-    compiled = compile_source(source, package_dirs)
+    compiled = compile_source(origin)
     description = describe(compiled)
     if urdf is not None:
-        description["omitted"] += omissions(urdf, actuators)
+        description["omitted"] += omissions(urdf, actuators, free_base=origin.free_base)
         for joint in description["joints"]:
             joint["velocity_limit"] = urdf.speed_limit(joint["name"]) if joint["name"] in urdf.joints else None
     if urdf is not None and actuators is not None:
-        add_actuators(actuators, urdf, compiled, description)
+        add_actuators(actuators, urdf, compiled, description, free_base=origin.free_base)
     return Model.from_description(description, strict)
 
 
 def read_urdf(source: Source) -> Urdf | None:
     """Parsed URDF of a source, for messages and actuators; None if the source is not a URDF."""
-    if _is_compiled(source):
+    if is_spec(source) or is_binary(source):
         return None
     if _is_text(source):
-        text, place = str(source), "XML text"
+        text, place = str(source), _TEXT
     else:
         path = Path(source)
-        if path.suffix == ".mjb":
-            return None
         text, place = path.read_text(encoding="utf-8", errors="replace"), str(path)
     if "<robot" not in text:
         return None
@@ -140,13 +172,29 @@ def read_urdf(source: Source) -> Urdf | None:
     return urdf
 
 
-def compile_source(source: Source, package_dirs: Sequence[str | os.PathLike[str]] | None = None) -> Any:
-    """Compiles a source of `load` other than a saved model to a `mujoco.MjModel`."""
+def compile_source(origin: Origin) -> Any:
+    """Compiles a source of `load` other than a saved model to a `mujoco.MjModel`, with its floor and free base."""
+    source = origin.source
     if _is_compiled(source):
         return source
-    if _is_text(source):
-        return _compile_text(str(source), package_dirs)
-    return _compile_file(Path(source), package_dirs)
+    if is_spec(source):
+        return _compile(lambda spec: complete(spec.copy(), origin), source, "mujoco.MjSpec")
+    text = str(source) if _is_text(source) else None
+    place = _TEXT if text is not None else str(existing(Path(source), "model"))
+    if is_binary(source):
+        return _compile(_mujoco().MjModel.from_binary_path, place, place)
+    if text is None:
+        content = Path(source).read_text(encoding="utf-8", errors="replace")
+        resolved = resolve_meshes(content, place, Path(source), origin.package_dirs) if "<robot" in content else content
+        text = None if resolved == content else resolved
+    elif "<robot" in text:
+        text = resolve_meshes(text, place, None, origin.package_dirs)
+    if origin.is_changed:
+        kind = _mujoco().MjSpec
+        read = kind.from_file if text is None else kind.from_string
+        return _compile(lambda given: complete(read(given), origin), place if text is None else text, place)
+    kind = _mujoco().MjModel
+    return _compile(kind.from_xml_path, place, place) if text is None else _compile(kind.from_xml_string, text, place)
 
 
 def _is_text(source: object) -> bool:
@@ -156,16 +204,15 @@ def _is_text(source: object) -> bool:
 
 def is_saved(source: Source) -> bool:
     """Whether a source is the path of a model that `Model.save` wrote. An invalid source is an error."""
-    if _is_compiled(source) or _is_text(source):
+    if _is_compiled(source) or is_spec(source) or _is_text(source):
         return False
-    if type(source).__name__ == "MjSpec":
-        raise TypeError("stepper.load takes a path, XML text or a mujoco.MjModel, not MjSpec: stepper.load(spec.compile())")
     if isinstance(source, Model):
         raise TypeError(
-            "stepper.load takes a path, XML text or a mujoco.MjModel, not Model: it is loaded already, as stepper.Stepper(model)"
+            "stepper.load takes a path, XML text, a mujoco.MjSpec or a mujoco.MjModel, not Model: it is loaded already, as "
+            "stepper.Stepper(model)"
         )
     if not isinstance(source, (str, os.PathLike)):
-        raise TypeError(f"stepper.load takes a path, XML text or a mujoco.MjModel, not {type(source).__name__}")
+        raise TypeError(f"stepper.load takes a path, XML text, a mujoco.MjSpec or a mujoco.MjModel, not {type(source).__name__}")
     path = Path(source)
     if path.is_dir():
         raise IsADirectoryError(f"stepper.load takes the path of a file or XML text, and {str(source)!r} is a directory")
@@ -174,9 +221,24 @@ def is_saved(source: Source) -> bool:
 
 
 def _is_compiled(source: object) -> bool:
-    """Whether a source is a `mujoco.MjModel`; checked without importing mujoco."""
+    """Whether a source is a `mujoco.MjModel`."""
+    return _is_of_mujoco(source, "MjModel")
+
+
+def is_spec(source: object) -> bool:
+    """Whether a source is a `mujoco.MjSpec`."""
+    return _is_of_mujoco(source, "MjSpec")
+
+
+def _is_of_mujoco(source: object, name: str) -> bool:
+    """Whether a source is of the class of this name in the package mujoco; checked without an import of mujoco."""
     kind = type(source)
-    return kind.__name__ == "MjModel" and kind.__module__.split(".")[0] == "mujoco"
+    return kind.__name__ == name and kind.__module__.split(".")[0] == "mujoco"
+
+
+def is_binary(source: Source) -> bool:
+    """Whether a source is compiled already: a `mujoco.MjModel`, or the path of a .mjb file."""
+    return _is_compiled(source) or (not is_spec(source) and not _is_text(source) and Path(source).suffix == ".mjb")
 
 
 def _mujoco() -> Any:
@@ -200,37 +262,19 @@ def _mujoco() -> Any:
     return mujoco
 
 
-def _compile_text(text: str, package_dirs: Sequence[str | os.PathLike[str]] | None) -> Any:
-    """Compiles MJCF or URDF text to a `mujoco.MjModel`."""
-    place = "XML text"
-    if "<robot" in text:
-        text = resolve_meshes(text, place, None, package_dirs)
-    return _compile(_mujoco().MjModel.from_xml_string, text, place)
-
-
-def _compile_file(path: Path, package_dirs: Sequence[str | os.PathLike[str]] | None) -> Any:
-    """Compiles an MJCF, URDF or .mjb file to a `mujoco.MjModel`."""
-    compiler, place = _mujoco().MjModel, str(existing(path, "model"))
-    if path.suffix == ".mjb":
-        return _compile(compiler.from_binary_path, place, place)
-    text = path.read_text(encoding="utf-8", errors="replace")
-    resolved = resolve_meshes(text, place, path, package_dirs) if "<robot" in text else text
-    if resolved == text:
-        return _compile(compiler.from_xml_path, place, place)
-    return _compile(compiler.from_xml_string, resolved, place)
-
-
-def _compile(read: Any, source: str, place: str) -> Any:
-    """Calls a constructor of `mujoco.MjModel` and returns the model; MuJoCo's errors become `ModelError`.
+def _compile(read: Callable[[Any], Any], source: Any, place: str) -> Any:
+    """Calls a function that makes a `mujoco.MjModel` and returns the model; MuJoCo's errors become `ModelError`.
 
     Args:
-        read: The constructor, such as `mujoco.MjModel.from_xml_string`.
-        source: Its argument, a path or text.
+        read: The function, such as `mujoco.MjModel.from_xml_string`.
+        source: Its argument: a path, text or `mujoco.MjSpec`.
         place: Name of the source in messages.
     """
     try:
         with _warnings_of_mujoco(place):
             return read(source)
+    except ModelError as error:
+        raise ModelError(f"{place}: {error}") from None
     except ValueError as error:
         message = " ".join(str(error).split())
         raise ModelError(f"{place}: MuJoCo's compiler cannot read it: {message}; correct it, or pass a saved model") from error
@@ -248,4 +292,4 @@ def _warnings_of_mujoco(place: str) -> Iterator[None]:
     finally:
         mujoco.set_mju_user_warning(before)
         for message in messages:
-            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=9)
+            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=8)

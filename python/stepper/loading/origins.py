@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from stepper._stepper import Model
@@ -25,12 +25,27 @@ class Origin:
     """Arguments of the call of `stepper.load` that loaded a model.
 
     Attributes:
-        source: Path, text or compiled `mujoco.MjModel`.
+        source: Path, text, `mujoco.MjSpec` or compiled `mujoco.MjModel`.
         package_dirs: Folders with the meshes of a URDF.
+        floor: Height of the added floor, m; None without one.
+        free_base: Whether the root link of a URDF got a free joint.
     """
 
     source: Any
-    package_dirs: tuple[str, ...] | None = None
+    package_dirs: Sequence[str | os.PathLike[str]] | None = None
+    floor: float | None = None
+    free_base: bool = False
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether `load` added a floor or a free joint to the source."""
+        return self.floor is not None or self.free_base
+
+    def absolute(self) -> Origin:
+        """Origin whose paths do not depend on the working directory."""
+        folders = None if self.package_dirs is None else tuple(os.path.abspath(folder) for folder in self.package_dirs)
+        is_path = isinstance(self.source, os.PathLike) or (isinstance(self.source, str) and "<" not in self.source)
+        return replace(self, source=os.path.abspath(self.source) if is_path else self.source, package_dirs=folders)
 
     @property
     def is_file(self) -> bool:
@@ -63,18 +78,9 @@ class _Entry:
 _remembered: list[_Entry] = []
 
 
-def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike[str]] | None) -> None:
-    """Stores the source from which a model was loaded, for later calls of `origin_of`.
-
-    Args:
-        model: The model.
-        source: Path, text or compiled `mujoco.MjModel`.
-        package_dirs: Folders with the meshes of a URDF.
-    """
-    folders = None if package_dirs is None else tuple(os.path.abspath(folder) for folder in package_dirs)
-    is_path = isinstance(source, os.PathLike) or (isinstance(source, str) and "<" not in source)
-    given = os.path.abspath(source) if is_path else source
-    entry = _Entry(_structure(model), _places(model), Origin(given, folders), weakref.ref(model))
+def remember(model: Model, origin: Origin) -> None:
+    """Stores the source from which a model was loaded, for later calls of `origin_of`."""
+    entry = _Entry(_structure(model), _places(model), origin.absolute(), weakref.ref(model))
     # A model that is loaded again replaces its entry, so that it does not displace other entries.
     others = [other for other in _remembered if other.key != entry.key]
     gone = [other for other in others if other.model() is None]

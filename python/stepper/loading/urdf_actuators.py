@@ -19,18 +19,25 @@ POSITION_FREQUENCY = 5.0
 """Natural frequency of a position servo, Hz. Gravity deflects a rod of length l by at most 1.5 g / (l w^2), w = 2 pi times
 this frequency: 0.03 rad for 0.5 m."""
 
+FULL_EFFORT_ERROR = 0.25
+"""Largest error at which a position servo of a robot with a free base reaches its effort limit, rad.
+
+The stiffness from `POSITION_FREQUENCY` is for the links beyond a joint, and a leg that stands also carries the rest of the robot.
+`examples/quadruped.urdf`: joints deflect by up to 1.1 rad without this bound, and by 0.06 rad with it."""
+
 VELOCITY_FREQUENCY = 50.0
 """Bandwidth of a velocity servo, Hz: ten times that of the position servo, as usual for the inner loop of a cascade. With control 0,
 gravity turns a rod of length l at a speed of at most 1.5 g / (l w), w = 2 pi times this frequency: 0.09 rad/s for 0.5 m."""
 
 
-def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[str, Any]) -> None:
+def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[str, Any], *, free_base: bool = False) -> None:
     """Adds an actuator to every hinge and slide of a description, except to joints that follow another one (`mimic`).
 
     Args:
         kind: Kind of the actuators. I is a joint's effective inertia at the reference pose with all other joints held.
 
-            * "position": servo with stiffness k = I w^2 and critical damping d = 2 I w, where w = 2 pi `POSITION_FREQUENCY`.
+            * "position": servo with stiffness k = I w^2 and critical damping d = 2 sqrt(k I), where w = 2 pi `POSITION_FREQUENCY`.
+              With a free base, k of a hinge is at least its effort limit divided by `FULL_EFFORT_ERROR`.
             * "velocity": servo with damping d = I w, where w = 2 pi `VELOCITY_FREQUENCY`.
             * "torque": motor.
 
@@ -38,6 +45,7 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
         urdf: The URDF.
         compiled: The `mujoco.MjModel` that was compiled from the URDF.
         description: Description to which the actuators are added.
+        free_base: Whether the root link has a free joint.
 
     Raises:
         ModelError: No joint can be driven, or the limits cannot be read.
@@ -54,7 +62,7 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
     for name in driven:
         joint = names.index(name)
         inertia = _effective_inertia(mass, compiled, urdf, names, name)
-        description["actuators"].append(_actuator(kind, urdf, description["joints"][joint], joint, inertia))
+        description["actuators"].append(_actuator(kind, urdf, description["joints"][joint], joint, inertia, free_base=free_base))
         if kind == "velocity" and urdf.speed_limit(name) is None:
             description["omitted"].append(_unbounded(name, "velocity"))
         if kind == "torque" and urdf.effort_limit(name) is None:
@@ -103,7 +111,7 @@ def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, na
     return float(motion @ mass @ motion)
 
 
-def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, inertia: float) -> dict[str, Any]:
+def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, inertia: float, *, free_base: bool) -> dict[str, Any]:
     """Actuator of a joint as a dictionary for the Rust library.
 
     Args:
@@ -112,10 +120,14 @@ def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, in
         joint: Dictionary of the joint.
         index: Index of the joint.
         inertia: Effective inertia of the joint, kg m^2 or kg.
+        free_base: Whether the root link has a free joint.
     """
     effort, speed = urdf.effort_limit(joint["name"]), urdf.speed_limit(joint["name"])
     position, velocity = 2 * math.pi * POSITION_FREQUENCY, 2 * math.pi * VELOCITY_FREQUENCY
-    stiffness, damping = inertia * position**2, 2 * inertia * position
+    stiffness = inertia * position**2
+    if free_base and effort is not None and urdf.joints[joint["name"]].get("type") != "prismatic":
+        stiffness = max(stiffness, effort / FULL_EFFORT_ERROR)
+    damping = 2 * math.sqrt(stiffness * inertia)
     gain, bias, bounds = {
         "position": (stiffness, [0.0, -stiffness, -damping], joint["range"]),
         "velocity": (inertia * velocity, [0.0, 0.0, -inertia * velocity], _symmetric(speed)),

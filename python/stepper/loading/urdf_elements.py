@@ -149,18 +149,19 @@ def refuse_xacro(urdf: Urdf) -> None:
         raise ModelError(f"{urdf.place}: the file is a xacro template, not a URDF; expand it: xacro FILE > robot.urdf")
 
 
-def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
+def omissions(urdf: Urdf, actuators: str | None = None, *, free_base: bool = False) -> list[Omission]:
     """Elements and attributes of a URDF that stepper does not simulate, in the format of `Model.omitted`.
 
     Args:
         urdf: The URDF.
         actuators: Argument `actuators` of `load`. If it is None, the reasons for leaving out transmissions and ros2_control elements
             suggest setting it.
+        free_base: Argument `free_base` of `load`. Without it, the inertia of links that are welded to the world has no effect.
     """
     if urdf.root is None:
         reason = "the XML is not well-formed, so that unsupported elements cannot be listed; correct the file"
         return [_omission("URDF", urdf.place, reason)]
-    found = [*_left_out(urdf.root, "robot", ""), *_masses(urdf.root), *_limits(urdf)]
+    found = [*_left_out(urdf.root, "robot", ""), *([] if free_base else _masses(urdf.root)), *_limits(urdf)]
     if actuators is None:
         found = [o | {"reason": f"{o['reason']}; {_ACTUATORS}"} if o["kind"] in _DRIVES else o for o in found]
     unique = {(o["kind"], o["name"], o["reason"]): o for o in found}
@@ -206,8 +207,8 @@ def _masses(robot: Element) -> Iterator[Omission]:
         mass = link.find("inertial/mass")
         if link.get("name") in welded and mass is not None:
             reason = (
-                "the link is welded to the world, so that its inertia has no effect; for a mobile robot add "
-                '<link name="world"/> and a joint of type floating between them'
+                "the link is welded to the world, so that its inertia has no effect; for a mobile robot pass "
+                'free_base=True, or add <link name="world"/> and a joint of type floating between them'
             )
             yield _omission("URDF inertial", f"{link.get('name')} ({mass.get('value', '?')} kg)", reason)
 

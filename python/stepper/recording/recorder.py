@@ -191,7 +191,7 @@ def header(sim: Stepper, note: str = "") -> dict[str, Any]:
     return {
         "format": FORMAT,
         "note": note,
-        "model": {"name": sim.model.name, "sha256": sim.model.digest, "file": MODEL, "source": _source(sim.model)},
+        "model": {"name": sim.model.name, "sha256": sim.model.digest, "file": MODEL, **_source(sim.model)},
         "options": dataclasses.asdict(sim.options),
         "timestep": sim.timestep,
         "tolerance": sim.tolerance,
@@ -206,10 +206,12 @@ def header(sim: Stepper, note: str = "") -> dict[str, Any]:
     }
 
 
-def _source(model: Model) -> str | None:
-    """File from which a model was loaded, for drawing colours and meshes; None if it is unknown."""
+def _source(model: Model) -> dict[str, Any]:
+    """File from which a model was loaded, with its added floor and free base, for drawing colours and meshes; None if it is unknown."""
     origin = origin_of(model)
-    return str(origin.source) if origin is not None and origin.is_file else None
+    if origin is None or not origin.is_file:
+        return {"source": None}
+    return {"source": str(origin.source), "floor": origin.floor, "free_base": origin.free_base}
 
 
 def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:

@@ -62,7 +62,7 @@ class HeightField:
             raise ValueError(f"the elevations of {place} are unknown, because this process did not load the model from MJCF: pass source=")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # These warnings were issued when the model was loaded.
-            m = copy.copy(compile_source(origin.source, origin.package_dirs))
+            m = copy.copy(compile_source(origin))
         field = int(m.geom_dataid[found.id]) if found.id < m.ngeom else -1
         if field < 0 or m.ngeom != model.ngeom or int(m.geom_type[found.id]) != 1:
             raise ValueError(

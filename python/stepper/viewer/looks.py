@@ -45,7 +45,7 @@ def looks_of(model: Model, source: Any = None) -> Any | None:
         return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # These warnings were issued when the model was loaded.
-        m = copy.deepcopy(compile_source(origin.source, origin.package_dirs))
+        m = copy.deepcopy(compile_source(origin))
     _check_same(model, m)
     for name in _POSES:
         getattr(m, name)[:] = getattr(model, name)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stepper.loading import Origin
 from stepper.recording.format import HEADER, Arrays, RecordingError, read_header, read_rows, reading
 from stepper.recording.replay import apply_parameters, recorded_stepper
 from stepper.shared.fields import APPLIED
@@ -38,7 +39,7 @@ class RecordedRun:
     Attributes:
         sim: Stepper with the settings of the recorded one.
         envs: Indices of the environments, (n,).
-        source: File from which the model was loaded; None if it is unknown.
+        source: File from which the model was loaded, with its added floor and free base; None if it is unknown.
         time: Simulated time of the first environment after each call, s: (frames,).
     """
 
@@ -47,7 +48,10 @@ class RecordedRun:
         head = read_header(folder)
         with reading(folder / HEADER):
             self.sim = recorded_stepper(folder, head, None, None)
-            self.source: str | None = head["model"].get("source")
+            recorded = head["model"]
+            source, floor = recorded.get("source"), recorded.get("floor")
+            origin = Origin(source, floor=None if floor is None else float(floor), free_base=bool(recorded.get("free_base")))
+            self.source = None if source is None else origin
         self.envs = shown_envs(self.sim, envs, most)
         self._single = self.sim.num_envs is None
         columns: dict[str, list[Array]] = {name: [] for name in (*_STATE, *_RECORDED, "ctrl")}

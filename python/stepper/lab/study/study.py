@@ -28,7 +28,7 @@ from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import CHOICES, OF_MODEL, SETTINGS, Parameter, Value, Values, check, check_value_conflicts, with_nominal
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
-from stepper.loading import compile_source, is_saved, load
+from stepper.loading import Origin, compile_source, is_saved, load
 from stepper.sensors import SensorModel
 from stepper.shared.arguments import check_mapping, check_whole, path_of
 from stepper.shared.functions import check_takes
@@ -74,7 +74,7 @@ class _Source:
         with warnings.catch_warnings():
             # The report lists these warnings.
             warnings.simplefilter("ignore")
-            compiled = None if is_saved(source) else compile_source(source)
+            compiled = None if is_saved(source) else compile_source(Origin(source))
             return load(source if compiled is None else compiled, strict=False), compiled
 
 

@@ -1,0 +1,185 @@
+"""Floor and free base that `stepper.load` adds, and `mujoco.MjSpec` as a source."""
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from loading_scenes import joint, link, robot, sphere
+from stepper.loading import origin_of
+from stepper.viewer.looks import looks_of
+
+ROOT = Path(__file__).parents[2]
+QUADRUPED = ROOT / "examples/quadruped.urdf"
+BALL = "<mujoco><worldbody><body pos='0 0 .5'><freejoint/><geom name='ball' size='.1'/></body></worldbody></mujoco>"
+OBJ = "v -.2 -.1 -.3\nv .2 -.1 -.3\nv 0 .2 -.3\nv 0 0 .3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def test_a_quadruped_stands_with_position_servos():
+    """Within 0.1 rad and 2 cm of its pose: each leg bears a quarter of 13.8 kg, which deflects servos of 96 N m/rad by up to 0.06 rad."""
+    model = stepper.load(QUADRUPED, floor=True, free_base=True, actuators="position")
+    pose = {"hip": 0.0, "thigh": 0.7, "calf": -1.4}
+    qpos = model.qpos0.copy()
+    qpos[7:] = [pose[name.rpartition("_")[2]] for name in model.joint_names[1:]]
+    sim = stepper.Stepper(model)
+    sim.reset(qpos=qpos)
+    sim.step(qpos[7:], nstep=1000)
+    assert sim.status == 0
+    assert np.abs(sim.qpos[7:] - qpos[7:]).max() < 0.1
+    assert abs(sim.qpos[2] - (0.02 + 2 * 0.2 * math.cos(0.7))) < 0.02
+    assert np.abs(sim.qvel).max() < 0.05
+    feet = sim.contacts()
+    assert set(feet["geom"][:, 0]) == {model.geom("floor").id}
+    weight = 9.81 * model.body_mass.sum()
+    assert feet["force"][:, 0].sum() == pytest.approx(weight, rel=0.02)  # It still settles at up to 0.05 m/s.
+
+
+def test_the_links_of_a_free_base_keep_their_mass():
+    parts = (link("base", sphere(0.1), mass=3), link("trunk", mass=10), link("arm"))
+    text = robot(*parts, joint("f", "base", "trunk", kind="fixed"), joint("j", "trunk", "arm"))
+    assert stepper.load(text).body_mass.sum() == pytest.approx(1.0)
+    free = stepper.load(text, free_base=True)
+    assert free.body_mass.sum() == pytest.approx(14.0)
+    assert [free.joint(k).type for k in range(free.njnt)] == ["free", "hinge"]
+    assert not [kind for kind, *_ in free.omitted if kind == "URDF inertial"]
+    assert "free_base=True" in stepper.load(text).explain()
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    shape=st.sampled_from(["box", "sphere", "cylinder", "mesh"]),
+    size=st.floats(0.05, 0.5),
+    pose=st.tuples(*[st.floats(-3, 3)] * 6),
+    floor=st.floats(-2, 2),
+)
+def test_a_free_base_starts_on_the_floor(shape, size, pose, floor, tmp_path_factory):
+    """Its lowest point is at the height of the floor within 1e-6 m (MuJoCo's meshes have 32 bits), whatever geom the robot has."""
+    geometry = {
+        "box": f'<box size="{size} {size / 2} {2 * size}"/>', "sphere": f'<sphere radius="{size}"/>',
+        "cylinder": f'<cylinder radius="{size}" length="{size}"/>', "mesh": '<mesh filename="m.obj"/>',
+    }[shape]  # fmt: skip
+    folder = tmp_path_factory.mktemp("robot")
+    (folder / "m.obj").write_text(OBJ)
+    origin = f'<origin xyz="{pose[0]} {pose[1]} {pose[2]}" rpy="{pose[3]} {pose[4]} {pose[5]}"/>'
+    file = folder / "robot.urdf"
+    file.write_text(robot(link("base", f"<collision>{origin}<geometry>{geometry}</geometry></collision>")))
+    model = stepper.load(file, floor=floor, free_base=True)
+    qpos = model.qpos0.copy()
+    qpos[2] -= 1e-4
+    sim = stepper.Stepper(model)
+    sim.set_state(qpos=qpos)
+    assert sim.contacts()["distance"].min() == pytest.approx(-1e-4, abs=1e-6)
+
+
+@pytest.mark.parametrize("height", [True, 0, 0.0, -0.25, np.float32(0.5)])
+def test_a_ball_falls_on_the_floor(height):
+    model = stepper.load(BALL, floor=height)
+    sim = stepper.Stepper(model)
+    sim.step(nstep=2000)
+    expected = 0.0 if height is True else float(height)
+    assert sim.qpos[2] == pytest.approx(expected + 0.1, abs=2e-5)  # The position correction leaves up to 1e-5 m.
+    assert model.geom("floor").type == "plane"
+
+
+def test_no_floor_is_the_default():
+    assert stepper.load(BALL).ngeom == stepper.load(BALL, floor=False).ngeom == 1
+
+
+def test_a_floor_of_a_file_with_a_folder_of_meshes(tmp_path):
+    """A file that sets its own `meshdir` needs no other than itself."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/m.obj").write_text(OBJ)
+    asset = '<compiler meshdir="parts"/><asset><mesh name="m" file="m.obj"/></asset>'
+    body = '<worldbody><body pos="0 0 1"><freejoint/><geom type="mesh" mesh="m"/></body></worldbody>'
+    (tmp_path / "robot.xml").write_text(f"<mujoco>{asset}{body}</mujoco>")
+    assert stepper.load(tmp_path / "robot.xml", floor=True).ngeom == 2
+    (tmp_path / "robot.urdf").write_text(
+        robot(
+            '<mujoco><compiler meshdir="parts"/></mujoco>',
+            link("base", '<collision><geometry><mesh filename="m.obj"/></geometry></collision>'),
+        )
+    )
+    assert stepper.load(tmp_path / "robot.urdf", floor=True, free_base=True).ngeom == 2
+
+
+def test_a_floor_and_a_free_base_are_drawn(tmp_path):
+    model = stepper.load(QUADRUPED, floor=-0.1, free_base=True)
+    m = looks_of(model)
+    assert m.geom("floor").pos[2] == -0.1
+    assert np.array_equal(m.qpos0, model.qpos0)
+    sim = stepper.Stepper(model)
+    with sim.record(tmp_path / "run"):
+        sim.step(nstep=2)
+    from stepper.viewer.recordings import RecordedRun
+
+    seen = RecordedRun(tmp_path / "run")
+    assert seen.source == origin_of(model)
+    assert looks_of(seen.sim.model, seen.source).ngeom == model.ngeom
+
+
+def test_a_spec_is_a_source():
+    spec = mujoco.MjSpec.from_string(BALL)
+    model = stepper.load(spec)
+    assert model.ngeom == 1
+    assert stepper.load(spec, floor=True).ngeom == 2
+    assert len(spec.geoms) == 1  # The spec of the caller does not change.
+    spec.worldbody.add_geom(name="mark", size=[0.1, 0, 0])
+    assert looks_of(model).ngeom == 1
+    assert stepper.load(spec).geom_names == ["mark", "ball"]
+    spec.worldbody.add_geom(size=[0, 0, 0])
+    with pytest.raises(stepper.ModelError, match=r"mujoco\.MjSpec: MuJoCo's compiler cannot read it: .*size"):
+        stepper.load(spec)
+
+
+PLANE = "<geom {} type='plane' size='1 1 1'/>"
+
+
+@pytest.mark.parametrize(("arguments", "more", "error", "said"), [
+    ({"floor": True}, PLANE.format("name='ground'"), stepper.ModelError, r"XML text: floor is 0, and the plane ground .* omit"),
+    ({"floor": 0.5}, PLANE.format("euler='20 0 0'"), stepper.ModelError, r"floor is 0\.5, and the plane #0 of the model faces upward"),
+    ({"floor": True}, "<geom name='floor' size='1'/>", stepper.ModelError, r'the model has a geom "floor" already'),
+    ({"floor": math.nan}, "", ValueError, "floor is nan, must be finite"),
+    ({"floor": "yes"}, "", TypeError, "floor is 'yes', must be True, False or a height in m"),
+    ({"free_base": True}, "", ValueError, "free_base is True, which needs a URDF, .* <freejoint/>"),
+    ({"free_base": 1}, "", TypeError, "free_base is 1"),
+    ({"ground": True}, "", TypeError, "use floor=True"),
+    ({"fixed_base": False}, "", TypeError, "use free_base, its opposite"),
+])  # fmt: skip
+def test_a_floor_that_cannot_be_added_is_an_error(arguments, more, error, said):
+    with pytest.raises(error, match=said):
+        stepper.load(BALL.replace("<worldbody>", f"<worldbody>{more}"), **arguments)
+
+
+def test_a_wall_is_no_floor():
+    model = stepper.load(BALL.replace("<worldbody>", "<worldbody>" + PLANE.format("euler='90 0 0'")), floor=True)
+    assert model.ngeom == 3
+
+
+def test_compiled_and_saved_models_get_no_floor(tmp_path):
+    stepper.load(BALL).save(tmp_path / "saved")
+    m = mujoco.MjModel.from_xml_string(BALL)
+    mujoco.mj_saveModel(m, str(tmp_path / "ball.mjb"))
+    for source in (tmp_path / "saved", m, tmp_path / "ball.mjb"):
+        with pytest.raises(ValueError, match=r"floor is True, which needs MJCF, URDF or a mujoco\.MjSpec"):
+            stepper.load(source, floor=True)
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    (robot('<link name="world"/>', link("base"), joint("f", "world", "base", kind="floating")),
+     'link "base" moves on the joint "f" already'),
+    (robot('<link name="world"/>', link("a"), link("b"), *(joint(f"on {x}", "world", x, kind="fixed") for x in "ab")),
+     "links on the world are: a, b"),
+])  # fmt: skip
+def test_a_base_that_cannot_be_freed_is_an_error(text, said):
+    with pytest.raises(stepper.ModelError, match=f"XML text: free_base is True, .*{said}.*omit free_base"):
+        stepper.load(text, free_base=True)
+
+
+def test_a_base_that_is_fixed_to_the_link_world_is_freed():
+    text = robot('<link name="world"/>', link("base", mass=2), joint("f", "world", "base", kind="fixed"))
+    model = stepper.load(text, free_base=True)
+    assert (model.nv, model.body_mass[1]) == (6, 2)

@@ -64,7 +64,7 @@ def load(
         actuators: Kind of actuators to add to the joints of a URDF: servos ("position", "velocity") or motors ("torque"). The control
             ranges are the position, velocity and effort limits of the file. For the inertia at the reference pose, a position servo
             has a natural frequency of 5 Hz with critical damping, and a velocity servo a bandwidth of 50 Hz. None adds none.
-        floor: Whether to add a horizontal plane "floor", with MuJoCo's default friction of 1. True puts it at z = 0; a number is its
+        floor: Whether to add a horizontal plane "floor", with the default friction of 1. True puts it at z = 0; a number is its
             height, m.
         free_base: Whether to give the root link of a URDF a free joint "free_base", as a mobile robot needs. With `floor`, the robot starts
             so high that its lowest geom touches the floor at the reference pose; otherwise at the origin. Position servos of hinges are

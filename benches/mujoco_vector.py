@@ -97,17 +97,25 @@ class MujocoSim(MujocoFields):
         self.timestep = float(m.opt.timestep)
         self.status = np.zeros(num_envs, dtype=np.uint32)
         self.randomized: dict[str, Array] = {}
+        self._arrays: dict[str, Array] = {}
 
     def __getattr__(self, name: str) -> Any:
         # Python calls this method for missing attributes only.
         if name not in _READ:
             raise AttributeError(f"MujocoSim has no attribute {name!r}: add it to _READ in benches/mujoco_vector.py")
-        known = _READ[name] in self._bound
-        values = self.bind(_READ[name])
-        if not known:
-            # The first read computes the quantity from the current state.
-            self._batch.forward()
-        return np.array(values)
+        if name not in self._arrays:  # As a `Stepper` does, later reads return the same array until the state changes.
+            known = _READ[name] in self._bound
+            values = self.bind(_READ[name])
+            if not known:
+                # The first read computes the quantity from the current state.
+                self._batch.forward()
+            self._arrays[name] = np.array(values)
+        return self._arrays[name]
+
+    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
+        """Steps all environments with controls (num_envs, nu); None keeps the last controls."""
+        self._arrays.clear()
+        super().step(ctrl, nstep)
 
     @property
     def body_angvel(self) -> Array:
@@ -167,6 +175,7 @@ class MujocoSim(MujocoFields):
             keep_warmstart: Whether to leave MuJoCo's derived quantities as they are, without evaluating the forward dynamics.
         """
         ids = self._indices(envs)
+        self._arrays.clear()
         for name, given in (("qpos", qpos), ("qvel", qvel), ("act", act)):
             if given is not None:
                 target = self.bind(name)
@@ -182,6 +191,7 @@ class MujocoSim(MujocoFields):
             **fields: Arrays (num_envs, ...) by the name of the model's field, in the field's unit.
         """
         ids = self._indices(envs)
+        self._arrays.clear()
         for name, values in fields.items():
             self._batch.expand(name)[ids] = values[ids]
             self.randomized.setdefault(name, np.array(values))[ids] = values[ids]

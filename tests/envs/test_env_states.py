@@ -226,8 +226,8 @@ def test_a_moment_that_is_over_refuses_what_nobody_read():
     height = moment.qpos.copy()
     envs.step(np.ones((N, 6)))
     np.testing.assert_array_equal(moment.qpos, height)
-    with pytest.raises(RuntimeError, match="qvel is a quantity of a past moment, which was not read then"):
-        _ = moment.qvel
+    with pytest.raises(RuntimeError, match="xpos is a quantity of a past moment, which was not read then"):
+        _ = moment.xpos
 
 
 def test_setting_a_state_leaves_others_and_their_last_step():

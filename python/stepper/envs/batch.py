@@ -93,7 +93,6 @@ class Batch:
         if not len(low):
             _warn_without_actions(task, model)
         self._actions = len(low)
-        self._seen: Array | None = None
         self.clear_last_step()
         self._rows = table_of(task, self._now)
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
@@ -102,9 +101,6 @@ class Batch:
     @property
     def now(self) -> Moment:
         """View of all environments (`Moment`) after the last step or reset, or after a later change of the stepper by the caller."""
-        if self._seen is None or self._seen is not self.sim.xpos:  # The stepper returns the same array object until its state changes.
-            self._reread(np.zeros(self.num_envs, dtype=bool))
-            self._seen = self.sim.xpos
         return self._now
 
     def clear_last_step(self) -> None:
@@ -112,7 +108,6 @@ class Batch:
         self._now = self._moment(np.zeros((self.num_envs, self._actions)))
         position = position_of(self.task, self._now, self.num_envs)
         self._now.velocity = None if position is None else np.zeros_like(position)
-        self._seen = None
 
     def _moment(self, action: Array) -> Moment:
         """New view (`Moment`) of all environments after a step with these actions, (num_envs, n).
@@ -128,7 +123,7 @@ class Batch:
         Args:
             changed: Mask of these environments, (num_envs,).
         """
-        self._now, self._seen = self._now.reread(changed), None
+        self._now = self._now.reread(changed)
 
     @property
     def structure(self) -> dict[str, int]:
@@ -254,7 +249,7 @@ class Batch:
         for name, values in mine.items():
             if name not in last:
                 values[mask] = theirs[name][mask]
-        self._now, self._seen = self._now.restored({name: theirs[name] for name in last}, kept, mask), None
+        self._now = self._now.restored({name: theirs[name] for name in last}, kept, mask)
 
     def _episodes(self) -> dict[str, Array]:
         """Arrays (num_envs, ...) by name that describe the running episodes, such as returns and lengths.
@@ -293,7 +288,7 @@ class Batch:
         # A new view, because the caller may have changed the stepper since the last step.
         before = task.position(self._moment(action))
         self._now.expire()
-        self._now, self._seen = self._moment(action), None
+        self._now = self._moment(action)
         self._now.velocity = None if before is None else np.zeros_like(before)
         call_hook(task, "advance", self._now)
         self._now.end_step()
@@ -369,7 +364,7 @@ class Batch:
 
     def __getstate__(self) -> dict[str, Any]:
         # The table may have lambda functions, which do not pickle; __setstate__ makes it again.
-        return {name: value for name, value in self.__dict__.items() if name != "_rows"} | {"_seen": None}
+        return {name: value for name, value in self.__dict__.items() if name != "_rows"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state

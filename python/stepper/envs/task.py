@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -34,15 +36,24 @@ Camera: TypeAlias = Mapping[str, Any]
 """Settings of a free camera: distance (m), azimuth, elevation (degrees), lookat (3,) in m, trackbodyid; see `stepper.viewer.Renderer`."""
 
 
-_OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocity", "_streams", "_kept", "_end", "_expired")
+_OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocity", "_streams", "_kept", "_end", "_expired", "_revision_of")
 """Names of the attributes of a `Moment` that are pickled. Other attributes are quantities, which can be read from the stepper again."""
+
+
+_REVISIONS = attrgetter("actuator_force"), attrgetter("site_xpos")
+"""Functions that return an array of a stepper, for models with and without sites.
+
+The stepper replaces the array by a new one whenever its state, parameters, controls or applied forces change. Of all such arrays, these are
+the cheapest: without sites, the second one is empty.
+"""
 
 
 class Moment:
     """View of the batch after a step or a reset, from which a task computes observations, rewards and terminations.
 
-    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). The value
-    is read from the stepper when the attribute is first used. A first use after the next step or reset raises RuntimeError.
+    Every quantity of a `Stepper` (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...). The value is that of
+    the stepper's present state. The view stores it until the stepper changes: in `Task.advance`, a read after `now.sim.step(...)` gives the
+    new value. The next action or reset ends the view. Then quantities that were read keep their values, and others raise RuntimeError.
     `read(name, of)` and `contacts()` work as in `Stepper`.
 
     Attributes:
@@ -61,31 +72,64 @@ class Moment:
         self.sim, self.task, self.dt, self.action, self.default_qpos = sim, task, dt, action, default_qpos
         self.episode_state, self._streams = episode_state, streams
         self.velocity: Any = None
+        # Values that `keep` has fixed, and the final qpos and qvel of the step that they belong to.
         self._kept: Terms = {}
         self._end: tuple[Array, Array] | None = None
         self._expired = False
+        self._revision_of = _REVISIONS[sim.model.nsite == 0]
+        self._revision: Array | None = None
+        self._values: dict[str, Any] = {}
+
+    def forget(self) -> None:
+        """Drops the stored values, so that quantities are read again."""
+        self._revision, self._values = None, {}
+
+    def stored(self) -> dict[str, Any]:
+        """Returns the stored values by name: of the stepper's present state, or of the last state that an ended view has read."""
+        if self._revision is not (present := self._revision_of(self.sim)) and not self._expired:
+            self._revision, self._values = present, dict(self._kept)
+            if self._end is not None:
+                self._release(self._end)
+        return self._values
+
+    def _release(self, end: tuple[Array, Array]) -> None:
+        """Replaces values that `keep` has fixed by present ones in environments whose state is no longer `end`, its qpos and qvel."""
+        moved = np.any(end[0] != self.sim.qpos, axis=1) | np.any(end[1] != self.sim.qvel, axis=1)
+        if moved.any():
+            for name, value in self._kept.items():
+                self.keep(name, select(moved, getattr(self.sim, name), value))
 
     def __getattr__(self, name: str) -> Any:
-        # Python calls this only for attributes that do not exist yet.
+        # Python calls this only for attributes that do not exist; quantities are properties (`_quantity`).
         raise_error_of_property(self, name)
         if name.startswith("_"):
             raise AttributeError(name)
         if name in RENAMED["Moment"]:
             raise missing_from_now(name, Moment, _OWN)
-        if self._expired:
-            raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
+        values = self.stored()
+        if name in values:
+            return values[name]
+        self._check_present(name)
         try:
-            value = self._healthy() if name == "healthy" else getattr(self.sim, name)
+            return getattr(self.sim, name)
         except AttributeError:
-            if name == "healthy" or hasattr(type(self.sim), name):
+            if hasattr(type(self.sim), name):
                 raise
             raise missing_from_now(name, Moment, _OWN) from None
-        if callable(value):
-            return value  # Methods are not stored, so that every access checks whether the moment has expired.
-        if isinstance(value, np.ndarray):
-            value = np.asarray(value)  # A plain array: `Stepper` returns a subclass of ndarray, with which arithmetic is slower.
-        self.__dict__[name] = value
-        return value
+
+    def _check_present(self, name: str) -> None:
+        """Raises RuntimeError if this view has ended, so that the quantity `name` can no longer be read."""
+        if self._expired:
+            raise RuntimeError(f"{name} is a quantity of a past moment, which was not read then: read it before the next step or reset")
+
+    @property
+    def healthy(self) -> Any:
+        """Result of the task's method `healthy`, (num_envs,) bool or None."""
+        values = self.stored()
+        if "healthy" not in values:
+            self._check_present("healthy")
+            values["healthy"] = self._healthy()
+        return values["healthy"]
 
     if not TYPE_CHECKING:
 
@@ -127,19 +171,19 @@ class Moment:
             name: Name of the quantity, such as "xpos". Reading `now.xpos` then gives this value instead of the one at the end of the step.
             value: Value, (num_envs, ...), in the unit of the quantity.
         """
-        self.__dict__[name] = self._kept[name] = value
+        self._values[name] = self._kept[name] = value
 
     def end_step(self) -> None:
-        """Stores qpos and qvel at the end of the step if `keep` has fixed values. `reread` compares them with the later state."""
-        if self._kept:
-            self._end = self.qpos, self.qvel
+        """Ends the steps of an action: drops values that were read between them, and notes the state that kept values belong to."""
+        self._end = (self.sim.qpos, self.sim.qvel) if self._kept else None
+        self.forget()
 
     def without_kept(self) -> Moment:
         """Returns a view of the batch after the same step, without the values that `keep` has fixed."""
         return self._same_step(self.action) if self._kept else self
 
     def _same_step(self, action: Array) -> Moment:
-        """New view of all environments after the same step, without the quantities that this view has read or that `keep` has fixed.
+        """New view of all environments after the same step, without the values that `keep` has fixed.
 
         `action` are the actions of the step, (num_envs, n).
         """
@@ -147,9 +191,7 @@ class Moment:
         return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
 
     def reread(self, changed: Array) -> Moment:
-        """Returns a new view of all environments after a reset or change of the stepper. It reads all quantities from the stepper again.
-
-        This view expires: quantities that it has not read yet raise RuntimeError.
+        """Returns a new view of all environments after a reset or change of some of them. This view ends.
 
         Args:
             changed: Environments that were reset or set, (num_envs,) bool. Their action and velocity become zero. In the other
@@ -158,17 +200,15 @@ class Moment:
         made = self._same_step(with_zero_rows(self.action, changed))
         made.velocity = None if self.velocity is None else with_zero_rows(self.velocity, changed)
         if self._end is not None and not changed.all():
-            moved = changed | np.any(self._end[0] != made.qpos, axis=1) | np.any(self._end[1] != made.qvel, axis=1)
-            for name, value in self._kept.items():
-                made.keep(name, select(moved, getattr(self.sim, name), value))
-            made.end_step()
-        self._expired = True
+            nowhere = np.where(changed, np.nan, 0.0)[:, None]  # NaN equals no state.
+            made._kept, made._end = dict(self._kept), (self._end[0] + nowhere, self._end[1] + nowhere)
+        self.expire()
         return made
 
     @property
     def kept(self) -> Terms:
         """Values that `keep` has fixed, (num_envs, ...) by name of the quantity."""
-        return self._kept
+        return {name: getattr(self, name) for name in self._kept}
 
     def step_values(self) -> Terms:
         """Returns the arrays of the last step that a saved state contains, by name: "action", and "velocity" for tasks with a position."""
@@ -192,12 +232,34 @@ class Moment:
         return made
 
     def expire(self) -> None:
-        """Marks this view of the batch as past: quantities that were not read before raise RuntimeError from now on."""
+        """Ends this view of the batch: quantities that were not read before raise RuntimeError from now on."""
         self._expired = True
 
     def __getstate__(self) -> dict[str, Any]:
         # Other quantities can be read from the stepper again.
-        return {name: self.__dict__[name] for name in _OWN} | self._kept
+        return {name: self.__dict__[name] for name in _OWN} | {"_revision": None, "_values": {}}
+
+
+def _quantity(name: str) -> property:
+    """Property of `Moment` with a quantity of its stepper, which is stored until the stepper changes."""
+
+    def quantity(now: Moment) -> Any:
+        values = now.stored()
+        if name in values:
+            return values[name]
+        now._check_present(name)
+        value = getattr(now.sim, name)
+        if isinstance(value, np.ndarray):
+            value = np.asarray(value)  # A plain array: `Stepper` returns a subclass of ndarray, with which arithmetic is slower.
+        values[name] = value
+        return value
+
+    return property(quantity, doc=getattr(Stepper, name).__doc__)
+
+
+for _name in dir(Stepper):
+    if inspect.isdatadescriptor(getattr(Stepper, _name)) and not hasattr(Moment, _name) and _name not in _OWN:
+        setattr(Moment, _name, _quantity(_name))
 
 
 def select(mask: Array, one: Array, other: Array) -> Array:
@@ -463,9 +525,10 @@ def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]
     @functools.wraps(function)
     def quantity(now: Moment) -> Array:
         name = f"of {function.__qualname__}"
-        if name not in now.__dict__:
-            now.__dict__[name] = function(now)
-        value: Array = now.__dict__[name]
+        values = now.stored()
+        if name not in values:
+            values[name] = function(now)
+        value: Array = values[name]
         return value
 
     return quantity

@@ -80,12 +80,12 @@ class Moment:
         self._revision: Array | None = None
         self._values: dict[str, Any] = {}
 
-    def forget(self) -> None:
+    def _forget(self) -> None:
         """Drops the stored values, so that quantities are read again."""
         self._revision, self._values = None, {}
 
-    def stored(self) -> dict[str, Any]:
-        """Returns the stored values by name: of the stepper's present state, or of the last state that an ended view has read."""
+    def _stored(self) -> dict[str, Any]:
+        """Stored values by name: of the stepper's present state, or of the last state that an ended view has read."""
         if self._revision is not (present := self._revision_of(self.sim)) and not self._expired:
             self._revision, self._values = present, dict(self._kept)
             if self._end is not None:
@@ -106,7 +106,7 @@ class Moment:
             raise AttributeError(name)
         if name in RENAMED["Moment"]:
             raise missing_from_now(name, Moment, _OWN)
-        values = self.stored()
+        values = self._stored()
         if name in values:
             return values[name]
         self._check_present(name)
@@ -125,7 +125,7 @@ class Moment:
     @property
     def healthy(self) -> Any:
         """Result of the task's method `healthy`, (num_envs,) bool or None."""
-        values = self.stored()
+        values = self._stored()
         if "healthy" not in values:
             self._check_present("healthy")
             values["healthy"] = self._healthy()
@@ -176,7 +176,7 @@ class Moment:
     def end_step(self) -> None:
         """Ends the steps of an action: drops values that were read between them, and notes the state that kept values belong to."""
         self._end = (self.sim.qpos, self.sim.qvel) if self._kept else None
-        self.forget()
+        self._forget()
 
     def without_kept(self) -> Moment:
         """Returns a view of the batch after the same step, without the values that `keep` has fixed."""
@@ -244,7 +244,7 @@ def _quantity(name: str) -> property:
     """Property of `Moment` with a quantity of its stepper, which is stored until the stepper changes."""
 
     def quantity(now: Moment) -> Any:
-        values = now.stored()
+        values = now._stored()
         if name in values:
             return values[name]
         now._check_present(name)
@@ -525,7 +525,7 @@ def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]
     @functools.wraps(function)
     def quantity(now: Moment) -> Array:
         name = f"of {function.__qualname__}"
-        values = now.stored()
+        values = now._stored()
         if name not in values:
             values[name] = function(now)
         value: Array = values[name]

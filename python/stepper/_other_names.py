@@ -577,9 +577,19 @@ FAMILIES: dict[str, dict[str, str]] = {
             "set_state(qpos=..., qvel=...)"
         ),
         "control|controls|action": "ctrl, which sim.step(ctrl) sets",
-        r"apply\w*force\w*|apply_ft|set_xfrc_applied|set_external_\w+|apply": "xfrc_applied, an array of forces to write to before a step",
+        r"(add|apply|set|exert)_?(\w+_)?(force|torque|wrench|impulse|push)(es|s)?(_\w+)?|apply_ft|set_xfrc_\w+|xfrc\w*|set_external_\w+|"
+        "(apply|push)(_(robot|robots|body|bodies|base))?": (
+            "xfrc_applied of bodies and sim.qfrc_applied of joints, arrays of forces to write to before a step"
+        ),
+        r"((re)?set|load|apply|use|go_?to|move_to|set_to|init|restore|from|to)_?(to_)?key(frame)?s?(_\w+)?": (
+            "reset(keyframe=...), the state of a keyframe of the file, or sim.reset(qpos=...) another one"
+        ),
+        r"(add|new|create|make|save|store|capture)_?key(frame)?s?(_\w+)?": (
+            ": keyframes are those of the file: sim.get_state() keeps a state, and sim.set_state(state) sets it"
+        ),
         r"set_mocap\w*": "mocap_pos and sim.mocap_quat, arrays to write to before a step",
-        r"(get_)?(\w+_)?jac(obian)?s?\w*": "jacobian(body=name)",
+        r"(get_)?site_?jac\w*|(get_)?jac(obian)?\w*_?site\w*": "jacobian(site=name)",
+        r"(get_)?(\w+_)?jac(obian)?s?\w*": "jacobian(body=name), or sim.jacobian(site=name)",
         "((geom|site|body)_)?distance|geom_distance": "contacts(), whose field distance has those of near geoms",
         "obs_buf|rew_buf|reset_buf|progress_buf|rewards?|dones?|terminated|truncated|infos?|metrics": _OF_ENVIRONMENTS,
         r"episodes?(_\w+)?|max_episode_\w+|(elapsed_)?steps|(num|env)_steps|step_count\w*|\w*step_counter": _OF_ENVIRONMENTS,
@@ -631,7 +641,7 @@ FAMILIES: dict[str, dict[str, str]] = {
         r"get|values|get_field|state|states|get_\w+": "read('xpos', name), or another quantity; sim.get_state() has the complete state",
     },
     "stepper": {
-        "from_zip": "mujoco.from_zip(path), then stepper.load(spec.compile())",
+        "from_zip": "mujoco.from_zip(path), then stepper.load(spec)",
         "to_zip": "mujoco.to_zip, which writes a mujoco.MjSpec",
         r"MjModel|load_\w*xml\w*|load_model\w*|loads|mjcf|parse|from_\w*": "stepper.load(path or text), which gives a stepper.Model",
         "MjOption|mj_default(Option|SolRefImp|LROpt)|mjt(Integrator|Cone|Solver|Jacobian)|MjLROpt": (

@@ -233,6 +233,11 @@ def test_every_keyword_of_other_simulators_names_one_that_the_call_takes_or_anot
             assert first in {*known, "sim", "stepper", "the"} or hasattr(SIM, first), text
 
 
+def getter(name):
+    """Function that reads an attribute of a stepper."""
+    return lambda: getattr(SIM, name)
+
+
 @pytest.mark.parametrize(("attempt", "hint"), [
     (lambda: SIM.get_stat, "did you mean get_state"),
     (lambda: SIM.set_stat, "did you mean set_state"),
@@ -242,12 +247,24 @@ def test_every_keyword_of_other_simulators_names_one_that_the_call_takes_or_anot
     (lambda: SIM.randomize(joint_pos=1), "no field 'joint_pos'; sim.set_state(qpos=...) sets it"),
     (lambda: stepper.ActuatorModel(noise=3), "takes no 'noise': use a disturbance added to the controls: a drive has no noise"),
     (lambda: stepper.rendering, "stepper.viewer.Renderer(model) draws pictures"),
-    (lambda: stepper.from_zip, "use mujoco.from_zip(path), then stepper.load(spec.compile())"),
+    (lambda: stepper.from_zip, "use mujoco.from_zip(path), then stepper.load(spec)"),
     (lambda: stepper.mj_setTotalmass, "use model.replace(...), which recomputes dependent values"),
     (lambda: stepper.mjd_inverseFD, "derivatives of inverse dynamics are not computed"),
     (lambda: stepper.mju_user_warning, "there are no callbacks"),
     (lambda: stepper.mju_threadpool, "did you mean stepper.Stepper(model, threads=...)?"),
     (lambda: MODEL.dof_invweight0, "mujoco.MjModel.from_xml_path(path) of the same file has it"),
+    *((getter(name), "use xfrc_applied of bodies and sim.qfrc_applied of joints") for name in (
+        "add_force", "apply_force", "add_torque", "apply_torque", "apply_joint_force", "set_external_force", "add_force_at_pos", "xfrc", "push",
+        "apply_impulse", "apply_ft",
+    )),
+    *((getter(name), "use reset(keyframe=...), the state of a keyframe") for name in (
+        "set_keyframe", "set_key", "load_keyframe", "apply_keyframe", "go_to_keyframe", "reset_to_key", "init_keyframe",
+    )),
+    *((getter(name), "keyframes are those of the file") for name in ("add_keyframe", "save_keyframe", "create_key")),
+    *((getter(name), "did you mean jacobian(site=name)?") for name in ("jac_site", "site_jac", "get_site_jacp", "jacobian_site")),
+    *((getter(name), "use jacobian(body=name), or sim.jacobian(site=name)") for name in ("jac", "jacp", "jac_body", "get_body_jacr")),
+    (lambda: MODEL.add_force, "use sim.xfrc_applied of bodies and sim.qfrc_applied of joints"),
+    (lambda: MODEL.set_keyframe, "use sim.reset(keyframe=...), the state of a keyframe"),
 ])  # fmt: skip
 def test_a_hint_names_what_does_the_same(attempt, hint):
     with pytest.raises((AttributeError, TypeError, ValueError), match=re.escape(hint)):

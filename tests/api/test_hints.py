@@ -254,8 +254,8 @@ def getter(name):
     (lambda: stepper.mju_threadpool, "did you mean stepper.Stepper(model, threads=...)?"),
     (lambda: MODEL.dof_invweight0, "mujoco.MjModel.from_xml_path(path) of the same file has it"),
     *((getter(name), "use xfrc_applied of bodies and sim.qfrc_applied of joints") for name in (
-        "add_force", "apply_force", "add_torque", "apply_torque", "apply_joint_force", "set_external_force", "add_force_at_pos", "xfrc", "push",
-        "apply_impulse", "apply_ft",
+        "add_force", "apply_force", "add_torque", "apply_torque", "apply_joint_force", "set_external_force", "xfrc", "push",
+        "add_force_at_pos", "apply_impulse", "apply_ft",
     )),
     *((getter(name), "use reset(keyframe=...), the state of a keyframe") for name in (
         "set_keyframe", "set_key", "load_keyframe", "apply_keyframe", "go_to_keyframe", "reset_to_key", "init_keyframe",

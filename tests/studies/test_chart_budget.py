@@ -1,6 +1,8 @@
 """A chart that has little time: runs that end, rows that say so, a reference that is known less well."""
 
+import itertools
 import math
+import pickle
 import sys
 import time
 from dataclasses import replace
@@ -35,8 +37,33 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch):
     made = Clock()
-    monkeypatch.setattr(time, "time", made.time)
+    monkeypatch.setattr(time, "process_time", made.time)
     return made
+
+
+def test_other_load_of_the_machine_spends_no_budget(monkeypatch):
+    """The wall clock goes on by an hour whenever it is read, as if the process did not run."""
+    hours = itertools.count()
+    for name in ("time", "monotonic", "perf_counter"):
+        monkeypatch.setattr(time, name, lambda: 3600.0 * next(hours))
+    budget = Budget.from_seconds(100.0)
+    assert budget.stage(0.5).left > 0
+    assert not run(ball(), range(2), stage=budget.stage(0.5)).stopped
+
+
+@pytest.mark.parametrize("spent", [0.0, 30.0, 200.0])
+def test_another_process_gets_the_time_that_is_left(monkeypatch, spent):
+    """Its processor time begins anew."""
+    monkeypatch.setattr(time, "process_time", lambda: 1000.0)
+    budget = Budget.from_seconds(100.0)
+    monkeypatch.setattr(time, "process_time", lambda: 1000.0 + spent)
+    stage, sent = budget.stage(1.0), pickle.dumps((budget, budget.stage(1.0), Stage()))
+    left = stage.left
+    monkeypatch.setattr(time, "process_time", lambda: 0.5)
+    other, same, endless = pickle.loads(sent)
+    assert other.stage(1.0).left == pytest.approx(left)
+    assert same.left == pytest.approx(left)
+    assert not endless.limited
 
 
 def ball(**changed):
@@ -137,10 +164,10 @@ def test_rows_say_what_was_stopped_and_what_was_not_run(clock):
 
 def test_a_chart_of_little_time_is_written(tmp_path, monkeypatch):
     """The clock jumps ahead when the runs begin, so that the reference alone is whole."""
-    real, begun = time.time, measured.measure
+    real, begun = time.process_time, measured.measure
 
     def late(*given):
-        monkeypatch.setattr(time, "time", lambda: real() + 3600.0)
+        monkeypatch.setattr(time, "process_time", lambda: real() + 3600.0)
         return begun(*given)
 
     monkeypatch.setattr(sys.modules["stepper.lab.accuracy.chart"], "measure", late)
@@ -174,10 +201,10 @@ def test_a_wrong_budget_is_named(tmp_path, wrong):
 
 def test_rows_without_time_for_invariants_and_costs_say_so(tmp_path, monkeypatch):
     """The clock jumps ahead when all is run."""
-    real, made = time.time, sys.modules["stepper.lab.accuracy.chart"].Invariants
+    real, made = time.process_time, sys.modules["stepper.lab.accuracy.chart"].Invariants
 
     def late(study):
-        monkeypatch.setattr(time, "time", lambda: real() + 3600.0)
+        monkeypatch.setattr(time, "process_time", lambda: real() + 3600.0)
         return made(study)
 
     monkeypatch.setattr(sys.modules["stepper.lab.accuracy.chart"], "Invariants", late)

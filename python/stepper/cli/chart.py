@@ -66,13 +66,13 @@ def register(app: Typer, typer: ModuleType) -> None:
         scene: str = typer.Argument("all", help="Model (MJCF, URDF, saved), study (.toml, .py), or built-in scene: chain, box, all."),
         *,
         out: Path = folder,
-        quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps; takes at most two minutes."),
+        quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps; at most two minutes of processor time."),
         horizon: str | None = typer.Option(
             None, help='Simulated time up to which errors are measured, such as "0.5 s"; by default, as long as the reference is converged.'
         ),
         angle: bool = typer.Option(False, "--angle", help="Measure errors as angles in rad, not distances in m."),
         episodes: int = typer.Option(8, min=1, help="Number of episodes; the chart shows their medians."),
-        budget: str | None = typer.Option(None, help='Limit of the wall-clock time, "60 s"; the report lists runs that were left out.'),
+        budget: str | None = typer.Option(None, help='Limit of the processor time, "60 s"; the report lists runs that were left out.'),
         values: list[str] = chosen,
         ray: bool = on_ray,
     ) -> None:

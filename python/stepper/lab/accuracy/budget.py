@@ -1,13 +1,18 @@
-"""Wall-clock time budget of a chart, and of the stages of its computation."""
+"""Time budget of a chart, and of the stages of its computation, in processor time of this process.
+
+Processor time does not depend on other load of the machine. A stage or budget that moves to another process, a task of Ray, keeps the time
+that is left.
+"""
 
 from __future__ import annotations
 
 import math
 import time
 from dataclasses import dataclass
+from typing import Any
 
 QUICK = 120.0
-"""Default time budget of a quick chart, s."""
+"""Default time budget of a quick chart, s of processor time."""
 _DRAWING = (20.0, 0.15)
 """Time reserved for pictures and documents, s, and bound of this time as a fraction of the time budget. The smaller one applies."""
 
@@ -17,7 +22,7 @@ class Stage:
     """Stage of a computation, with the time at which it must end.
 
     Attributes:
-        end: End of the stage as a value of `time.time`, s. (Tasks of Ray on other machines can read it too.) Infinite without a budget.
+        end: End of the stage as a value of `time.process_time`, s. Infinite without a budget.
     """
 
     end: float = math.inf
@@ -25,16 +30,19 @@ class Stage:
     @property
     def left(self) -> float:
         """Remaining time of the stage, s; not below 0."""
-        return max(0.0, self.end - time.time())
+        return max(0.0, self.end - time.process_time())
 
     @property
     def limited(self) -> bool:
         """Whether the stage has a finite end."""
         return math.isfinite(self.end)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _stage_with, (self.left,)
+
     def within(self, seconds: float) -> Stage:
         """Stage that ends when this one ends, or `seconds` from now if that is earlier."""
-        return Stage(min(self.end, time.time() + seconds))
+        return Stage(min(self.end, time.process_time() + seconds))
 
     def one(self, share: float) -> Stage:
         """Stage for one of several runs, with a fraction of the remaining time.
@@ -45,7 +53,7 @@ class Stage:
         Args:
             share: Fraction of the remaining time.
         """
-        return Stage(time.time() + share * self.left) if self.limited else self
+        return Stage(time.process_time() + share * self.left) if self.limited else self
 
 
 @dataclass(frozen=True)
@@ -53,8 +61,8 @@ class Budget:
     """Time budget of a chart.
 
     Attributes:
-        seconds: Wall-clock time, s; infinite for no bound.
-        begin: Start time from `time.time`, s.
+        seconds: Processor time, s; infinite for no bound.
+        begin: Start time from `time.process_time`, s.
     """
 
     seconds: float
@@ -63,7 +71,10 @@ class Budget:
     @classmethod
     def from_seconds(cls, seconds: float) -> Budget:
         """Time budget of the given length, s, that starts now."""
-        return cls(seconds, time.time())
+        return cls(seconds, time.process_time())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _budget_after, (self.seconds, time.process_time() - self.begin)
 
     def stage(self, share: float) -> Stage:
         """Stage of the computation, which ends when the fraction `share` of the time budget has passed since its start.
@@ -72,3 +83,13 @@ class Budget:
         """
         drawing = min(_DRAWING[0], _DRAWING[1] * self.seconds)
         return Stage(self.begin + share * (self.seconds - drawing)) if math.isfinite(self.seconds) else Stage()
+
+
+def _stage_with(left: float) -> Stage:
+    """Stage with `left` seconds of processor time of this process."""
+    return Stage(time.process_time() + left)
+
+
+def _budget_after(seconds: float, spent: float) -> Budget:
+    """Budget of `seconds` of processor time of which another process has `spent` a part."""
+    return Budget(seconds, time.process_time() - spent)

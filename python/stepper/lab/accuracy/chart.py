@@ -87,8 +87,8 @@ def chart(
         unit: Unit of errors: "m" for differences in position of bodies, geoms and sites, "rad" for differences in orientation of bodies.
         episodes: Number of episodes; the chart shows their medians.
         quick: Whether to use fewer settings, time steps and repeats.
-        budget: Bound of the wall-clock time: "60 s", or a number of seconds. The table marks runs that the budget stopped. None sets no
-            time limit, or two minutes with `quick`.
+        budget: Bound of the processor time: "60 s", or a number of seconds. The table marks runs that the budget stopped. None sets no
+            time limit, or two minutes with `quick`. With `Study.ray`, it bounds the time of this process and of each task.
         tick: Progress callback with a text and the fraction done.
 
     Returns:

@@ -38,7 +38,7 @@ The stages are: the reference, all runs, a converged run of each contact law, ru
 
 
 _MAX_SLOWDOWN, _MIN_PATIENCE = 10.0, 10.0
-"""Limits of a run's wall-clock duration: ratio to the duration of the reference's finest run, and a duration in s.
+"""Limits of a run's processor time: ratio to the time of the reference's finest run, and a duration in s.
 
 The larger limit applies. Slower runs are stopped, because they have usually diverged.
 """

@@ -154,7 +154,7 @@ def _words(found: ChartData) -> list[str]:
     ]
     if math.isfinite(basis.budget.seconds):
         words.append(
-            f"The budget was {basis.budget.seconds:g} s of wall-clock time. "
+            f"The budget was {basis.budget.seconds:g} s of processor time. "
             + (f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite." if stopped else "Nothing was stopped.")
         )
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]

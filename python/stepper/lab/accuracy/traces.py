@@ -54,7 +54,7 @@ class Trace:
         residual: Largest residual, (episodes,), m/s; NaN in MuJoCo and rapier.
         settings: All settings of the engine.
         timestep: Time step, s.
-        spent: Wall-clock duration of the run, s.
+        spent: Processor time of the run, s.
         stopped: Whether the time budget stopped the run.
     """
 
@@ -103,7 +103,7 @@ def run(
         tick: Progress callback, called with the fraction done after every control period.
         **changed: Settings that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
     """
-    begun, stage = time.time(), stage or Stage()
+    begun, stage = time.process_time(), stage or Stage()
     world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
     seen = TraceRecorder(study, world)
     by_step = stage.limited and world.engine == "stepper"
@@ -117,7 +117,7 @@ def run(
                 break
         if stage.limited and not stage.left:
             break
-    return seen.trace(world, enough, time.time() - begun)
+    return seen.trace(world, enough, time.process_time() - begun)
 
 
 class TraceRecorder:
@@ -156,7 +156,7 @@ class TraceRecorder:
         Args:
             world: Environments of the run.
             controls: Number of control periods of a complete run.
-            spent: Wall-clock duration of the run, s.
+            spent: Processor time of the run, s.
         """
         assert self._start is not None
         assert self._watch is not None
@@ -197,7 +197,7 @@ def runs(
         study: The study.
         episodes: Numbers of the episodes.
         settings: Settings of each run that differ from the study's, by name, such as timestep=0.001 or engine="mujoco".
-        patience: Wall-clock duration after which each run is stopped, s.
+        patience: Processor time after which each run is stopped, s.
         tick: Progress callback with the fraction done.
     """
     made: dict[int, Trace] = {}
@@ -209,7 +209,7 @@ def runs(
 
 
 def _run_limited(episodes: Sequence[int], study: Study, task: tuple[Mapping[str, Any], float]) -> Trace:
-    """Runs episodes of a study with changed settings, and stops after a limit of wall-clock time.
+    """Runs episodes of a study with changed settings, and stops after a limit of processor time.
 
     Args:
         episodes: Numbers of the episodes.

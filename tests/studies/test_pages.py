@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.cli.app import application
 from stepper.lab.progress import progress
-from stepper.lab.study.document import Document, Section
+from stepper.lab.study.document import Document, Section, cell
 from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
 from stepper.lab.study.report import _differences, _no_cliff
 from stepper.lab.study.sweep import Cliff, Level, Sweep
@@ -143,10 +143,71 @@ def test_curves_are_outcomes_over_the_parameter(found):
 def test_tables_of_a_page_do_not_widen_with_settings(tmp_path, count):
     own = study(["friction"], [f"{k + 1} iterations and a name that is rather long" for k in range(count)])
     document = stepper.lab.report(own, tmp_path).document
-    # 68 rem are 1,088 pixels; thirteen columns of wrapped words fit.
-    assert max(len(section.head) for section in document.sections) <= 13
+    # 68 rem are 1,088 pixels; eleven columns of wrapped words fit.
+    assert max(len(section.head) for section in document.sections) <= 11
     assert "overflow-wrap: anywhere" in document.html()
     assert "nowrap" not in document.html()
+
+
+def pendulum(**changed):
+    """A pendulum without actuators and sensors, with three outcomes, of which one decides."""
+    angle, speed, low = (
+        stepper.lab.Outcome(name=name, measure=measure, unit=unit, **more)
+        for name, measure, unit, more in (
+            ("angle", "joint hinge", "rad", {}),
+            ("fastest", "jointvel hinge", "rad/s", {"reduce": "max"}),
+            ("lowest", "body rod z", "m", {"success": ">= -1", "reduce": "min"}),
+        )
+    )
+    given = {
+        "model": "<mujoco><worldbody><body name='rod'><joint name='hinge' axis='0 1 0'/><geom size='.1' pos='.3 0 0'/></body></worldbody>"
+        "</mujoco>",
+        "name": "pendulum",
+        "outcomes": [angle, speed, low],
+        "parameters": {"mass": stepper.lab.Parameter("body_mass[1]", operation="scale", low=0.5, high=2.0, source="a scale")},
+        "seconds": 0.2,
+        "episodes": 2,
+        "qvel_noise": 0.1,
+    }
+    return stepper.lab.Study(**(given | changed))
+
+
+@pytest.mark.parametrize("command", [stepper.lab.sweep, stepper.lab.report])
+def test_all_outcomes_of_a_study_are_on_its_pages(tmp_path, command):
+    found = command(pendulum(), tmp_path)
+    page = (tmp_path / f"pendulum/{command.__name__}.html").read_text()
+    table = found.sweep.table
+    first = table["setting"] == "stepper"
+    for name, unit in (("angle", "rad"), ("fastest", "rad/s"), ("lowest", "m")):
+        assert f"<th>mean {name}, {unit}</th>" in page
+        assert f"{name}, {unit}" in {panel.get_ylabel() for panel in figure_of(found.sweep).axes}
+        for level in found.sweep.levels_of("mass"):
+            values = table[f"outcome.{name}"][first & (table["parameters.mass"] == level.value)]
+            assert level.of(name).mean == pytest.approx(values.mean(), rel=1e-12)
+            assert f"<td class=n>{cell(level.of(name).mean)}</td>" in page
+    assert found.sweep.levels[0].of("lowest") is found.sweep.levels[0]
+    assert "a scale" in page
+
+
+@pytest.mark.parametrize(
+    ("controller", "cause"), [(None, "scene"), ("random", "scene"), (lambda now: np.zeros((now.num_envs, 0)), "controller")]
+)
+def test_causes_are_among_what_the_study_has(tmp_path, controller, cause):
+    """A study without controller, sensors and soft contact has no failures of them, and no rules about them."""
+    never = stepper.lab.Outcome(name="angle", measure="joint hinge", success=">= 100")
+    found = stepper.lab.report(pendulum(outcomes=never, controller=controller, name="never"), tmp_path)
+    assert {verdict.cause for verdict in found.verdicts} == {cause}
+    (rules,) = [section for section in found.document.sections if section.title == "Causes of failures"]
+    assert ("controller:" in rules.words[1]) == (cause == "controller")
+    assert "perception:" not in rules.words[1]
+    assert "declares" not in rules.words[1]
+
+
+def test_intervals_and_units_do_not_break_in_tables():
+    page = Document("page", [Section("table", (), ("95 %",), [["0.676 to 1.000"], ["-0.5 to -0.1"], ["2 of 3 to the left"]])]).html()
+    assert "0.676\u00a0to\u00a01.000" in page
+    assert "-0.5\u00a0to\u00a0-0.1" in page
+    assert "2 of 3 to the left" in page
 
 
 def test_pages_escape_what_they_are_given(tmp_path):

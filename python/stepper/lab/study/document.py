@@ -14,6 +14,9 @@ from typing import Any
 
 from stepper.shared.machine import require
 
+_INTERVAL = re.compile(r"(?<=\d) to (?=[-\d])")
+"""Word between the two numbers of an interval, at which a cell of a table must not break."""
+
 
 @dataclass
 class Section:
@@ -107,5 +110,9 @@ def _template() -> Any:
         loader=jinja2.PackageLoader(__package__, ""), autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined
     )
     encoded = {"base64": lambda file: base64.b64encode(file.read_bytes()).decode()}
-    environment.filters |= encoded | {"cell": cell, "code": code}
+
+    def unbroken(text: str) -> str:
+        return _INTERVAL.sub("\u00a0to\u00a0", text)
+
+    environment.filters |= encoded | {"cell": cell, "code": code, "unbroken": unbroken}
     return environment.get_template("document.html")

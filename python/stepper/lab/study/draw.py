@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from stepper.lab.study.document import counted
 from stepper.lab.study.points import USUAL
-from stepper.lab.study.sweep import Cliff, Level, Sweep, measured
+from stepper.lab.study.sweep import Cliff, Level, Sweep, ordered_outcomes
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from stepper.lab.study.outcomes import Outcome
 
 COLOURS = (
     *("#0b3c8c", "#1f9e77", "#7a3fb5", "#d62728", "#ff7f0e", "#8c564b", "#17a2b8", "#666666"),
@@ -46,7 +48,7 @@ A cliff is a value of a parameter at which success ends. `draw_cliffs` draws the
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
-    """Draws a sweep into a PNG file: success rates and mean outcomes against each parameter. Returns the path.
+    """Draws a sweep into a PNG file: success rates and means of all outcomes against each parameter. Returns the path.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -57,7 +59,7 @@ def draw(sweep: Sweep, path: Path) -> Path:
 
 
 def figure_of(sweep: Sweep) -> Any:
-    """Figure of a sweep: per parameter, success rates with Wilson intervals, and below them mean outcomes with standard errors.
+    """Figure of a sweep: per parameter, success rates with Wilson intervals, and below them means of all outcomes with standard errors.
 
     Values of a bisection are drawn without intervals, so that the curve shows where success ends.
 
@@ -66,20 +68,20 @@ def figure_of(sweep: Sweep) -> Any:
     """
     figures = require("matplotlib.figure", "to draw a sweep")
     names = [name for name in sweep.study.parameters if any(level.parameter == name for level in sweep.levels)]
-    kinds = (True, False) if sweep.study.decisive else (False,)
+    kinds = [*([None] if sweep.study.decisive else []), *ordered_outcomes(sweep.study)]
     columns = min(_COLUMNS, max(1, len(names)))
     lines = max(1, math.ceil(len(names) / columns))
     labels = [_wrapped(name) for name in (USUAL, *sweep.study.settings)]
     width = max(7.5, 3.5 * columns)
     each = _legend_columns(labels, width)
     beneath = 0.9 + 0.22 * sum(max(label.count("\n") + 1 for label in labels[k : k + each]) for k in range(0, len(labels), each))
-    figure = figures.Figure(figsize=(width, (2.7 if len(kinds) == 1 else 4.6) * lines + beneath), dpi=DPI, layout="constrained")
+    figure = figures.Figure(figsize=(width, (0.8 + 1.9 * len(kinds)) * lines + beneath), dpi=DPI, layout="constrained")
     axes = figure.subplots(lines * len(kinds), columns, squeeze=False)
     for k in range(lines * columns):
-        for part, shares in enumerate(kinds):
+        for part, outcome in enumerate(kinds):
             panel = axes[k // columns * len(kinds) + part, k % columns]
             if k < len(names):
-                _panel(panel, sweep, names[k], shares=shares)
+                _panel(panel, sweep, names[k], outcome)
             else:
                 panel.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -91,7 +93,8 @@ def figure_of(sweep: Sweep) -> Any:
             handles.append(_line(color="#444444", linestyle="-.", linewidth=1))
             labels.append("limit of success")
         figure.legend(handles, labels, loc="outside lower center", ncols=min(each, len(labels)), frameon=False, fontsize=9)
-    title = f"{sweep.study.name}: {measured(sweep.study)}, {counted(sweep.study.episodes, 'episode')} a point"
+    outcomes = ", ".join(outcome.name for outcome in ordered_outcomes(sweep.study))
+    title = f"{sweep.study.name}: {outcomes}, {counted(sweep.study.episodes, 'episode')} a point"
     figure.suptitle(textwrap.fill(title, int(11 * width)), fontsize=11)
     return figure
 
@@ -156,33 +159,32 @@ def cliffs_of(sweep: Sweep) -> Any | None:
     return figure
 
 
-def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
-    """Draws the panel of a parameter: success rates if `shares` is set, otherwise mean outcomes.
+def _panel(panel: Axes, sweep: Sweep, name: str, outcome: Outcome | None) -> None:
+    """Draws the panel of a parameter: means of an outcome, or success rates.
 
     Args:
         panel: The panel.
         sweep: The sweep.
         name: Name of the parameter.
-        shares: Whether to draw success rates.
+        outcome: The outcome; None draws success rates.
     """
     study, parameter = sweep.study, sweep.study.parameters[name]
     settings = [USUAL, *study.settings]
     words = any(isinstance(value, str) for value in parameter.levels())
     for number, setting in enumerate(settings):
         if sweep.levels_of(name, setting):
-            _series(panel, sweep, name, number, shares=shares)
+            _series(panel, sweep, name, number, outcome)
         for cliff in sweep.cliffs:
             if (cliff.parameter, cliff.setting) == (name, setting):
                 middle, colour = (cliff.low + cliff.high) / 2, COLOURS[number % len(COLOURS)]
                 panel.axvline(middle, color=colour, linestyle=":", linewidth=1)
-                if shares and len(settings) <= _ANNOTATED:
+                if outcome is None and len(settings) <= _ANNOTATED:
                     _annotate(panel, sweep, cliff, number)
     panel.set_xlabel(_axis_label(sweep, name) + {"set": "", "scale": " (factor)", "add": " (added)"}[parameter.operation])
-    if shares:
+    if outcome is None:
         panel.set_ylabel("fraction of successes")
         panel.set_ylim(-0.05, 1.05)
     else:
-        outcome = study.decisive or study.all_outcomes[0]
         panel.set_ylabel(f"{outcome.name}{', ' + outcome.unit if outcome.unit else ''}")
         if outcome.threshold is not None:
             panel.axhline(outcome.threshold, color="#444444", linestyle="-.", linewidth=1)
@@ -217,22 +219,22 @@ def _annotate(panel: Axes, sweep: Sweep, cliff: Cliff, number: int) -> None:
     )  # fmt: skip
 
 
-def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) -> None:
-    """Draws success rates or mean outcomes for one of the settings. Markers of later settings are smaller, so that all stay visible.
+def _series(panel: Axes, sweep: Sweep, name: str, number: int, outcome: Outcome | None) -> None:
+    """Draws success rates or means of an outcome for one of the settings. Markers of later settings are smaller, so that all stay visible.
 
     Args:
         panel: The panel.
         sweep: The sweep.
         name: Name of the parameter.
         number: Index of the settings: 0 for those of the study, 1 for its first alternative settings.
-        shares: Whether to draw success rates.
+        outcome: The outcome; None draws success rates.
     """
     settings = [USUAL, *sweep.study.settings]
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
     points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
     line = panel.plot(
         _axis_values(points),
-        _bars(points, shares=shares)[0],
+        _bars(points, outcome)[0],
         "-" if number == 0 else "--",
         color=colour,
         linewidth=1.2,
@@ -240,7 +242,7 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) 
         markersize=3,
     )[0]
     line.set_gid(f"{name}/{setting}")
-    y, below, above = _bars(levels, shares=shares)
+    y, below, above = _bars(levels, outcome)
     panel.errorbar(
         _axis_values(levels), y, (below, above), fmt=MARKERS[number % len(MARKERS)], color=colour, label=_wrapped(setting), capsize=2,
         markersize=9 - 5 * number / max(1, len(settings) - 1), markerfacecolor="none", linewidth=1,
@@ -283,14 +285,14 @@ def _line(**style: Any) -> Any:
     return require("matplotlib.lines", "to draw a sweep").Line2D([], [], **style)
 
 
-def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[float], list[float]]:
+def _bars(levels: Sequence[Level], outcome: Outcome | None) -> tuple[list[float], list[float], list[float]]:
     """Heights of the points in a panel of a sweep, and lengths of their error bars below and above.
 
     Args:
         levels: Statistics at the values of a parameter.
-        shares: Whether the heights are success rates, instead of mean outcomes.
+        outcome: The outcome whose means are the heights; None for success rates.
     """
-    if shares:
+    if outcome is None:
         y = [level.share for level in levels]
         if all(level.episodes == 1 for level in levels):
             # The interval of a single trial spans nearly the whole axis.
@@ -300,6 +302,9 @@ def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[f
             [a - level.interval[0] for a, level in zip(y, levels, strict=True)],
             [level.interval[1] - a for a, level in zip(y, levels, strict=True)],
         )
-    y = [level.mean for level in levels]
-    error = [0.0 if math.isnan(level.spread) else level.spread / math.sqrt(level.episodes - level.diverged) for level in levels]
-    return y, error, error
+    found = [level.of(outcome.name) for level in levels]
+    error = [
+        0.0 if math.isnan(own.spread) else own.spread / math.sqrt(level.episodes - level.diverged)
+        for own, level in zip(found, levels, strict=True)
+    ]
+    return [own.mean for own in found], error, error

@@ -10,6 +10,7 @@ The first rule that applies gives the cause:
     physics      the episode, with ideal sensors, succeeds at half the time step with a hundredth of the tolerance
     physics      with soft contact: the episode, with ideal sensors, succeeds with hard contact
     controller   no other rule applies: the controller fails although physics and sensors are correct
+    scene        the same without a controller: the model itself fails, with its parameters and its start
 
 A controller with internal state restarts in every run.
 """
@@ -17,7 +18,7 @@ A controller with internal state restarts in every run.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +26,7 @@ import numpy as np
 
 from stepper.lab.study.batches import group_of, run_episodes
 from stepper.lab.study.journal import Journal, Row, diverged
-from stepper.lab.study.points import Point
+from stepper.lab.study.points import USUAL, Point
 from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import UNSOLVED
 
@@ -45,19 +46,38 @@ PERCEPTION = "success with ideal sensors"
 STEP = f"success with ideal sensors, 1/{FINER} of the time step and {TIGHTER:g} of the tolerance"
 LAW = "success with ideal sensors and hard contact: the softness of contact causes the failure"
 CONTROLLER = "failure even with ideal sensors and a finer time step"
+SCENE = "failure even with a finer time step: the study has no controller, so the model, its parameters and its start cause the failure"
 DECLARED = "the study declares the cause of failures of this outcome"
 
-RULES = (
-    ("physics", DIVERGED),
-    ("as declared", DECLARED),
-    ("physics", STATUS),
-    ("evaluation", EVALUATION),
-    ("perception", PERCEPTION),
-    ("physics", STEP),
-    ("physics", LAW),
-    ("controller", CONTROLLER),
-)
-"""Pairs of a cause of failure and the rule that detects it, as texts, in the order in which the rules are tested."""
+
+def rules_of(study: Study) -> list[tuple[str, str]]:
+    """Pairs of a cause of failure and the rule that detects it, as texts, in the order in which the rules are tested.
+
+    Rules about parts that the study lacks are left out: sensor errors, soft contact, a controller.
+    """
+    soft = any("mujoco" in (study.options.contact, study.setting(name).get("contact")) for name in (*study.settings, USUAL))
+    rules = (
+        ("physics", DIVERGED, True),
+        ("as declared", DECLARED, study.decisive is not None and study.decisive.cause is not None),
+        ("physics", STATUS, True),
+        ("evaluation", EVALUATION, True),
+        ("perception", PERCEPTION, _has_sensor_errors(study, study.parameters)),
+        ("physics", STEP, True),
+        ("physics", LAW, soft),
+        (*_last_rule(study), True),
+    )
+    return [(cause, rule) for cause, rule, applies in rules if applies]
+
+
+def _last_rule(study: Study) -> tuple[str, str]:
+    """Cause and rule of failures that no trial explains."""
+    has_controller = study.controller is not None and (study.controller != "random" or study.loaded[0].nu > 0)
+    return ("controller", CONTROLLER) if has_controller else ("scene", SCENE)
+
+
+def _has_sensor_errors(study: Study, parameters: Iterable[str]) -> bool:
+    """Whether sensors have errors, in a study or by one of some parameters."""
+    return study.sensors is not None or any(study.parameters[name].kind == "sensor" for name in parameters)
 
 
 @dataclass(frozen=True)
@@ -66,7 +86,7 @@ class Verdict:
 
     Attributes:
         row: Result of the episode.
-        cause: Cause: "physics", "perception", "controller" or "evaluation".
+        cause: Cause: "physics", "perception", "controller", "scene" or "evaluation".
         rule: Rule that detected the cause, as a text.
     """
 
@@ -90,7 +110,7 @@ def causes_of(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdi
         for row, repeated in zip(left, _repeated(study, left, journal, name, change), strict=True):
             if repeated["success"]:
                 verdicts[row["key"]] = (cause, rule)
-    return [Verdict(row, *(verdicts[key] or ("controller", CONTROLLER))) for key, row in failed.items()]
+    return [Verdict(row, *(verdicts[key] or _last_rule(study))) for key, row in failed.items()]
 
 
 def _cause_in(study: Study, row: Row) -> tuple[str, str] | None:
@@ -125,7 +145,7 @@ def _applies(study: Study, trial: str, row: Row) -> bool:
     """
     if trial == "hard contact":
         return bool(row["settings"]["contact"] != "hard")
-    return trial == "finer" or study.sensors is not None or any(study.parameters[name].kind == "sensor" for name in row["parameters"])
+    return trial == "finer" or _has_sensor_errors(study, row["parameters"])
 
 
 def _finer(settings: dict[str, Any]) -> dict[str, Any]:

@@ -22,7 +22,7 @@ Measure = Callable[[Any], Any]
 
 REDUCTIONS = ("end", "change", "max", "min", "mean")
 """Allowed values of `Outcome.reduce`, the reduction of a measured quantity over an episode to one number."""
-CAUSES = ("physics", "perception", "controller", "evaluation")
+CAUSES = ("physics", "perception", "controller", "scene", "evaluation")
 """Allowed values of `Outcome.cause`, the known cause of failed episodes."""
 _COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 _AXES = {"x": 0, "y": 1, "z": 2}
@@ -59,7 +59,7 @@ class Outcome:
         margin: Largest distance of a failed outcome from the threshold at which the cause of the failure is "evaluation", in the unit of
             the measure.
         unit: Unit of the measure, for tables.
-        cause: Cause of failures, if it is known beforehand: "physics", "perception", "controller" or "evaluation". With None,
+        cause: Cause of failures, if it is known beforehand: "physics", "perception", "controller", "scene" or "evaluation". With None,
             `stepper report` repeats failed episodes with changes to find the cause.
     """
 

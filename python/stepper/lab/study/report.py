@@ -16,12 +16,14 @@ import numpy as np
 from stepper.lab.progress import Tick
 from stepper.lab.study.document import Document, Section, cell, counted
 from stepper.lab.study.draw import draw, draw_cliffs
-from stepper.lab.study.failure_causes import RULES, Verdict, causes_of
+from stepper.lab.study.failure_causes import Verdict, causes_of, rules_of
 from stepper.lab.study.journal import diverged
+from stepper.lab.study.outcomes import Outcome
+from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.points import USUAL, nominal_of
 from stepper.lab.study.results import Results
 from stepper.lab.study.study import Study
-from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured
+from stepper.lab.study.sweep import CLIFF, RESOLUTION, Level, Sweep, measured, ordered_outcomes
 from stepper.lab.study.sweep import sweep as run_sweep
 from stepper.lab.study.table import Table
 from stepper.lab.study.touching import Touching, touching
@@ -340,25 +342,15 @@ def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
 
 
 def _perturbations(found: Sweep, folder: Path) -> list[Section]:
-    """Sections with the effect of each parameter on the outcomes, and the picture of the sweep in `folder`."""
+    """Sections with the parameters, and with their effect on all outcomes. The first table is with the picture of the sweep in `folder`."""
     study = found.study
-    outcome = study.decisive or study.all_outcomes[0]
-    unit = f", {outcome.unit}" if outcome.unit else ""
+    main, *others = ordered_outcomes(study)
     shares = ("successes", "share", "95 %") if study.decisive else ()
-    head = (
-        "settings",
-        "parameter",
-        "value",
-        "unit",
-        *shares,
-        f"mean {outcome.name}{unit}",
-        "change from nominal",
-        "+-",
-        "unsolved",
-        "diverged",
-        "source",
-    )
-    rows = [_level_row(study, level) for level in found.levels]
+    head = ("settings", "parameter", "value", *shares, f"mean {_with_unit(main)}", *_CHANGE, "unsolved", "diverged")
+    rows = [
+        [*_place(study, level), *_shares_of(study, level), level.mean, *level.change, level.unsolved, level.diverged]
+        for level in found.levels
+    ]
     words = [
         f"One parameter at a time, {counted(study.episodes, 'episode')} each, the same starts and random numbers at every point. "
         "Intervals are Wilson's. Changes are differences from the same episodes at the nominal point, +- one standard error. Unsolved "
@@ -367,7 +359,44 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
         *_repeated(found.levels),
         *(f"Not run: {reason}." for reason in found.skipped),
     ]
-    return [Section("Perturbation table", words, head, rows, _picture(found, folder))]
+    sections = [*_ranges(study), Section("Perturbation table", words, head, rows, _picture(found, folder))]
+    for outcome in others:
+        head = ("settings", "parameter", "value", f"mean {_with_unit(outcome)}", "spread", *_CHANGE)
+        rows = [[*_place(study, level), own.mean, own.spread, *own.change] for level in found.levels for own in [level.of(outcome.name)]]
+        sections.append(Section(f"Outcome {outcome.name}", ["The same episodes as above."], head, rows))
+    return sections
+
+
+_CHANGE = ("change from nominal", "+-")
+"""Headings of the columns with the mean change of an outcome and its standard error."""
+
+
+def _with_unit(part: Outcome | Parameter, name: str = "") -> str:
+    """Name of an outcome or a parameter with its unit: "height, m". A line of a table does not break within the unit."""
+    name = name or getattr(part, "name", "")
+    unit = part.unit.replace(" ", "\u00a0")
+    return f"{name}, {unit}" if unit else name
+
+
+def _place(study: Study, level: Level) -> list[Any]:
+    """Cells of a table with the settings, the parameter and its value."""
+    parameter = study.parameters.get(level.parameter)
+    return [level.setting, "nominal" if parameter is None else _with_unit(parameter, level.parameter), level.value]
+
+
+def _shares_of(study: Study, level: Level) -> list[Any]:
+    """Cells of a table with the number and share of successes and the interval of the share; none without a condition of success."""
+    return [level.successes, level.share, _interval(level)] if study.decisive else []
+
+
+def _ranges(study: Study) -> list[Section]:
+    """Section with the ranges of the parameters and their sources; none without parameters."""
+    head = ("parameter", "selector", "operation", "nominal", "low", "high", "source")
+    rows = [
+        [_with_unit(own, name), f"`{own.selector}`", own.operation, study.nominal.get(name), own.low, own.high, own.source]
+        for name, own in study.parameters.items()
+    ]
+    return [Section("Parameters", (), head, rows)] if rows else []
 
 
 def _repeated(levels: Sequence[Level]) -> list[str]:
@@ -397,14 +426,6 @@ def _picture(found: Sweep, folder: Path) -> Path | None:
     if package_version("matplotlib") is None or not found.study.parameters:
         return None
     return draw(found, folder / "sweep.png")
-
-
-def _level_row(study: Study, level: Level) -> list[Any]:
-    """Row of the report's table on the effects of parameters: statistics at one value of a parameter."""
-    parameter = study.parameters.get(level.parameter)
-    shares = [level.successes, level.share, _interval(level)] if study.decisive else []
-    point = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
-    return [*point, *shares, level.mean, *level.change, level.unsolved, level.diverged, parameter.source if parameter else ""]
 
 
 def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Section]:
@@ -461,33 +482,27 @@ def _no_cliff(levels: Sequence[Level]) -> list[list[Any]]:
 
 def _transfer(study: Study, found: Sweep) -> list[Section]:
     """Section that compares the outcomes of the study's settings with those of its other settings and engines."""
-    outcome = measured(study)
     own = [level for level in found.levels_of("")]
-    head = (
-        "settings",
-        "successes",
-        "95 %",
-        f"mean {outcome}",
-        "spread",
-        f"mean difference of {outcome}",
-        "+-",
-        "episodes with another success",
-        "diverged",
-    )
+    head = ("settings", "successes", "95 %", "outcome", "mean", "spread", "mean difference", "+-", "another success", "diverged")
     base = _nominal_rows(found, USUAL)
     rows = []
     for setting in [USUAL, *study.settings]:
         level, mine = found.levels_of("", setting)[0], _nominal_rows(found, setting)
         both = [(row, base[e]) for e, row in mine.items() if not diverged(row) and not diverged(base[e])]
-        gap = np.array([row["outcomes"][outcome] - other["outcomes"][outcome] for row, other in both])
         otherwise = sum(row["success"] != base[e]["success"] for e, row in mine.items())
         share = ["-", "-"] if level.successes is None else [f"{level.successes} of {level.episodes}", _interval(level)]
-        error = float(gap.std(ddof=1) / math.sqrt(len(gap))) if len(gap) > 1 else math.nan
-        apart = float(gap.mean()) if len(gap) else math.nan
         counts = [otherwise if own[0].successes is not None else "-", level.diverged]
-        rows.append([setting, *share, level.mean, level.spread, apart, error, *counts])
+        for outcome in ordered_outcomes(study):
+            gap = np.array([row["outcomes"][outcome.name] - other["outcomes"][outcome.name] for row, other in both])
+            error = float(gap.std(ddof=1) / math.sqrt(len(gap))) if len(gap) > 1 else math.nan
+            apart = float(gap.mean()) if len(gap) else math.nan
+            values = level.of(outcome.name)
+            rows.append([setting, *share, _with_unit(outcome), values.mean, values.spread, apart, error, *counts])
     reason = None if _has_peer(study) else no_peer(study)
-    words = ["The same episodes at the nominal point with other settings and engines; differences are from the study's own settings."]
+    words = [
+        "The same episodes at the nominal point with other settings and engines; differences are from the study's own settings. Another "
+        "success: number of episodes that succeed with one of the two settings alone."
+    ]
     return [Section("Transfer gap", words + ([f"MuJoCo cannot run this study: {reason}."] if reason else []), head, rows)]
 
 
@@ -511,7 +526,7 @@ def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
     words = [
         "All failed episodes of stepper at all points above, and those of MuJoCo that diverged. Each is repeated with one part made ideal "
         "at a time, and the first rule that applies gives the cause, which is also in the column cause of table.csv:",
-        ". ".join(f"{cause}: {rule}" for cause, rule in RULES) + ".",
+        ". ".join(f"{cause}: {rule}" for cause, rule in rules_of(found.study)) + ".",
     ]
     return [
         Section(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -15,6 +15,7 @@ from stepper.lab.progress import Tick
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import Journal, Row, diverged
+from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import COUNTS, Value, check_effects, selected
 from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
@@ -37,11 +38,26 @@ UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Sta
 
 
 @dataclass(frozen=True)
+class Statistics:
+    """Statistics of an outcome over the episodes at one value of one parameter. Episodes that diverged are left out.
+
+    Attributes:
+        mean: Mean of the outcome; NaN if all episodes diverged.
+        spread: Standard deviation of the outcome.
+        change: Mean change of the outcome compared with the same episodes at the nominal point, and the standard error of this mean.
+    """
+
+    mean: float
+    spread: float
+    change: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Level:
     """Statistics of the episodes at one value of one parameter, or at the nominal point, where all parameters are nominal.
 
-    At a value of a parameter, all other parameters are nominal. The outcome is the one with a condition of success, or otherwise the first
-    outcome of the study.
+    At a value of a parameter, all other parameters are nominal. The main outcome is the one with a condition of success, or otherwise the
+    first outcome of the study.
 
     Attributes:
         setting: Name of the settings.
@@ -51,12 +67,10 @@ class Level:
         successes: Number of successful episodes; None if the study has no condition of success.
         different: Number of distinct episodes. Without random starts or controllers, episodes may repeat one another bit for bit.
         interval: Wilson's 95 % interval of the fraction of successes; NaN without a condition of success or if episodes repeat one another.
-        mean: Mean of the outcome over the episodes that did not diverge; NaN if all diverged.
-        spread: Standard deviation of the outcome over these episodes.
-        change: Mean change of the outcome compared with the same episodes at the nominal point, and the standard error of this mean.
-            Episodes that diverged in either case are left out.
+        mean, spread, change: `Statistics` of the main outcome.
         unsolved: Number of episodes with at least one step that was not solved reliably (flags `UNSOLVED`).
         diverged: Number of episodes that diverged. They have no outcome and count as failures.
+        others: `Statistics` of the study's other outcomes, by name.
     """
 
     setting: str
@@ -71,6 +85,11 @@ class Level:
     change: tuple[float, float]
     unsolved: int
     diverged: int
+    others: Mapping[str, Statistics] = field(default_factory=dict)
+
+    def of(self, outcome: str) -> Level | Statistics:
+        """Mean, spread and change of an outcome of the study, by name: of one of `others`, or otherwise of the main outcome."""
+        return self.others.get(outcome, self)
 
     @property
     def share(self) -> float:
@@ -236,9 +255,14 @@ def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
     return Point(chosen, setting)
 
 
+def ordered_outcomes(study: Study) -> list[Outcome]:
+    """All outcomes of a study. The main one is first: the outcome with a condition of success, or the first of the study."""
+    return sorted(study.all_outcomes, key=lambda outcome: outcome.success is None)
+
+
 def measured(study: Study) -> str:
-    """Name of the outcome that tables show: the one with a condition of success, or the first."""
-    return (study.decisive or study.all_outcomes[0]).name
+    """Name of the main outcome of a study: the one with a condition of success, or the first."""
+    return ordered_outcomes(study)[0].name
 
 
 def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row], nominal: Sequence[Row]) -> Level:
@@ -250,12 +274,8 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
         rows: Rows of the episodes.
         nominal: Rows of the same episodes at the nominal point.
     """
-    name = measured(study)
-    pairs = [
-        (row["outcomes"][name], was["outcomes"][name], diverged(was)) for row, was in zip(rows, nominal, strict=True) if not diverged(row)
-    ]
-    values = np.array([value for value, *_ in pairs], float)
-    change = np.array([value - before for value, before, lost in pairs if not lost], float)
+    main = measured(study)
+    found = {outcome.name: _statistics(outcome.name, rows, nominal) for outcome in study.all_outcomes}
     successes = None if study.decisive is None else sum(row["success"] for row in rows)
     different = _different(study, rows)
     return Level(
@@ -266,11 +286,34 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
         successes=successes,
         different=different,
         interval=(math.nan, math.nan) if successes is None or different < len(rows) else wilson(successes, len(rows)),
+        mean=found[main].mean,
+        spread=found[main].spread,
+        change=found[main].change,
+        unsolved=sum(bool(int(row["certificate"]["status"]) & UNSOLVED) for row in rows),
+        diverged=sum(map(diverged, rows)),
+        others={name: own for name, own in found.items() if name != main},
+    )
+
+
+def _statistics(outcome: str, rows: Sequence[Row], nominal: Sequence[Row]) -> Statistics:
+    """Statistics of an outcome over episodes.
+
+    Args:
+        outcome: Name of the outcome.
+        rows: Rows of the episodes.
+        nominal: Rows of the same episodes at the nominal point.
+    """
+    pairs = [
+        (row["outcomes"][outcome], was["outcomes"][outcome], diverged(was))
+        for row, was in zip(rows, nominal, strict=True)
+        if not diverged(row)
+    ]
+    values = np.array([value for value, *_ in pairs], float)
+    change = np.array([value - before for value, before, lost in pairs if not lost], float)
+    return Statistics(
         mean=float(values.mean()) if len(values) else math.nan,
         spread=_deviation(values),
         change=(float(change.mean()), _deviation(change) / math.sqrt(len(change))) if len(change) else (math.nan, math.nan),
-        unsolved=sum(bool(int(row["certificate"]["status"]) & UNSOLVED) for row in rows),
-        diverged=sum(map(diverged, rows)),
     )
 
 

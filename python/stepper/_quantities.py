@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stepper._hints import unknown_quantity
 from stepper._stepper import Model, Stepper
+from stepper.shared.arguments import array_of
 
 Array = NDArray[Any]
 Key = str | int
@@ -56,7 +57,7 @@ def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
 def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
     """Joint forces, (num_envs, nv), N and N m, for accelerations, (num_envs, nv), m/s^2 and rad/s^2; see `Stepper.inverse_dynamics`."""
     shape = () if sim.num_envs is None else (sim.num_envs,)
-    wanted = _numbers("qacc", qacc)
+    wanted = array_of("qacc", qacc)
     if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
         raise ValueError(f"qacc has shape {wanted.shape}, must be {_shapes(shape, sim.model.nv)}")
     if not np.isfinite(wanted).all():
@@ -111,14 +112,6 @@ def _of_applied(sim: Stepper) -> Array:
     return total
 
 
-def _numbers(name: str, given: ArrayLike) -> Array:
-    """Array (...) of float64, in the unit of the argument `name`, after a check that all entries are numbers."""
-    try:
-        return np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} is {given!r}, must be an array of numbers, with rows of equal length") from None
-
-
 def _shapes(envs: tuple[int, ...], *row: int | str) -> str:
     """Accepted shapes of an argument, for a message: one row for each environment, or one row for all.
 
@@ -132,7 +125,7 @@ def _shapes(envs: tuple[int, ...], *row: int | str) -> str:
 
 def _of_rays(sim: Stepper, given: ArrayLike, name: str) -> Array:
     """Array of points or directions of rays, (n, 3) or (num_envs, n, 3), after a check of its shape."""
-    rows = _numbers(name, given)
+    rows = array_of(name, given)
     shape = () if sim.num_envs is None else (sim.num_envs,)
     if rows.ndim < 2 or rows.shape[-1] != 3 or rows.shape[:-2] not in ((), shape):
         raise ValueError(f"{name} has shape {rows.shape}, must be {_shapes(shape, 'n', 3)}")

@@ -178,7 +178,7 @@ class Rollout:
         states = getattr(self, name)
         if states is None:
             raise ValueError("gradients by sensors need rollout(..., sensors=True)")
-        array = np.asarray(given, np.float64)
+        array = array_of(f"the gradient by {name}", given)
         if array.shape != states.shape:
             raise ValueError(f"the gradient by {name} has shape {array.shape}, must be {states.shape}")
         if not np.isfinite(array).all():

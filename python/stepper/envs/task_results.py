@@ -13,7 +13,7 @@ from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
 from stepper.envs.hooks import NO_ASSIGNMENT, in_words
 from stepper.envs.task import Array, Moment, Observation, Task, Terms
-from stepper.shared.arguments import check_mapping
+from stepper.shared.arguments import array_of, check_mapping
 from stepper.shared.functions import check_takes
 
 _METHODS = {
@@ -60,7 +60,7 @@ def bounds_of(task: Task, model: Model) -> tuple[Array, Array]:
     """Lower and upper bounds of a task's actions, (n,) each; a ValueError if `task.action_bounds` returns anything else."""
     found: Any = task.action_bounds(model)
     if isinstance(found, tuple | list | np.ndarray) and len(found) == 2:
-        low, high = (np.asarray(bound, dtype=np.float64) for bound in found)
+        low, high = (array_of(f"a bound of {type(task).__name__}.action_bounds", bound) for bound in found)
         if low.ndim == 1 and low.shape == high.shape and not np.any(low > high):
             return low, high
         found = (low, high)

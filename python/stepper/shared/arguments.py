@@ -137,12 +137,23 @@ def array_of(name: str, value: Any) -> NDArray[np.float64]:
     """Array (...) of float64 with the numbers of an array or of nested sequences; `name` is the name of the argument.
 
     Raises:
-        TypeError: The value has entries other than numbers, or rows of different lengths.
+        TypeError: The value has entries other than real numbers, such as complex ones or objects, a mask, or rows of different lengths.
     """
+    if type(value) is np.ndarray and value.dtype.kind in "fiu":  # A fast test of the usual type.
+        return value.astype(np.float64, copy=False)
+    if isinstance(value, np.ma.MaskedArray):
+        raise TypeError(f"{name} is a masked array, must be one without a mask: values.filled(0.0) replaces masked numbers by zeros")
     try:
-        return np.asarray(value, np.float64)
+        array = np.asarray(value)
+        kind = array.dtype.kind if array.size else "f"
+        if kind not in "cOSUMm":
+            return array.astype(np.float64, copy=False)
     except (TypeError, ValueError):
-        raise TypeError(f"{name} is {value!r}, must be an array of numbers, with rows of equal length") from None
+        kind = ""
+    if kind == "c":
+        raise TypeError(f"{name} is {value!r}, with complex numbers, must have real ones: values.real has the real parts")
+    remedy = "; values.astype(float) converts an array of objects" if kind == "O" and isinstance(value, np.ndarray) else ""
+    raise TypeError(f"{name} is {value!r}, must be an array of numbers, with rows of equal length{remedy}")
 
 
 def path_of(name: str, value: Any) -> Path:

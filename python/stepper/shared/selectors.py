@@ -376,15 +376,15 @@ def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs
     """
     model, n = sim.model, sim.num_envs or 1
     by_index = envs is not None and np.asarray(envs).dtype != np.bool_
-    rows = np.array(selected(envs, n)) if by_index else np.arange(n)
+    rows = np.array(selected(envs, n), dtype=np.int64) if by_index else np.arange(n)
     lead = (len(rows),) if by_index or sim.num_envs is not None else ()
     present = sim.randomized
 
     def base(field: str) -> Array:
         """Current values of a field in the selected environments, (environments, numbers), or (numbers,) without environments."""
         own = np.asarray(getattr(model, field), np.float64)
-        now = np.asarray(present.get(field, np.broadcast_to(own, (n, *own.shape))), np.float64).reshape(n, -1)
-        return now[rows].reshape(*lead, -1)
+        now = np.asarray(present.get(field, np.broadcast_to(own, (n, *own.shape))), np.float64).reshape(n, own.size)
+        return now[rows].reshape(*lead, own.size)
 
     return _whole("Stepper.randomize", model, values, base, lead=lead, known=RANDOMIZED, fields=fields or {})
 

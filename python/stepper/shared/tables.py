@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stepper.shared.arguments import check_mapping, path_of
+from stepper._stepper import selected
+from stepper.shared.arguments import array_of, check_mapping, path_of
 from stepper.shared.files import existing
 
 T = TypeVar("T")
@@ -150,7 +151,7 @@ def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, An
     Raises:
         ValueError: The shape is not (), (1,) or (num_envs,).
     """
-    array = np.asarray(value, dtype=np.float64)
+    array = array_of(name, value)
     if array.shape not in ((), (1,), (num_envs,)):
         raise ValueError(f"{name} has shape {array.shape}, must be () or ({num_envs},)")
-    return (array.ravel() if envs is None or array.size == 1 else array[envs]).tolist()
+    return (array.ravel() if envs is None or array.size == 1 else array[selected(envs, num_envs)]).tolist()

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from stepper._stepper import Stepper
+from stepper._stepper import Stepper, selected
 from stepper.viewer.looks import Array, sized_geoms
 from stepper.viewer.shapes import Scene
 
-Envs: TypeAlias = "int | range | list[int] | None"
+Envs: TypeAlias = "int | ArrayLike | None"
 """Environments to show: their number, a range or list of indices, or None for all up to a limit."""
 
 
@@ -51,17 +52,21 @@ class Frame:
 
 
 def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
-    """Indices of the environments to show, (n,). `envs` is their number or a list of indices; None selects all, up to `most`.
+    """Indices of the environments to show, (n,). `envs` is their number, a mask or a list of indices; None selects all, up to `most`.
 
     Raises:
-        ValueError: The stepper has no such environments, or none is selected.
+        ValueError, IndexError: The stepper has no such environments, or none is selected.
     """
     count = sim.num_envs or 1
     if envs is None:
         return np.arange(min(count, most))
-    chosen = np.arange(envs) if isinstance(envs, int) else np.array(list(envs), dtype=np.int64)
-    if len(chosen) == 0 or chosen.min() < 0 or chosen.max() >= count:
-        raise ValueError(f"envs is {envs!r}, must be a number of environments up to {count}, or a list of indices from 0 to {count - 1}")
+    if isinstance(envs, int):
+        if not 1 <= envs <= count:
+            raise ValueError(f"envs is {envs}, must be a number of environments up to {count}, a mask, or a list of indices")
+        return np.arange(envs)
+    chosen = np.array(selected(envs, count), dtype=np.int64)
+    if not len(chosen):
+        raise ValueError("envs selects no environment: select at least one to show, or leave envs out")
     return chosen
 
 

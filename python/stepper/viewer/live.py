@@ -74,7 +74,7 @@ class View:
 
     Args:
         sim: The stepper.
-        envs: Number of environments to show, or a list of indices; None selects all environments, but at most 16.
+        envs: Number of environments to show, a mask (num_envs,), or indices; None selects all environments, but at most 16.
         source: Source of the model with colours and meshes, such as an MJCF file; see `stepper.load`. None uses the source from which this
             process loaded the model. If it is unknown, colours are plain, and meshes and height fields are not drawn.
         host: Address of the server; the default accepts connections from this machine only.

@@ -30,7 +30,7 @@ class Player:
 
     Args:
         path: Folder that `Stepper.record` wrote.
-        envs: Number of environments to show, or a list of indices; None selects all environments, but at most 16.
+        envs: Number of environments to show, a mask (num_envs,), or indices; None selects all environments, but at most 16.
         source: Source of the recorded model, with colours and meshes; None uses the file that the recording names, if it still exists.
         host: Address of the server; the default accepts connections from this machine only.
         port: Port of the server; if it is in use, the next free one.

@@ -29,7 +29,7 @@ class RecordedRun:
 
     Args:
         path: Folder that `Stepper.record` wrote.
-        envs: Number of environments to show, or a list of indices; None selects all environments, but at most `most`.
+        envs: Number of environments to show, a mask (num_envs,), or indices; None selects all environments, but at most `most`.
         most: Largest number of environments with `envs=None`.
 
     Raises:

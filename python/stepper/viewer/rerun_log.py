@@ -42,7 +42,7 @@ class RerunLog:
     Args:
         sim: The stepper.
         path: File to write; an existing one is replaced.
-        envs: Number of environments to log, or a list of indices; None selects all environments, but at most 4.
+        envs: Number of environments to log, a mask (num_envs,), or indices; None selects all environments, but at most 4.
         source: Source of the model with colours and meshes, such as an MJCF file; see `stepper.viewer.View`.
 
     Raises:
@@ -84,7 +84,7 @@ def log_rerun(
     Args:
         recording: Folder that `Stepper.record` wrote.
         path: File to write; an existing one is replaced.
-        envs: Number of environments to log, or a list of indices; None selects all environments, but at most 4.
+        envs: Number of environments to log, a mask (num_envs,), or indices; None selects all environments, but at most 4.
         source: Source of the recorded model with colours and meshes, such as an MJCF file; see `stepper.viewer.Player`.
         tick: Function that is called with "log" and the fraction of the frames that were written.
 

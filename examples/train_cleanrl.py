@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 import gymnasium as gym
 import numpy as np
-import stepper.envs  # noqa: F401 - registers the names
+import stepper.envs
 import torch
 from gymnasium.wrappers import vector
 from stepper.policies import Policy, describe, evaluate
@@ -129,7 +129,7 @@ def train(wrapped: Wrapped, seed: int, iterations: int, settings: Settings, curv
     obs = torch.zeros(*shape, *envs.single_observation_space.shape)
     actions = torch.zeros(*shape, *envs.single_action_space.shape)
     logprobs, rewards, dones, values = (torch.zeros(shape) for _ in range(4))
-    next_obs, next_done = torch.as_tensor(envs.reset(seed=seed)[0]), torch.zeros(s.num_envs)
+    next_obs, next_done = torch.as_tensor(envs.reset(seed=stepper.envs.seeds(seed, s.num_envs))[0]), torch.zeros(s.num_envs)
     means: list[float] = []
     begun = time.process_time()
     for iteration in range(iterations):

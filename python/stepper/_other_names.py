@@ -126,6 +126,28 @@ IGNORED_BY_ENVIRONMENTS = _by_name(
     }
 )
 """Advice on members of a task with names of other libraries, or of arguments of an environment, which environments do not read."""
+PARTS_OF_OTHER_TASKS = _by_name(
+    {
+        "return rows for a critic in observations(self) too, and let the learner select columns by env.unwrapped.observation_structure": (
+            "critic_observations critic_obs privileged_observations privileged_obs get_privileged_observations get_critic_observations "
+            "compute_critic_observations get_states states"
+        ),
+        "keep commands in episode_state(self, num_envs), draw them in on_reset, and renew them in advance(self, now)": (
+            "commands command command_manager get_commands sample_command sample_commands update_command update_commands"
+        ),
+        "change levels in on_end(self, now, envs), in an array of episode_state that `carried` names": (
+            "curriculum curriculums curricula update_curriculum update_terrain_curriculum update_command_curriculum"
+        ),
+        "set parameters once by env.unwrapped.sim.randomize(...), or in on_reset for each episode": (
+            "startup on_startup at_startup setup prestartup"
+        ),
+        "push in advance(self, now) by now.sim.set_state(qvel=...), at times that episode_state has": (
+            "interval push push_robot push_robots"
+        ),
+        "define action_bounds(self, model), and convert now.action to controls in advance(self, now)": "actions",
+    }
+)
+"""Advice on methods and tables of a task that other libraries read and environments do not, by name."""
 _BEFORE = "velocity, the rate of change of what Task.position returns, or an array of episode_state that advance(self, now) sets"
 RENAMED = {
     "Task": _METHODS_OF_TASKS,
@@ -941,7 +963,10 @@ NEW_KEYWORDS_OF = _by_name_in(
             "columns, as columns=slice(0, 3)": "index indices idx slice column cols ids",
             "noise, the half width of uniform noise": "std noise_std corruption noise_scale",
             "clip, as clip=(-1.0, 1.0)": "bounds limits range clip_range low high",
-            "Task.sensors, whose SensorModel delays sensordata": "delay history history_length lag buffer",
+            "Task.sensors, whose SensorModel delays sensordata": "delay lag",
+            "an array of episode_state that advance(self, now) shifts by one value, and func, which returns it": (
+                "history history_length history_len stack num_stack frame_stack buffer"
+            ),
         },
         "stepper.lab.Study": {"controller": "drive", "controller=stepper.lab.Policy(...)": "policy"},
         "stepper.lab.Parameter": {

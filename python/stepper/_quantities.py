@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._arrays import array_of
 from stepper._hints import unknown_quantity
 from stepper._stepper import Model, Stepper
-from stepper.shared.arguments import array_of
 
 Array = NDArray[Any]
 Key = str | int

@@ -9,8 +9,9 @@ from stepper import ActuatorModel, Drive, Stepper
 from stepper.envs import StepperVectorEnv
 from stepper.viewer.frames import shown_envs
 
-ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/><body name="ball" pos="0 0 .1"><freejoint/><geom name="g" size=".1"/>
-  </body><body name="arm"><joint name="j" axis="0 1 0" damping=".1"/><geom type="capsule" fromto="1 0 .5 1.3 0 .5" size=".02"/></body>
+ARM = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+  <body name="ball" pos="0 0 .1"><freejoint/><geom name="g" size=".1"/></body>
+  <body name="arm"><joint name="j" axis="0 1 0" damping=".1"/><geom type="capsule" fromto="1 0 .5 1.3 0 .5" size=".02"/></body>
   </worldbody><actuator><motor name="m" joint="j" ctrlrange="-1 1"/></actuator></mujoco>"""
 N = 4
 EMPTY = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import warnings
 
 import mujoco
@@ -137,7 +139,12 @@ def test_keyframes_do_not_count():
         "</worldbody>", '</worldbody><keyframe><key qpos="0 0 0"/><key qpos="0 3 0"/></keyframe>'
     )
     apart = scene.replace('pos=".2 0 0"><joint axis="0 1 0"', 'pos=".3 0 0"><joint axis="0 1 0"')
-    assert load(apart) == (stepper.load(apart), [])
+    model, (message,) = load(apart)
+    assert model == load(apart, overlaps="keep")[0]
+    assert model.excluded_overlaps == []
+    # The second joint has turned the last geom into the first one.
+    depth = 0.3 + 0.15 - math.hypot(0.2 + 0.3 * math.cos(3.0), 0.3 * math.sin(3.0))
+    assert f"  #1: ga and gc by {1e3 * depth:.2f} mm" in message
 
 
 @pytest.mark.parametrize(("depth", "listed"), [(0.5 * SLOP, False), (2 * SLOP, True), (8 * SLOP, True)])
@@ -228,3 +235,32 @@ def test_the_command_explain_lists_overlaps_of_keyframes(tmp_path, capsys):
     (tmp_path / "keys.xml").write_text(KEYS.partition("<keyframe>")[0] + "</mujoco>")
     explain(str(tmp_path / "keys.xml"))
     assert capsys.readouterr().out.endswith("Overlaps of more than 1 mm in keyframes:\n  nothing\n")
+
+
+LEG = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+  <body name="base" pos="0 0 1"><freejoint/><geom name="trunk" size=".1"/>
+  <body name="leg"><joint name="j" axis="0 1 0"/><geom name="foot" pos="0 0 -.4" size=".03"/></body></body></worldbody>
+  <keyframe>{keys}</keyframe></mujoco>"""
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-3.0, 3.0), st.floats(0.0, 0.5), st.floats(-20.0, 20.0))
+def test_overlaps_of_a_keyframe_are_those_of_its_joint_angles(angle, height, speed):
+    """The depth in the floor is that of geometry, to the digits of the message, at every angle and speed."""
+    key = f'<key name="k" qpos="0 0 {height!r} 1 0 0 0 {angle!r}" qvel="0 0 {speed!r} 0 0 0 0"/>'
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        stepper.load(LEG.format(keys=key))
+    depth = 1e3 * max(0.1 - height, 0.03 - (height - 0.4 * math.cos(angle)))
+    if depth > 1.01:
+        # Half of the last digit of the message, and 20 m/s times the trial step of 1 ns.
+        assert abs(float(re.search(r"k: floor and \w+ by ([\d.]+) mm", str(found[0].message))[1]) - depth) < 0.00501
+    elif depth < 0.99:
+        assert not found
+
+
+def test_a_foot_above_the_floor_does_not_overlap_in_a_keyframe():
+    """With the leg turned by 90 degrees the foot is 0.27 m above the floor; at the reference angle it would be 0.13 m below."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        stepper.load(LEG.format(keys='<key name="stand" qpos="0 0 .3 1 0 0 0 1.5707963"/>'))

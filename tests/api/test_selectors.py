@@ -277,3 +277,25 @@ def test_names_of_joints_select_all_their_degrees_of_freedom_beside_indices():
     assert rows_of(model, "dof", ["elbow", "shoulder", 1]) == [3, 0, 1, 2]
     assert rows_of(model, "coordinate", ["shoulder"]) == [0, 1, 2, 3]
     assert rows_of(model, "dof", None) == [0, 1, 2, 3]
+
+
+LEGS = """<mujoco><worldbody><body name="base"><freejoint name="floating_base_joint"/><geom name="g" size=".1"/>
+  <body name="a"><joint name="FL_joint"/><geom size=".1" pos="0 0 .5"/></body>
+  <body name="b"><joint name="FR_joint"/><geom size=".1" pos="0 .5 .5"/></body></body></worldbody></mujoco>"""
+
+
+def test_a_wrong_shape_of_a_pattern_lists_what_the_pattern_selects():
+    """A pattern for the joints of the legs also fits the free joint of the base."""
+    sim = stepper.Stepper(stepper.load(LEGS), 4)
+    with pytest.raises(ValueError, match=r"must be \(4, 8\) .*; '\*_joint' selects floating_base_joint \(6 rows\), FL_joint, FR_joint$"):
+        sim.randomize({"dof_damping[*_joint]": np.ones((4, 2))})
+    with pytest.raises(ValueError, match=r"; '\*_joint' selects floating_base_joint, FL_joint, FR_joint$"):
+        sim.randomize({"jnt_range[*_joint]": np.ones((4, 2, 2))})
+    with pytest.raises(ValueError, match=r"; '\*' selects g, 1, 2$"):
+        sim.model.replace({"geom_friction[*]": np.ones((2, 3))})
+    with pytest.raises(ValueError, match=r"'dof_damping\[\*_joint\]\[2\]', joint 'FL_joint': there is no column 2; columns are 0 to 0"):
+        sim.randomize({"dof_damping[*_joint][2]": 1.0})
+    with pytest.raises(ValueError, match="must be") as error:
+        sim.randomize({"dof_damping[FL_joint,FR_joint]": np.ones((4, 3))})
+    assert "selects" not in str(error.value)
+    sim.randomize({"dof_damping[F*_joint]": np.ones((4, 2))})

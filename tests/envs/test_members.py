@@ -16,7 +16,7 @@ import stepper
 from cases import SLIDE, Slide
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from stepper._other_names import IGNORED_BY_ENVIRONMENTS, RENAMED
+from stepper._other_names import IGNORED_BY_ENVIRONMENTS, PARTS_OF_OTHER_TASKS, RENAMED
 from stepper.envs import TASKS, MujocoTask, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.tasks import Hopper
 
@@ -352,3 +352,37 @@ def _step(task):
     envs = StepperVectorEnv(task, 2)
     envs.reset(seed=0)
     return envs.step(np.zeros((2, 1)))
+
+
+@pytest.mark.parametrize("name", PARTS_OF_OTHER_TASKS)
+def test_a_part_of_another_librarys_task_is_a_warning_with_its_place(name):
+    """Groups, commands, curricula, startup events, pushes: environments ignore methods and tables of these names."""
+    text = f"Own defines {name}, which environments ignore: {PARTS_OF_OTHER_TASKS[name]}"
+    assert warnings_of(lambda: type("Own", (Slide,), {name: nothing})) == [text]
+    assert warnings_of(lambda: type("Own", (Slide,), {name: {"twist": 1}})) == [text]
+    assert warnings_of(lambda: type("Own", (Slide,), {f"_{name}": nothing})) == [text.replace(name, f"_{name}", 1)]
+    # A number, such as an argument of the task, is the task's own.
+    assert warnings_of(lambda: type("Own", (Slide,), {name: 3.0})) == []
+    assert not hasattr(Task, name)
+
+
+@pytest.mark.parametrize("name", ["commands", "curriculum", "get_reward", "setup"])
+def test_a_method_that_the_class_itself_calls_is_no_warning(name):
+    """Also in a function inside a method, in a property, and in a base class."""
+    scope = {"Slide": Slide}
+    for use in (f"return self.{name}(now), {{}}", f"return (lambda: self.{name}(now))(), {{}}"):
+        code = f"class Own(Slide):\n    def {name}(self, now): return now.qpos[:, 0]\n    def reward(self, now): {use}"
+        assert warnings_of(lambda code=code: exec(code, scope)) == []
+    code = f"class Base(Slide):\n    @property\n    def used(self): return self.{name}()\nclass Own(Base):\n    def {name}(self): pass"
+    assert warnings_of(lambda: exec(code, scope)) == []
+    recursive = f"class Own(Slide):\n    def {name}(self): return self.{name}()"
+    assert len(warnings_of(lambda: exec(recursive, scope))) == 1
+
+
+def test_history_of_an_observation_is_an_array_of_the_task():
+    """A delay of a sensor is another thing."""
+    with pytest.raises(TypeError, match=r"'history': use an array of episode_state") as error:
+        Observation("qpos", history=3)
+    assert "SensorModel" not in str(error.value)
+    with pytest.raises(TypeError, match=r"'delay': use Task.sensors, whose SensorModel delays sensordata"):
+        Observation("qpos", delay=3)

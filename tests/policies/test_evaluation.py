@@ -1,14 +1,17 @@
 """Returns, confidence intervals and equivalence of a policy."""
 
+from dataclasses import dataclass
 from importlib.util import find_spec
 
 import gymnasium
 import numpy as np
 import pytest
-import stepper.envs  # noqa: F401
+import stepper.envs
 from envs.cases import Strong, needs_gymnasiums
 from scipy import stats
+from stepper.envs.tasks import InvertedPendulum
 from stepper.policies import Comparison, Evaluation, compare, evaluate, make
+from stepper.policies.evaluation import _starts
 from stepper.shared import machine
 
 
@@ -23,9 +26,9 @@ def push(observation):
 def test_returns_are_those_of_single_episodes():
     """Of an environment whose episodes end at different times."""
     found = evaluate(still, "stepper/InvertedPendulum-v5", episodes=6, seed=3)
-    for k in range(6):
+    for k, seed in enumerate(stepper.envs.seeds(3, 6)):
         env = gymnasium.make("stepper/InvertedPendulum-v5")
-        env.reset(seed=3 + k)
+        env.reset(seed=seed)
         total, length, over = 0.0, 0, False
         while not over:
             _, reward, terminated, truncated, _ = env.step(np.zeros(1))
@@ -38,15 +41,50 @@ def test_infos_are_means_over_each_episode():
     """The cheetah's velocity, of episodes whose time runs out; the pendulum's distance, of episodes that end at different times."""
     found = evaluate(lambda observation: np.full((len(observation), 6), 0.3), "stepper/HalfCheetah-v5", episodes=2, infos=("x_velocity",))
     single = gymnasium.make("stepper/HalfCheetah-v5")
-    single.reset(seed=1)
+    single.reset(seed=stepper.envs.seeds(0, 2)[1])
     velocities = [single.step(np.full(6, 0.3))[4]["x_velocity"] for _ in range(1000)]
     # The same numbers summed in the same order.
     assert found.infos["x_velocity"][1] == np.cumsum(velocities)[-1] / 1000
     assert f"x_velocity {found.infos['x_velocity'].mean():.4g}" in str(found)
+    assert found.final_infos["x_velocity"][1] == velocities[-1]
+    assert f", at the end {found.final_infos['x_velocity'].mean():.4g}" in str(found)
     falls = evaluate(still, "stepper/InvertedDoublePendulum-v5", episodes=6, infos=("reward_survive",))
     assert len(set(falls.lengths)) > 1
     # It is 10 in every step but the last, in which it falls.
     np.testing.assert_allclose(falls.infos["reward_survive"], 10.0 * (1.0 - 1.0 / falls.lengths), rtol=1e-12)
+
+
+def test_the_end_of_a_running_sum_is_the_sum_of_the_episode():
+    """A task that sums over its episodes has its sum in the last info; the mean over the steps of an episode is another number."""
+    found = evaluate(still, "stepper/InvertedPendulum-v5", episodes=6, infos=("reward_survive",))
+    assert len(set(found.lengths)) > 1
+
+    @dataclass(frozen=True, kw_only=True)
+    class Summed(InvertedPendulum):
+        def episode_state(self, num_envs):
+            return {"sum": np.zeros(num_envs)}
+
+        def reward(self, now):
+            rewards, terms = super().reward(now)
+            now.episode_state["sum"] += rewards
+            return rewards, terms | {"sum": np.array(now.episode_state["sum"])}
+
+    gymnasium.register("me/Summed-v0", vector_entry_point="stepper.envs:StepperVectorEnv", kwargs={"task": Summed}, max_episode_steps=1000)
+    try:
+        sums = evaluate(still, "me/Summed-v0", episodes=6, infos=("sum",))
+    finally:
+        del gymnasium.registry["me/Summed-v0"]
+    np.testing.assert_array_equal(sums.returns, found.returns)
+    np.testing.assert_array_equal(sums.final_infos["sum"], sums.returns)
+    assert (sums.infos["sum"] != sums.returns).any()
+
+
+def test_evaluations_with_other_seeds_share_no_episode():
+    """With seed + k as the seed of episode k, seeds 0 and 1 would share five of six."""
+    one, other = (evaluate(still, "stepper/InvertedPendulum-v5", episodes=6, seed=seed) for seed in (0, 1))
+    assert not np.array_equal(one.returns[1:], other.returns[:-1])
+    starts = [_starts("stepper/InvertedPendulum-v5", 6, seed, {})[0] for seed in (0, 1)]
+    assert not {tuple(row) for row in starts[0]} & {tuple(row) for row in starts[1]}
 
 
 def test_an_info_that_there_is_not_is_named():

@@ -252,3 +252,40 @@ def test_bounds_of_a_widened_space_are_named():
             high=np.full(1, np.inf),
             environment={},
         )
+
+
+@pytest.mark.parametrize("clip", [np.nan, -1.0, 0.0, "1", None, True])
+def test_a_clip_is_a_number_above_zero(envs, clip):
+    with pytest.raises(PolicyError, match=r"clip is .*, must be a number above 0: 10.0 is usual"):
+        replace(made(envs), clip=clip)
+    assert replace(made(envs), clip=np.inf).clip == np.inf
+
+
+def test_bounds_are_in_order(envs):
+    one = made(envs)
+    high = one.high.copy()
+    high[-1] = one.low[-1] - 1.0
+    with pytest.raises(PolicyError, match=f"action {len(high) - 1} has the bounds .* must have the lower one first"):
+        replace(one, high=high)
+
+
+@pytest.mark.parametrize("name", ["mean", "std", "low", "high", "weights", "biases"])
+@pytest.mark.parametrize("change", [lambda x: x.astype(complex), np.ma.masked_array, lambda x: x.astype(object), lambda x: x.tolist()])
+def test_arrays_of_a_policy_are_of_real_numbers(envs, name, change):
+    one = made(envs)
+    (weight, bias), *others = one.layers
+    own = {"weights": ((change(weight), bias), *others), "biases": ((weight, change(bias)), *others)}
+    own = {"layers": own[name]} if name in own else {name: change(getattr(one, name))}
+    with pytest.raises(PolicyError, match=rf"{name}.* is (MaskedArray|ndarray|list).*, must be an array of real numbers"):
+        replace(one, **own)
+
+
+def test_a_damaged_clip_in_a_file_is_named(envs, tmp_path):
+    one = made(envs)
+    one.save(tmp_path / "p.npz")
+    with np.load(tmp_path / "p.npz") as archive:
+        arrays = dict(archive)
+    arrays["settings"] = np.array(json.dumps(json.loads(str(arrays["settings"])) | {"clip": -1.0}))
+    np.savez(tmp_path / "p.npz", **arrays)
+    with pytest.raises(PolicyError, match=r"p\.npz: clip is -1\.0, must be a number above 0"):
+        load(tmp_path / "p.npz")

@@ -11,9 +11,11 @@ from types import TracebackType
 from typing import Any, TypeAlias
 
 import numpy as np
+from gymnasium.error import ClosedEnvironmentError
 from gymnasium.spaces import flatdim
 from numpy.typing import ArrayLike
 
+from stepper._arrays import array_of
 from stepper.adapters.native import Env, make_native
 from stepper.envs.task import Array
 from stepper.envs.vector import StepperVectorEnv
@@ -57,7 +59,7 @@ class StepperPool:
         each = {"threads": max(1, threads // blocks), **settings}
         self._blocks: list[StepperVectorEnv] = [make_native(env, size, **each)]
         self._blocks += [make_native(env, size, model=self._blocks[0].sim.model, **each) for _ in range(1, blocks)]
-        self._size, self._seed = size, seed
+        self._size, self._seed, self._closed = size, seed, False
         self._workers = ThreadPoolExecutor(min(threads, blocks), thread_name_prefix="stepper-pool")
         self._pending: deque[tuple[int, Future[Result]]] = deque()
         self._actions = np.zeros((blocks, size, flatdim(self._blocks[0].single_action_space)))
@@ -86,6 +88,7 @@ class StepperPool:
 
         Pending steps finish first; their results and errors are discarded.
         """
+        self._check_open("async_reset")
         wait([future for _, future in self._pending])
         self._pending.clear()
         self._waits[:], self._acts[:] = False, False
@@ -104,8 +107,9 @@ class StepperPool:
         Raises:
             ValueError: A wrong shape, an unknown or repeated id, or an environment whose last observation was not received yet.
         """
+        self._check_open("send")
         ids = self.all_env_ids if env_id is None else np.asarray(env_id)
-        action = np.asarray(action)
+        action = array_of("action", action)
         width = self._actions.shape[-1]
         if ids.ndim != 1 or action.shape != (len(ids), width):
             raise ValueError(f"actions have shape {action.shape} and env_id {ids.shape}, must be (n, {width}) and (n,)")
@@ -178,8 +182,14 @@ class StepperPool:
         return self.recv()
 
     def close(self) -> None:
-        """Waits for pending steps and ends the worker threads."""
+        """Waits for pending steps and ends the worker threads. Later calls of `send` and `async_reset` raise ClosedEnvironmentError."""
+        self._closed = True
         self._workers.shutdown()
+
+    def _check_open(self, call: str) -> None:
+        """Raises ClosedEnvironmentError, Gymnasium's, if the pool was closed; `call` is the name of the method."""
+        if self._closed:
+            raise ClosedEnvironmentError(f"{call} was called after close: call close last, or make another pool")
 
     def __enter__(self) -> StepperPool:
         return self

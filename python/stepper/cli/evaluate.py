@@ -73,12 +73,12 @@ def evaluate(
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command `evaluate` to the Typer application; `typer` is the module."""
     file = typer.Argument(help="Policy file, from stepper train or Policy.save.")
-    keys = typer.Option([], "--info", help="Key of an info whose mean is printed, for example tracking_error. Repeat the option for more.")
+    keys = typer.Option(
+        [], "--info", help="Key of an info whose mean and last value are printed, for example tracking_error. Repeat the option for more."
+    )
 
     arguments = typer.Option([], "--values", help=ARGUMENTS)
-    video = typer.Option(
-        None, "--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of an episode with the seed of --seed."
-    )
+    video = typer.Option(None, "--film", metavar="FILE", help=f"Video (mp4) of at most {FILMED} actions of the first episode.")
 
     @app.command("evaluate", help=evaluate.__doc__)
     def _(
@@ -87,7 +87,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         env: str = typer.Argument(help="Environment id, for example stepper/HalfCheetah-v5."),
         against: str = typer.Option("", help="Second environment id, for example HalfCheetah-v5, Gymnasium's environment on MuJoCo."),
         episodes: int = typer.Option(20, min=2, help="Number of episodes, at least 2: the interval of the mean needs their spread."),
-        seed: int = typer.Option(0, min=0, help="Seed of the first episode; episode k has seed + k."),
+        seed: int = typer.Option(0, min=0, help="Seed of the evaluation; each episode gets an independent seed."),
         margin: float = typer.Option(
             0.02, help="Largest difference of mean returns that counts as equivalent, as a fraction of the first mean return."
         ),

@@ -15,11 +15,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._arrays import array_of
 from stepper._options import Options
 from stepper._stepper import Model, ModelError, Stepper
 from stepper.derivatives.nominal_mode import Pairs
 from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
-from stepper.shared.arguments import array_of
 from stepper.shared.fields import APPLIED, RANDOMIZED
 
 COPIES_PER_THREAD = 1024

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._arrays import array_of
 from stepper._hints import hint_keywords
 from stepper._stepper import State, Stepper
 from stepper.derivatives.copies import rows
@@ -20,7 +21,7 @@ from stepper.derivatives.perturbations import STATE, Array, check_parameters
 from stepper.derivatives.smoothing import Smoothing, smoothed
 from stepper.derivatives.tangent import from_tangent, to_tangent
 from stepper.derivatives.undetermined import first_undetermined
-from stepper.shared.arguments import array_of, check_flag, check_kind, check_whole
+from stepper.shared.arguments import check_flag, check_kind, check_whole
 from stepper.shared.selectors import parse
 
 OUTPUTS = (*STATE, "sensors")

@@ -23,7 +23,7 @@ from stepper.envs.state import EnvState  # noqa: E402
 from stepper.envs.task import Moment, MujocoTask, Observation, Reset, Task, all_within, per_moment, square_sum, within  # noqa: E402
 from stepper.envs.tasks import TASKS  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
-from stepper.shared.streams import Rng  # noqa: E402
+from stepper.shared.streams import Rng, seeds  # noqa: E402
 
 __all__ = [
     "TASKS",
@@ -39,6 +39,7 @@ __all__ = [
     "all_within",
     "contact_forces",
     "per_moment",
+    "seeds",
     "square_sum",
     "terrain",
     "within",

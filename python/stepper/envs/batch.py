@@ -280,7 +280,7 @@ class Batch:
         """
         task = self.task
         action = np.array(action) if begins is None else with_zero_rows(action, begins)
-        _check_actions(action)
+        _check_actions(action, self.action_space)
         carried: Terms = {}
         if begins is not None:
             self._end(np.flatnonzero(begins))
@@ -393,16 +393,27 @@ def _all_finite(values: Array) -> bool:
     return math.isfinite(np.add.reduce(values, axis=None)) or bool(np.isfinite(values).all())
 
 
-def _check_actions(action: Array) -> None:
-    """Raises ValueError if an action in `action`, (num_envs, n), is not finite; the message has the environment and the column."""
+def _check_actions(action: Array, space: Box) -> None:
+    """Raises ValueError if an action is not finite. The message has the environment, the column, and the likely cause.
+
+    Args:
+        action: Actions, (num_envs, n).
+        space: Space of the actions of one environment.
+    """
     if not _all_finite(action):
         finite = np.isfinite(action)
         env, column = np.argwhere(~finite)[0]
         count = int((~finite).any(axis=1).sum())
         affected = f" ({count} of {len(action)} environments have NaN or infinite actions)" if len(action) > 1 else ""
+        low, high = space.low[column], space.high[column]
+        cause = "Check the policy's weights and its observations for NaN"
+        if not (math.isfinite(low) and math.isfinite(high)):
+            cause = (
+                f"The bounds of this action are {low} to {high}, to which learners cannot scale: define finite ones by action_bounds(self, "
+                "model) of the task, or by ctrlrange of the actuator in the model's file"
+            )
         raise ValueError(
-            f"the action of environment {env} is {action[env, column]} in column {column}{affected}; no environment was stepped. "
-            "Check the policy's weights and its observations for NaN"
+            f"the action of environment {env} is {action[env, column]} in column {column}{affected}; no environment was stepped. {cause}"
         )
 
 

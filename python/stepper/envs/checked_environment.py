@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from gymnasium.error import ClosedEnvironmentError
+
 from stepper._hints import raise_error_of_property
 from stepper.envs.absent import check_assignment, missing_from_environment
 from stepper.envs.members import check_environment
@@ -12,6 +14,14 @@ from stepper.envs.task import Task
 
 class CheckedEnvironment:
     """Base class of `StepperEnv` and `StepperVectorEnv`, which have the attributes `_batch`, `task`, `sim` and `now`."""
+
+    _closed = False
+    """Whether `close` was called."""
+
+    def _check_open(self, call: str) -> None:
+        """Raises ClosedEnvironmentError, Gymnasium's, if the environment was closed; `call` is the name of the method."""
+        if self._closed:
+            raise ClosedEnvironmentError(f"{call} was called after close: call close last, or make another environment")
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -7,11 +7,11 @@ import sys
 import warnings
 from abc import ABCMeta
 from dataclasses import fields
-from types import MethodType
+from types import CodeType, MethodType
 from typing import TYPE_CHECKING, Any
 
 from stepper._hints import WrongArgumentError, unknown_keyword
-from stepper._other_names import IGNORED_BY_ENVIRONMENTS, RENAMED
+from stepper._other_names import IGNORED_BY_ENVIRONMENTS, PARTS_OF_OTHER_TASKS, RENAMED
 
 _DATACLASS = "@dataclass(frozen=True, kw_only=True)"
 _NO_ARGUMENTS = "the constructor of Task takes no arguments: load the model in the method model(self), and define frame_skip in the class"
@@ -66,7 +66,8 @@ def check_members(task: type, base: type) -> None:
     """Warns of members of a class of tasks that environments ignore.
 
     They are methods with another library's name for a method of `Task`, methods whose name is one edit away from a method of `Task`, and
-    values such as `decimation`. Members that a base class already has are accepted, and all members of stepper's own tasks.
+    values such as `decimation`. Members that a base class already has or that the class itself uses are accepted, and all members of
+    stepper's own tasks.
 
     Args:
         task: The class.
@@ -76,7 +77,7 @@ def check_members(task: type, base: type) -> None:
         return
     inherited = {name for kind in task.__mro__[1:] for name in _names_of(kind)}
     for name in _names_of(task):
-        if name not in inherited and (advice := _advice(name, vars(task).get(name), base)):
+        if name not in inherited and (advice := _advice(name, vars(task).get(name), base)) and not _uses(task, name):
             _warn(task, f"{task.__name__} defines {name}, which environments ignore: {advice}")
 
 
@@ -112,6 +113,22 @@ def _annotations(kind: type) -> dict[str, Any]:
         return {}
 
 
+def _uses(task: type, name: str) -> bool:
+    """Whether the code of a class of tasks, or of its bases, refers to a member by name, outside the member itself."""
+    for kind in task.__mro__:
+        if not kind.__module__.startswith("stepper."):
+            for key, member in vars(kind).items():
+                function = getattr(member, "fget", None) or inspect.unwrap(getattr(member, "__func__", member))
+                if key != name and inspect.isfunction(function) and _refers(function.__code__, name):
+                    return True
+    return False
+
+
+def _refers(code: CodeType, name: str) -> bool:
+    """Whether a function, or a function in it, refers to an attribute or global by name."""
+    return name in code.co_names or any(_refers(part, name) for part in code.co_consts if isinstance(part, CodeType))
+
+
 def _names_of(kind: type) -> list[str]:
     """Names of the members and annotated fields in the body of a class."""
     return [*dict.fromkeys([*_annotations(kind), *vars(kind)])]
@@ -136,9 +153,15 @@ def _advice(name: str, value: Any, base: type) -> str:
         base: The class `Task`.
     """
     if inspect.isfunction(value):
-        method = RENAMED["Task"].get(name) or next((each for each in _methods_of(base) if _one_edit_apart(name, each)), None)
+        method = (
+            RENAMED["Task"].get(name)
+            or RENAMED["Task"].get(name.lstrip("_"))
+            or next((each for each in _methods_of(base) if _one_edit_apart(name, each)), None)
+        )
         if method is not None:
             return f"define {_signature(base, method)} instead of {name}"
+    if inspect.isfunction(value) or isinstance(value, dict | type):
+        return PARTS_OF_OTHER_TASKS.get(name.lstrip("_")) or IGNORED_BY_ENVIRONMENTS.get(name, "")
     return IGNORED_BY_ENVIRONMENTS.get(name, "")
 
 

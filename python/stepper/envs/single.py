@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 
+from stepper._arrays import array_of
 from stepper._hints import hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Stepper
@@ -17,7 +18,6 @@ from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_setti
 from stepper.envs.making import make_task
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
-from stepper.shared.arguments import array_of
 
 
 class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
@@ -113,6 +113,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         Raises:
             ValueError: `options` is not empty.
         """
+        self._check_open("reset")
         if options:
             raise ValueError(f"options is {options!r}, but this environment has no options: leave options out")
         super().reset(seed=seed)
@@ -135,7 +136,9 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
         Raises:
             ValueError: The action has a wrong shape or is not finite; then nothing is stepped. Or the reward is not finite.
             ResetNeeded: `reset` was not called yet.
+            ClosedEnvironmentError: `close` was called.
         """
+        self._check_open("step")
         batch = self._batch
         action = array_of("action", action)
         if action.shape != self.action_space.shape:
@@ -181,6 +184,7 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
             ValueError: A shape is wrong, a number is not finite, or `qvel` is given with an `EnvState`. Or the `EnvState` comes from
                 another task, other arguments of the task or other options of the step. Nothing is changed.
         """
+        self._check_open("set_state")
         mask = np.ones(1, dtype=bool)
         if not isinstance(qpos, EnvState):
             self._batch.set_state(qpos, qvel, mask)
@@ -199,11 +203,13 @@ class StepperEnv(CheckedEnvironment, gymnasium.Env[Array, Array]):
             stepper.viewer.LooksError: The task's model did not come from MJCF, so that its visual elements are unknown.
             RuntimeError: MuJoCo's renderer cannot draw on this machine; the message lists what to install.
         """
+        self._check_open("render")
         return None if self.render_mode is None else self._drawing.frames([0])[0]
 
     def close(self) -> None:
-        """Frees the renderer."""
+        """Frees the renderer. Later calls of `reset`, `step`, `set_state` and `render` raise gymnasium.error.ClosedEnvironmentError."""
         self._drawing.close()
+        self._closed = True
 
 
 def _info_of_one(terms: Terms) -> dict[str, Any]:

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from stepper._arrays import array_of
 from stepper._hints import WrongArgumentError
 from stepper._stepper import Model
 from stepper.envs.hooks import NO_ASSIGNMENT, in_words
 from stepper.envs.task import Array, Moment, Observation, Task, Terms
-from stepper.shared.arguments import array_of, check_mapping
+from stepper.shared.arguments import check_mapping
 from stepper.shared.functions import check_takes
 
 _METHODS = {

@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
+from stepper._arrays import array_of
 from stepper._hints import hint_keywords
 from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper, selected
@@ -22,7 +23,7 @@ from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_setti
 from stepper.envs.making import autoreset, make_task
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
-from stepper.shared.arguments import array_of, check_mapping
+from stepper.shared.arguments import check_mapping
 
 
 class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
@@ -48,7 +49,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         max_episode_steps: Number of actions after which an episode is truncated; None means no limit. `gymnasium.make_vec` passes the
             registered limit.
         episode_statistics: Whether infos of ended episodes have "episode": return "r", length "l" and duration "t" in s, in the format of
-            Gymnasium's `RecordEpisodeStatistics`.
+            Gymnasium's `RecordEpisodeStatistics`. With "SAME_STEP", "final_info" has it too.
         render_mode: "rgb_array" for a picture of every environment by `render()`, or None for no pictures. `stepper.viewer.Renderer` lists
             the requirements.
         width: Width of a picture in pixels.
@@ -149,9 +150,10 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         """Starts new episodes in all or some environments.
 
         Args:
-            seed: An int gives environment i the seed `seed + i`. A sequence gives one seed per environment, where None continues the random
-                numbers of the environment. All random numbers of an environment follow from its seed. Without a seed, the random
-                numbers of all environments continue.
+            seed: An int gives environment i the seed `seed + i`, so that the seeds 0 and 1 share all environments except two. A sequence
+                gives one seed per environment, where None continues the random numbers of the environment; `stepper.envs.seeds` makes
+                independent ones. All random numbers of an environment follow from its seed. Without a seed, the random numbers of all
+                environments continue.
             options: May contain Gymnasium's "reset_mask", (num_envs,) bool with at least one True: the environments to start.
             envs: The environments to start, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once.
                 None selects all environments; an empty selection does nothing. With indices, a sequence of seeds has k entries in the
@@ -167,6 +169,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             IndexError: An index is out of range.
             ResetNeeded: Only some environments are selected, and there was no reset of all environments before.
         """
+        self._check_open("reset")
         observations, mask = self._batch.observation_array(out), self._begins(options, envs)
         if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
             seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
@@ -201,7 +204,9 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             ValueError: `actions` or `out` has a wrong shape or type, or an action is not finite; then nothing is stepped. Or a reward is
                 not finite.
             ResetNeeded: `reset` was not called yet; or, with `AutoresetMode.DISABLED`, the episode of an environment has ended.
+            ClosedEnvironmentError: `close` was called.
         """
+        self._check_open("step")
         batch = self._batch
         action = array_of("actions", actions)
         if action.shape != self.action_space.shape:
@@ -223,7 +228,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
         if self._any_over and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = np.full(self.num_envs, None, dtype=object)
             final[over] = np.fromiter(batch.observation()[over], dtype=object, count=int(over.sum()))
-            ended = _infos(batch.info() | terms, over)
+            ended = _infos(batch.info() | terms, over) | dict(infos)
             batch.begin(over)
             self._since[over] = time.perf_counter()
             infos |= {"final_obs": final, "_final_obs": over, "final_info": ended, "_final_info": over.copy()}
@@ -273,6 +278,7 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             TypeError, IndexError: An index is not an integer, or out of range.
             ResetNeeded: An `EnvState` is restored in only some environments, and there was no `reset` of all environments before.
         """
+        self._check_open("set_state")
         mask = _mask_of(envs, self.num_envs)
         if not isinstance(qpos, EnvState):
             self._batch.set_state(qpos, qvel, mask, None if envs is None else np.asarray(envs))
@@ -298,10 +304,12 @@ class StepperVectorEnv(CheckedEnvironment, VectorEnv[Array, Array, Array]):
             stepper.viewer.LooksError: The task's model did not come from MJCF, so that its visual elements are unknown.
             RuntimeError: MuJoCo's renderer cannot draw on this machine; the message lists what to install.
         """
+        self._check_open("render")
         return None if self.render_mode is None or self._drawing is None else self._drawing.frames(range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Frees the renderer."""
+        """Frees the renderer. Later calls of `reset`, `step`, `set_state` and `render` raise gymnasium.error.ClosedEnvironmentError."""
+        self._closed = True
         if self._drawing is not None:
             self._drawing.close()
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 
-from stepper._stepper import Model, ModelError
+from stepper._options import Options
+from stepper._stepper import Model, ModelError, Stepper
 
 _MOST_LINES = 8
 """Largest number of lines per kind of finding in a warning."""
@@ -19,6 +20,8 @@ _LARGE_PART = 10.0
 """
 
 
+_INSTANT = 1e-9
+"""Duration of the trial step that measures overlaps in a keyframe, s. At 1,000 m/s a body moves by 1 um, a thousandth of `_DEEP`."""
 _DEEP = 1e-3
 """Smallest overlap in a keyframe that the warning lists, m. At this depth, steps set DEEP in `Stepper.status`."""
 
@@ -27,8 +30,7 @@ class ModelWarning(UserWarning):
     """Warning that a loaded model differs from its source: other settings, convex hulls of meshes, missing sensors, or disabled contacts.
 
     The warning is also issued if geoms overlap in a keyframe. `Model.explain()` has the details except for keyframes. The command
-    `stepper explain` has the deepest overlap of each keyframe. `model.replace(qpos0=qpos).overlaps()` returns all overlaps at positions
-    `qpos`.
+    `stepper explain` has the deepest overlap of each keyframe. After `sim.reset(keyframe=name)`, `sim.contacts()` has all overlaps there.
     """
 
 
@@ -120,16 +122,23 @@ def _overlaps(model: Model) -> list[str]:
 
 def _keyframe_overlaps(model: Model) -> Iterator[str]:
     """Yields a line on the deepest overlap in each keyframe, if it is deeper than 1 mm."""
-    for number, name in enumerate(model.keyframe_names):
+    # Contacts are those of a trial step, which is too short to move anything.
+    sim = Stepper(model, options=Options(timestep=_INSTANT)) if model.keyframe_names else None
+    for number, name in enumerate(model.keyframe_names if sim else ()):
         try:
-            found = model.replace(qpos0=model.keyframe(number).qpos).overlaps()
+            sim.reset(keyframe=number)
+            contacts = sim.contacts()
         except (ModelError, ValueError):
             # `Stepper.reset` reports states that the model cannot have.
             continue
-        deep = [overlap for overlap in found if overlap[2] > _DEEP]
+        depths: dict[tuple[int, int], float] = {}
+        for pair, distance in zip(contacts["geom"].tolist(), contacts["distance"].tolist(), strict=True):
+            depths[tuple(pair)] = max(depths.get(tuple(pair), 0.0), -distance)
+        deep = sorted((-depth, pair) for pair, depth in depths.items() if depth > _DEEP)
         if deep:
             more = f", and {len(deep) - 1} more" if len(deep) > 1 else ""
-            yield f"{name or f'#{number}'}: {_overlap_line(*deep[0])}{more}"
+            (one, other), depth = deep[0][1], -deep[0][0]
+            yield f"{name or f'#{number}'}: {_overlap_line(_label(model, one), _label(model, other), depth)}{more}"
 
 
 def _overlap_line(one: str, other: str, depth: float) -> str:

@@ -17,6 +17,7 @@ from stepper.shared.environments import import_env, unknown_id
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import require, require_all
 from stepper.shared.progress import Tick, silent
+from stepper.shared.streams import seeds
 
 Array = NDArray[Any]
 Act = Callable[[Array], Array]
@@ -33,6 +34,8 @@ class Evaluation:
         lengths: Number of actions of each episode, (episodes,).
         non_finite: Number of episodes that ended because the next state would not have been finite.
         infos: Means over each episode of the requested infos, (episodes,), by key.
+        final_infos: Values of the requested infos after the last action of each episode, (episodes,), by key. For a sum that runs over the
+            episode, this is the sum of the episode.
     """
 
     env: str
@@ -40,6 +43,7 @@ class Evaluation:
     lengths: Array
     non_finite: int = 0
     infos: Mapping[str, Array] = field(default_factory=dict)
+    final_infos: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def mean(self) -> float:
@@ -59,6 +63,7 @@ class Evaluation:
         for name, means in self.infos.items():
             low, high = self.interval(info=name)
             text += f", {name} {means.mean():.4g} ({low:.4g} to {high:.4g})"
+            text += f", at the end {self.final_infos[name].mean():.4g}" if name in self.final_infos else ""
         return text + (f", {self.non_finite} ended because their next state would not have been finite" if self.non_finite else "")
 
 
@@ -181,9 +186,11 @@ def evaluate(
         env: Id of an environment in Gymnasium's registry. Environments of `stepper.envs`, and others that have only a vector
             environment, run all episodes in parallel; the rest run one episode after the other.
         episodes: Number of episodes, at least 2.
-        seed: Seed of the first episode; episode k has the seed `seed + k`.
+        seed: Seed of the evaluation, from which the episodes get independent seeds (`stepper.envs.seeds`). An environment outside stepper
+            that is only a vector environment gets the first of them as its `seed`.
         starts: Initial positions (episodes, nq), m and rad, and velocities (episodes, nv), m/s and rad/s. None draws them from the seeds.
-        infos: Keys of the info dict whose values are one number per environment. The result has the mean of each over every episode.
+        infos: Keys of the info dict whose values are one number per environment. The result has the mean of each over every episode, and
+            its value at the end of every episode.
         tick: Function that is called with the environment's id and the fraction of the work that is done.
         **settings: Arguments of the environment.
 
@@ -205,9 +212,12 @@ def evaluate(
     if episodes < 2:
         raise ValueError(f"episodes is {episodes}, must be at least 2: one episode gives no confidence interval")
     check_takes(policy, ["observations"], "policy")
-    if is_native(env) or _has_only_vector_environment(env):
-        return _in_parallel(make(env, episodes, **settings), policy, seed, starts, infos, tick=tick or silent)
-    return _in_sequence(make(env, **settings), policy, range(seed, seed + episodes), starts, infos, tick=tick or silent)
+    drawn = seeds(seed, episodes)
+    if is_native(env):
+        return _in_parallel(make(env, episodes, **settings), policy, drawn, starts, infos, tick=tick or silent)
+    if _has_only_vector_environment(env):
+        return _in_parallel(make(env, episodes, **settings), policy, drawn[0], starts, infos, tick=tick or silent)
+    return _in_sequence(make(env, **settings), policy, drawn, starts, infos, tick=tick or silent)
 
 
 def is_native(env: str) -> bool:
@@ -244,7 +254,7 @@ def compare(
         other: Id of the second environment, with the same task. At least one of the two environments must be simulated by stepper.
             The first one that stepper simulates draws the initial states of both.
         episodes: Number of episodes in each environment.
-        seed: Seed of the first episode; episode k has the seed `seed + k`.
+        seed: Seed of the comparison, from which the episodes get independent seeds (`stepper.envs.seeds`).
         margin: Largest difference of mean returns that counts as equivalent, as a fraction of the mean return in the first environment.
         alpha: Level of each of the two one-sided tests; 0.025 gives a 95 % interval. See `Comparison`.
         settings: Arguments of the first and of the second environment.
@@ -270,23 +280,25 @@ def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tup
     Args:
         env: Id of the environment.
         episodes: Number of episodes.
-        seed: Seed of the first episode; episode k has the seed `seed + k`.
+        seed: Seed of the comparison.
         settings: Arguments of the environment.
     """
     envs = make(env, episodes, **settings)
-    envs.reset(seed=seed)
+    envs.reset(seed=seeds(seed, episodes))
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)
 
 
-def _in_parallel(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
+def _in_parallel(
+    envs: Any, policy: Act, seed: int | list[int], starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick
+) -> Evaluation:
     """Runs a policy for one episode in each environment of a vector environment.
 
     Args:
         envs: The vector environment.
         policy: Function of observations that returns actions.
-        seed: Seed of the first environment.
+        seed: Seeds of the environments, or one from which the vector environment derives them.
         starts: Initial positions and velocities; None draws them from the seed.
-        infos: Keys of the info dict whose mean values are returned.
+        infos: Keys of the info dict whose mean and last values are returned.
         tick: Function that is called with the environment's id and the fraction of the work that is done.
     """
     observation, _ = envs.reset(seed=seed)
@@ -294,37 +306,39 @@ def _in_parallel(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] 
         observation = envs.unwrapped.set_state(*starts)
     returns, lengths = np.zeros(envs.num_envs), np.zeros(envs.num_envs, dtype=np.int64)
     running, failed = np.ones(envs.num_envs, dtype=bool), np.zeros(envs.num_envs, dtype=bool)
-    sums = {key: np.zeros(envs.num_envs) for key in infos}
+    sums, last = ({key: np.zeros(envs.num_envs) for key in infos} for _ in range(2))
     while running.any():
         observation, reward, terminated, truncated, info = envs.step(policy(observation))
         returns[running] += reward[running]
         for key, total in sums.items():
-            total[running] += _info(info, key)[running]
+            last[key][running] = _info(info, key)[running]
+            total[running] += last[key][running]
         lengths += running
         failed |= running & np.asarray(info.get("non_finite", False))
         running &= ~(terminated | truncated)
         limit = envs.spec.max_episode_steps or np.inf
         tick(envs.spec.id, float(max(1.0 - running.mean(), lengths.max() / limit)))
     means = {key: total / lengths for key, total in sums.items()}
-    return Evaluation(env=envs.spec.id, returns=returns, lengths=lengths, non_finite=int(failed.sum()), infos=means)
+    failures = int(failed.sum())
+    return Evaluation(env=envs.spec.id, returns=returns, lengths=lengths, non_finite=failures, infos=means, final_infos=last)
 
 
 def _in_sequence(
-    env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick
+    env: Any, policy: Act, drawn: list[int], starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick
 ) -> Evaluation:
     """Runs a policy in a single environment, one episode after the other.
 
     Args:
         env: The environment.
         policy: Function of observations that returns actions.
-        seeds: Seed of each episode.
+        drawn: Seed of each episode.
         starts: Initial positions and velocities of each episode; None draws them from the seeds.
-        infos: Keys of the info dict whose mean values are returned.
+        infos: Keys of the info dict whose mean and last values are returned.
         tick: Function that is called with the environment's id and the fraction of the work that is done.
     """
-    returns, lengths = np.zeros(len(seeds)), np.zeros(len(seeds), dtype=np.int64)
-    sums = {key: np.zeros(len(seeds)) for key in infos}
-    for k, seed in enumerate(seeds):
+    returns, lengths = np.zeros(len(drawn)), np.zeros(len(drawn), dtype=np.int64)
+    sums, last = ({key: np.zeros(len(drawn)) for key in infos} for _ in range(2))
+    for k, seed in enumerate(drawn):
         observation, _ = env.reset(seed=seed)
         if starts is not None:
             env.unwrapped.set_state(starts[0][k], starts[1][k])
@@ -334,12 +348,14 @@ def _in_sequence(
             observation, reward, terminated, truncated, info = env.step(policy(np.asarray(observation)[None])[0])
             returns[k] += reward
             for key, total in sums.items():
-                total[k] += _info(info, key)
+                last[key][k] = _info(info, key)
+                total[k] += last[key][k]
             lengths[k] += 1
             over = terminated or truncated
-        tick(env.spec.id, (k + 1) / len(seeds))
+        tick(env.spec.id, (k + 1) / len(drawn))
     env.close()
-    return Evaluation(env=env.spec.id, returns=returns, lengths=lengths, infos={key: total / lengths for key, total in sums.items()})
+    means = {key: total / lengths for key, total in sums.items()}
+    return Evaluation(env=env.spec.id, returns=returns, lengths=lengths, infos=means, final_infos=last)
 
 
 def _info(info: Mapping[str, Any], name: str) -> Array:

@@ -15,6 +15,7 @@ from stepper.policies.evaluation import make
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
+from stepper.shared.streams import seeds
 
 Array = NDArray[Any]
 FILMED = 300
@@ -67,7 +68,7 @@ def film(
         env: Id of an environment in Gymnasium's registry.
         file: Video file, mp4; an existing file is replaced.
         actions: Number of actions to film; fewer if the episode ends earlier.
-        seed: Seed of the episode.
+        seed: Seed of the film, whose episode is the first one of `evaluate` with this seed.
         tick: Function that is called after each action with the name of the film and the completed fraction. The fraction is the number of
             filmed actions divided by `actions`, or by the episode's time limit in actions if that is smaller. At the end it is 1.
         **settings: Arguments of the environment.
@@ -89,7 +90,7 @@ def film(
         single = make(env, render_mode="rgb_array", **settings)
         recorded = gymnasium.wrappers.RecordVideo(single, folder, episode_trigger=lambda _: True, disable_logger=True)
         longest = min(actions, recorded.spec.max_episode_steps or actions)
-        observation, _ = recorded.reset(seed=seed)
+        observation, _ = recorded.reset(seed=seeds(seed, 1)[0])
         count, over = 0, False
         while count < actions and not over:
             observation, _, terminated, truncated, _ = recorded.step(policy(np.asarray(observation)))

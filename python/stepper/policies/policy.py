@@ -8,7 +8,7 @@ import os
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._arrays import array_of
 from stepper.policies.environment import Description, describe, differences
 from stepper.shared.arguments import path_of
 from stepper.shared.files import atomic_write, existing
@@ -79,6 +80,10 @@ class Policy:
     training: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for name, array in [("mean", self.mean), ("std", self.std), ("low", self.low), ("high", self.high), *_named(self.layers)]:
+            if not isinstance(array, np.ndarray) or isinstance(array, np.ma.MaskedArray) or array.dtype.kind not in "fiu":
+                found = f"{type(array).__name__}{f' of {array.dtype}' if isinstance(array, np.ndarray) else ''}"
+                raise PolicyError(f"{name} is {found}, must be an array of real numbers: np.asarray(values, np.float32) makes one")
         sizes = [len(self.mean), *(len(bias) for _, bias in self.layers)]
         if self.activation not in ACTIVATIONS:
             raise PolicyError(f"activation is {self.activation!r}, must be one of {', '.join(ACTIVATIONS)}")
@@ -98,6 +103,11 @@ class Policy:
                 f"bounds of actions are not finite: low {self.low.tolist()}, high {self.high.tolist()}. Wrappers such as ClipAction widen "
                 "the space of actions: use envs.unwrapped.single_action_space"
             )
+        if (above := np.flatnonzero(self.low > self.high)).size:
+            k = above[0]
+            raise PolicyError(f"action {k} has the bounds {self.low[k]} to {self.high[k]}, must have the lower one first: exchange them")
+        if isinstance(self.clip, bool) or not (isinstance(self.clip, int | float | np.number) and self.clip > 0.0):
+            raise PolicyError(f"clip is {self.clip!r}, must be a number above 0: 10.0 is usual, and math.inf clips nothing")
         if not all(np.isfinite(part).all() for part in (self.mean, self.std, *sum(self.layers, ()))):
             raise PolicyError("a number of the policy is not finite: the training diverged, or the policy was not trained")
 
@@ -113,7 +123,7 @@ class Policy:
         Raises:
             PolicyError: The observations have another size.
         """
-        given = np.asarray(observation)
+        given = array_of("observation", observation)
         if given.shape[-1:] != self.mean.shape:
             raise PolicyError(f"observations have shape {given.shape}, must be {self.mean.shape} or (num_envs, {len(self.mean)})")
         x: Array = np.clip((given - self.mean) / self.std, -self.clip, self.clip).astype(np.float32)
@@ -162,6 +172,13 @@ class Policy:
         file.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(file) as stream:
             np.savez_compressed(stream, settings=np.array(json.dumps(settings)), **arrays)
+
+
+def _named(layers: Sequence[tuple[Array, Array]]) -> Iterator[tuple[str, Array]]:
+    """Yields the arrays of all layers, with their names for error messages."""
+    for k, (weight, bias) in enumerate(layers):
+        yield f"the weights of layer {k}", weight
+        yield f"the biases of layer {k}", bias
 
 
 def load(path: str | os.PathLike[str], env: Any = None) -> Policy:

@@ -41,7 +41,7 @@ from torch import Tensor, nn  # noqa: E402
 from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
 from stepper.policies.film import FILMED  # noqa: E402
-from stepper.policies.ppo_settings import Settings, arguments, copy_learner, settings_of  # noqa: E402
+from stepper.policies.ppo_settings import Settings, arguments, check_bounds, copy_learner, settings_of  # noqa: E402
 from stepper.shared.environments import import_env  # noqa: E402
 from stepper.shared.files import atomic_write  # noqa: E402
 from stepper.shared.progress import progress_lines  # noqa: E402
@@ -50,7 +50,7 @@ Array = NDArray[Any]
 
 
 EVALUATION_SEED = 2**32
-"""Seed of the first evaluation episode, above all seeds of training episodes."""
+"""Seed of the evaluation, from which its episodes get seeds that no training episode has."""
 PRINT_INTERVAL = 5.0
 """Time between two lines of progress, s."""
 
@@ -105,6 +105,7 @@ class Run:
         threads = {"threads": settings.threads} if is_native(settings.env) else {}
         self.envs = make(settings.env, settings.num_envs, training=True, **settings.environment(), **threads)
         space = self.envs.single_action_space
+        check_bounds(settings.env, space)
         self.middle, self.half = (space.high + space.low) / 2, (space.high - space.low) / 2
         size = self.envs.single_observation_space.shape[0]
         self.net = ActorCritic(size, space.shape[0], settings)

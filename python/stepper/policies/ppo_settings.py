@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stepper.policies.evaluation import is_native
 from stepper.shared.name_values import literal, name_values
 
@@ -150,6 +152,17 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
 """Settings of each task that differ from the defaults of `Settings`, by id without the namespace, for any simulator.
 
 Options of the command line override them."""
+
+
+def check_bounds(env: str, space: Any) -> None:
+    """Raises ValueError if a space of actions has an infinite bound, because the learner's actions are fractions of half the range."""
+    if unbounded := np.flatnonzero(~np.isfinite(space.low) | ~np.isfinite(space.high)).tolist():
+        k = unbounded[0]
+        more = f", and {len(unbounded) - 1} more actions have infinite bounds" if len(unbounded) > 1 else ""
+        raise ValueError(
+            f"action {k} of {env} has the bounds {space.low[k]} to {space.high[k]}{more}; the learner explores in fractions of half the "
+            "range: define finite bounds in the task by action_bounds(self, model), or in the model's file by ctrlrange of the actuators"
+        )
 
 
 def copy_learner(source: Path, file: Path) -> None:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._arrays import array_of
 from stepper._quantities import headings, output_array
 from stepper._stepper import Model, Stepper
 from stepper.loading.load import compile_source
 from stepper.loading.origins import Origin, origin_of
 from stepper.sensors.height_grid import HeightGrid
-from stepper.shared.arguments import array_of
 
 Array = NDArray[Any]
 

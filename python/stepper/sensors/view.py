@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper.shared.arguments import array_of
+from stepper._arrays import array_of
 
 Array = NDArray[np.float64]
 

@@ -27,10 +27,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._arrays import array_of
 from stepper._hints import did_you_mean, unknown, unknown_field
 from stepper._other_names import EARLIER_SELECTORS
 from stepper._stepper import Model, Stepper, selected
-from stepper.shared.arguments import array_of
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
 
 Array = NDArray[np.float64]
@@ -42,6 +42,8 @@ _LIST = rf"\[({_ITEM}(?:,{_ITEM})*)\]\s*"
 _TEXT = re.compile(rf"\s*([A-Za-z_][\w.]*)\s*(?:{_LIST})?(?:{_LIST})?", re.DOTALL)
 _EARLIER = re.compile(r"\s*(\w+):([^=]+)(.*)", re.DOTALL)
 """Selector of earlier versions, such as "mass:box=1..2"."""
+_SHOWN = 30
+"""Largest number of elements that an error message about a pattern lists."""
 _JOINT_ROWS = {"dof": ("dofadr", "nv"), "coordinate": ("qposadr", "nq")}
 """Attributes of a joint for its first row and its number of rows, by kind of row: degrees of freedom or coordinates."""
 
@@ -243,7 +245,7 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
     chosen = [_chosen(model, kind, item, f"{where} has '{selector}'") for item in selector.elements]
     one = len(chosen) == 1 and chosen[0][1]
     if kind in _JOINT_ROWS and index.ndim == 1 and columns is not None:
-        return _of_joints([k for rows, _ in chosen for k in rows], selector, where, one=one)
+        return _of_joints(model, kind, [k for rows, _ in chosen for k in rows], selector, where, one=one)
     rows = _flat(own for own, _ in chosen)
     found = index[rows[0]] if one and len(rows) == 1 else index[rows]
     if columns is None:
@@ -253,7 +255,7 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
     return _columns(found, columns, selector, where)
 
 
-def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selector, where: str) -> NDArray[np.int64]:
+def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selector, where: str, element: str = "") -> NDArray[np.int64]:
     """Selected columns of an array of indices, (..., columns). If there is a single column, the last axis is absent.
 
     Args:
@@ -261,21 +263,24 @@ def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selecto
         columns: Columns to select.
         selector: Selector with the columns, for messages.
         where: Name of the argument with the selector, for messages.
+        element: Text on the element of the row, for messages.
     """
     width = index.shape[-1] if index.ndim else 0
     if wrong := [column for column in columns if not -width <= column < width]:
         there = f"columns are 0 to {width - 1}" if width else "it is a single number; leave out the columns"
-        raise ValueError(f"{where} has '{selector}': there is no column {wrong[0]}; {there}")
+        raise ValueError(f"{where} has '{selector}'{element}: there is no column {wrong[0]}; {there}")
     if len({column % width for column in columns}) < len(columns):
         raise ValueError(f"{where} has '{selector}', which names a column twice: name it once")
     found: NDArray[np.int64] = np.asarray(index[..., columns[0]] if len(columns) == 1 else index[..., list(columns)])
     return found
 
 
-def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, one: bool) -> NDArray[np.int64]:
+def _of_joints(model: Model, kind: str, rows: Sequence[int | range], selector: Selector, where: str, *, one: bool) -> NDArray[np.int64]:
     """Indices of the degrees of freedom or coordinates that a selector with columns selects, such as "dof_damping[root][2]".
 
     Args:
+        model: The model.
+        kind: "dof" or "coordinate".
         rows: Range of the degrees of freedom (or coordinates) of each selected joint. A single index instead of a range is an error.
         selector: Selector, whose columns count from the first degree of freedom (or coordinate) of each joint.
         where: Name of the argument with the selector, for error messages.
@@ -284,7 +289,10 @@ def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, o
     if any(isinstance(own, int) for own in rows):
         raise ValueError(f"{where} has '{selector}': an index is one row of {selector.field}; leave out the columns, or name a joint")
     columns = selector.columns or ()
-    found = [_columns(np.array(own), columns, selector, where) for own in dict.fromkeys(rows) if not isinstance(own, int)]
+    found = []
+    for own in dict.fromkeys(rows):
+        name = f", joint {_name_of(model, kind, own).partition(' (')[0]!r}"
+        found.append(_columns(np.array(own), columns, selector, where, name))
     return found[0] if one else np.stack(found)
 
 
@@ -328,8 +336,8 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
     if not found:
         what = "joint" if kind in _JOINT_ROWS else kind
         if wild:
-            known = ", ".join(own[0] or str(k) for k, own in enumerate(labels[:30])) or "none"
-            raise ValueError(f"{where}: no {what} fits {item!r}, there are: {known}{' ...' if len(labels) > 30 else ''}")
+            known = ", ".join(own[0] or str(k) for k, own in enumerate(labels[:_SHOWN])) or "none"
+            raise ValueError(f"{where}: no {what} fits {item!r}, there are: {known}{' ...' if len(labels) > _SHOWN else ''}")
         if re.fullmatch("#[0-9]+", item):
             raise ValueError(f"{where}: no {what} {item!r}; write the index {item[1:]} alone")
         raise ValueError(f"{where}: {unknown(what, item, [own[0] for own in labels])}")
@@ -338,6 +346,38 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
     first, count_of = _JOINT_ROWS[kind]
     joints = [model.joint(k) for k in found]
     return [range(getattr(j, first), getattr(j, first) + getattr(j, count_of)) for j in joints], bool(exact)
+
+
+def matches(model: Model, selector: Selector) -> str:
+    """End of an error message with the elements that the patterns of a selector select; "" for a selector without a pattern.
+
+    A joint with several rows of the field has their number after its name, as "floating_base_joint (6 rows)".
+    """
+    field = COMPOUNDS[selector.field] if selector.field in COMPOUNDS else FIELDS[selector.field]
+    text = ""
+    for item in selector.elements or ():
+        if isinstance(item, str) and any(character in item for character in "*?"):
+            chosen, exact = _chosen(model, field.element, item, "")
+            if not exact:
+                names = [_name_of(model, field.element, rows) for rows in chosen[:_SHOWN]]
+                more = f" and {len(chosen) - _SHOWN} more" if len(chosen) > _SHOWN else ""
+                text += f"; {item!r} selects {', '.join(names)}{more}"
+    return text
+
+
+def _name_of(model: Model, kind: str, rows: int | range) -> str:
+    """Name of an element for an error message, with the number of its rows if there are several; without a name, its index.
+
+    Args:
+        model: The model.
+        kind: Kind of element, as in `_chosen`.
+        rows: Index of the element; for "dof" and "coordinate", the range of a joint's rows.
+    """
+    if isinstance(rows, int):
+        return _labels(model, kind)[rows][0] or str(rows)
+    joints = (model.joint(k) for k in range(model.njnt))
+    joint = next(joint for joint in joints if getattr(joint, _JOINT_ROWS[kind][0]) == rows.start)
+    return (joint.name or f"joint {joint.id}") + (f" ({len(rows)} rows)" if len(rows) > 1 else "")
 
 
 def _labels(model: Model, kind: str) -> list[list[str]]:
@@ -454,7 +494,8 @@ def _whole(
             if value is None:
                 own[..., part.index] = np.asarray(getattr(model, part.field), np.float64).reshape(-1)[part.index]
             else:
-                own[..., part.index] = part.sign * _numbers(f"{where}: {text!r}", value, lead, part.index.shape)
+                matched = functools.partial(matches, model, selector)
+                own[..., part.index] = part.sign * _numbers(f"{where}: {text!r}", value, lead, part.index.shape, matched)
     return {**fields, **{field: own.reshape(*lead, *np.shape(getattr(model, field))) for field, own in made.items()}}
 
 
@@ -474,7 +515,7 @@ def conflict(where: str, one: object, other: object, field: str, differ: str = "
     )
 
 
-def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int, ...]) -> Array:
+def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int, ...], matched: Callable[[], str]) -> Array:
     """Values for a selector as an array of the shape (*lead, *tail).
 
     Args:
@@ -482,6 +523,7 @@ def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int
         value: A single number, an array of that shape, or an array (*lead,).
         lead: Shape of the axes of environments.
         tail: Shape of the selected numbers.
+        matched: Function that returns the end of the error message, with the elements that patterns select.
     """
     given = array_of(what, value)
     if given.shape == lead and tail:
@@ -491,5 +533,5 @@ def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int
         # A row of numbers for all environments is not allowed. If it had as many numbers as there are environments, it would mean one
         # number per environment.
         remedy = f"; np.broadcast_to(value, {(*lead, *tail)}) gives all environments the same" if given.shape == tail and lead else ""
-        raise ValueError(f"{what} has shape {given.shape}, must be {' or '.join([*shapes, 'a single number'])}{remedy}")
+        raise ValueError(f"{what} has shape {given.shape}, must be {' or '.join([*shapes, 'a single number'])}{remedy}{matched()}")
     return np.broadcast_to(given, (*lead, *tail))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._hints import no_attribute
+from stepper.shared.arguments import check_whole
 
 P = ParamSpec("P")
 Array = NDArray[Any]
@@ -37,6 +38,28 @@ def _mix(words: Words) -> Words:
     words ^= words >> _SHIFTS[1]
     words *= _MIX_2
     words ^= words >> _SHIFTS[2]
+    return words
+
+
+def seeds(run: int | Sequence[int], num_envs: int) -> list[int]:
+    """Returns independent seeds of the environments of a run, num_envs whole numbers below 2^64, for `reset(seed=...)`.
+
+        envs.reset(seed=stepper.envs.seeds(1, envs.num_envs))
+
+    Other runs have other seeds. `reset(seed=1)` instead gives environment i the seed 1 + i, as in Gymnasium, so that the environments of
+    the runs 1 and 2 share all seeds except two. A longer list of the same run begins with the shorter one.
+
+    Args:
+        run: Seed of the run, a whole number of at least 0; or several, such as (seed, worker).
+        num_envs: Number of environments.
+
+    Raises:
+        TypeError, ValueError: A number is not whole, or negative.
+    """
+    for number in run if isinstance(run, Sequence) else [run]:
+        check_whole("the seed of a run", number, least=0)
+    check_whole("num_envs", num_envs, least=0)
+    words: list[int] = np.random.SeedSequence(run).generate_state(num_envs, np.uint64).tolist()
     return words
 
 

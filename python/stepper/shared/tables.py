@@ -13,8 +13,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper._arrays import array_of
 from stepper._stepper import selected
-from stepper.shared.arguments import array_of, check_mapping, path_of
+from stepper.shared.arguments import check_mapping, path_of
 from stepper.shared.files import existing
 
 T = TypeVar("T")

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper._arrays import array_of
 from stepper._stepper import Model
 from stepper.recording import HEADER, segments
-from stepper.shared.arguments import array_of, check_mapping, check_number
+from stepper.shared.arguments import check_mapping, check_number
 from stepper.shared.fields import APPLIED
 from stepper.shared.files import existing
 from stepper.sysid.inertia import Array

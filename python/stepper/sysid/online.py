@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper._arrays import array_of
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
-from stepper.shared.arguments import array_of, check_mapping, check_number
+from stepper.shared.arguments import check_mapping, check_number
 from stepper.shared.fields import RANDOMIZED
 from stepper.sysid.data import vector
 from stepper.sysid.findings import undetermined

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper._arrays import array_of
 from stepper._hints import did_you_mean_or_all
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, Drive
-from stepper.shared.arguments import array_of, check_kind
+from stepper.shared.arguments import check_kind
 from stepper.shared.fields import RANDOMIZED
 from stepper.sysid.data import COORDINATES, Episode
 from stepper.sysid.inertia import Array

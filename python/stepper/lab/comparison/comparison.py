@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from stepper._arrays import array_of
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
 from stepper.lab.comparison.trial import Array, ControlSource, Course, Slip, run
 from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
-from stepper.shared.arguments import array_of, check_kind, check_number, check_whole
+from stepper.shared.arguments import check_kind, check_number, check_whole
 from stepper.shared.files import existing
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import require

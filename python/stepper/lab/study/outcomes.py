@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._arrays import array_of
 from stepper._hints import unknown
 from stepper._stepper import Model
-from stepper.shared.arguments import array_of, check_number
+from stepper.shared.arguments import check_number
 from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]

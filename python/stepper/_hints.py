@@ -503,7 +503,7 @@ def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
 def hint_keywords(call: str) -> Callable[[C], C]:
     """Decorator of a class or a function: wrong arguments of a call raise TypeError with a hint.
 
-    Wrong are unknown keywords, too many arguments, and an argument that is given twice.
+    Wrong are unknown keywords, too many arguments, missing arguments, and an argument that is given twice.
     An assignment to a field of a frozen dataclass raises an error that names `dataclasses.replace`.
 
     Args:
@@ -521,6 +521,13 @@ def hint_keywords(call: str) -> Callable[[C], C]:
             parameters=[public.parameters[name].replace(annotation=inspect.Parameter.empty) for name in list(public.parameters)[bound:]],
             return_annotation=inspect.Signature.empty,
         )
+        in_order = list(plain.parameters)
+        required = [
+            name
+            for name, parameter in plain.parameters.items()
+            if parameter.default is parameter.empty and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        ]
+        fewest = len(required)
         most = sum(parameter.kind is parameter.POSITIONAL_OR_KEYWORD for parameter in parameters) - bound
 
         def check(given: tuple[Any, ...], named: dict[str, Any]) -> None:
@@ -534,6 +541,8 @@ def hint_keywords(call: str) -> Callable[[C], C]:
                 if name in named:
                     remedy = present_keyword(call, name)
                     raise TypeError(f"{call}() takes one {name}, not {value!r} and {named[name]!r}" + (f": use {remedy}" if remedy else ""))
+            if missing := [name for name in required if name not in named and name not in in_order[: len(given)]]:
+                raise TypeError(f"{call}() lacks the argument {missing[0]}: {call}{plain}")
 
         if isinstance(target, type):
             _check_calls(target, check)
@@ -542,7 +551,7 @@ def hint_keywords(call: str) -> Callable[[C], C]:
 
         @functools.wraps(target)
         def checked(*given: Any, **named: Any) -> Any:
-            if named or len(given) > most + bound:
+            if named or not fewest <= len(given) - bound <= most:
                 check(given[bound:], named)
             return target(*given, **named)
 

@@ -181,8 +181,8 @@ def test_a_chart_of_little_time_is_written(tmp_path, monkeypatch):
 def test_labels_of_a_chart_are_no_wider_than_their_panels(tmp_path, monkeypatch):
     save, found = matplotlib.figure.Figure.savefig, []
 
-    def look(figure, path):
-        save(figure, path)
+    def look(figure, path, **settings):
+        save(figure, path, **settings)
         if not found:
             for panel in figure.axes[:2]:
                 label, frame = panel.xaxis.label.get_window_extent(), panel.get_window_extent()

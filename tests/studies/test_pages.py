@@ -324,8 +324,8 @@ def test_progress_into_a_pipe_comes_before_the_end():
 
 
 @pytest.mark.parametrize(("command", "words"), [
-    (["report", "nothing.toml"], "there is no TOML file 'nothing.toml' in "),
-    (["sweep", "nothing.py"], "there is no file "),
+    (["report", "nothing.toml"], "there is no study file 'nothing.toml' in "),
+    (["sweep", "nothing.py"], "there is no study file 'nothing.py' in "),
     (["explain", "nothing.xml"], "there is no model file 'nothing.xml' in "),
     (["identify", "{model}", "nothing.csv", "-p", "body_mass[block]"], "there is no log file 'nothing.csv' in "),
     (["replay", "nothing"], "there is no recording file 'nothing/run.json' in "),

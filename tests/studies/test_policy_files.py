@@ -59,7 +59,7 @@ def test_a_policy_of_stepper_drives_a_study(tmp_path):
         ("policy.zip", b"", ValueError, "the ending is '.zip', must be one of .onnx, .pt, .pth, .ts, .npz, or give a function"),
         ("program.pt2", b"", ValueError, r"can run any code: if you trust it, load it yourself with torch.export.load\(...\).module\(\)"),
         ("none.npz", None, FileNotFoundError, "none.npz"),
-        ("other.npz", b"words", ValueError, "other.npz contains no policy"),
+        ("other.npz", b"words", ValueError, "other.npz: it is not an .npz file, or is cut off; give a file that Policy.save wrote"),
     ],
 )
 def test_files_that_hold_no_policy_are_named(tmp_path, name, content, error, message):

@@ -11,6 +11,7 @@ from stepper.cli.options import OUT, RAY_RUNS, VALUES, source_with
 from stepper.lab.accuracy import chart as run
 from stepper.lab.engine_chart import SCENES, Effort, charts
 from stepper.lab.progress import progress, show_files
+from stepper.shared.files import locked
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -41,7 +42,7 @@ def chart(
         if ray or budget or values:
             which = "--ray" if ray else "--budget" if budget else "--values"
             raise ValueError(f'{which} has no effect on "{scene}", which is a built-in scene: leave it out')
-        with progress() as tick:
+        with locked(out), progress() as tick:
             pictures = charts(names if scene == "all" else [scene], out, Effort.quick() if quick else Effort(), tick)
         show_files([file for picture in pictures for file in (picture, picture.with_suffix(".csv"))])
         return

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from stepper.cli.options import OUT
 from stepper.lab.comparison import compare as run
 from stepper.lab.progress import progress, show_files
+from stepper.shared.files import locked
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -21,10 +22,11 @@ def compare(model: str, out: Path, *, seconds: float, num_envs: int, seed: int) 
 
     Example: stepper compare humanoid.xml --seconds 3
     """
-    with progress() as tick:
-        found = run(model, seconds=seconds, num_envs=num_envs, seed=seed, tick=tick)
-    print(found.table())
-    show_files([found.draw(out / "compare.png")])
+    with locked(out):
+        with progress() as tick:
+            found = run(model, seconds=seconds, num_envs=num_envs, seed=seed, tick=tick)
+        print(found.table())
+        show_files([found.draw(out / "compare.png")])
 
 
 def register(app: Typer, typer: ModuleType) -> None:

@@ -16,6 +16,7 @@ from stepper.lab.study import Study
 from stepper.lab.study.document import Document, Section, check_pages
 from stepper.loading import ModelWarning
 from stepper.loading.findings import explained
+from stepper.shared.files import locked, write_text
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:
@@ -41,7 +42,9 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
     if found is not None:
         print(found.document.markdown())
     if out is not None:
-        show_files(_save(study, text, found, out / study.name))
+        with locked(out / study.name) as folder:
+            files = _save(study, text, found, folder)
+        show_files(files)
 
 
 def _account(study: Study) -> Account:
@@ -52,13 +55,11 @@ def _account(study: Study) -> Account:
 
 def _save(study: Study, text: str, found: Account | None, folder: Path) -> list[Path]:
     """Writes the printed report as explain.html, explain.md and explain.json."""
-    folder.mkdir(parents=True, exist_ok=True)
     document = Document(f"Simulated parts of {study.name}", [Section("The model", text=text), *(found.document.sections if found else [])])
-    files = [*document.save(folder, "explain"), folder / "explain.json"]
     numbers = {"uses": [asdict(use) for use in found.uses], "parts": [asdict(part) for part in found.parts]} if found else {}
     plain = {"model": text, **numbers, "in_force": study.in_force, "provenance": provenance()}
-    files[-1].write_text(json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
-    return files
+    text = json.dumps(plain, indent=2, default=str, allow_nan=False) + "\n"
+    return [*document.save(folder, "explain"), write_text(folder / "explain.json", text)]
 
 
 def register(app: Typer, typer: ModuleType) -> None:

@@ -11,6 +11,7 @@ from stepper._options import Options
 from stepper.cli.options import OUT
 from stepper.lab.progress import progress, show_files
 from stepper.loading import load
+from stepper.shared.files import locked
 from stepper.sysid import KINDS
 from stepper.sysid import identify as run
 
@@ -61,12 +62,12 @@ def identify(
         "columns": pairs,
         "channels": channels or None,
     }
-    with progress() as tick:
-        found = run(read, list(data), parameters, start=keyframe, tick=tick, **settings)
-    print(found)
-    out.mkdir(parents=True, exist_ok=True)
-    found.save(out / "identified.json")
-    found.estimate.save(out / "identified.stepper")
+    with locked(out):
+        with progress() as tick:
+            found = run(read, list(data), parameters, start=keyframe, tick=tick, **settings)
+        print(found)
+        found.save(out / "identified.json")
+        found.estimate.save(out / "identified.stepper")
     show_files([out / "identified.json", out / "identified.stepper"])
 
 

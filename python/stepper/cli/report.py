@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stepper.cli.options import OUT, RAY, RECORDING, STUDY, progress_kept_in, study_of_file
 from stepper.lab.progress import show_files
 from stepper.lab.study import report as run
-from stepper.recording.format import HEADER, check_files, read_header, reading
+from stepper.recording.format import HEADER, end_of, find_blocks, read_header, reading
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -34,21 +34,24 @@ def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
 def report_recording(recording: Path) -> None:
     """Prints the settings and the failures of a recording."""
     head = read_header(recording)
-    check_files(recording, head)
+    rows = sum(block.rows for block in find_blocks(recording, head))
+    end = end_of(recording, head)
     with reading(recording / HEADER):
-        _report(recording, head)
+        _report(recording, head | {"rows": rows}, end)
 
 
-def _report(recording: Path, head: dict[str, Any]) -> None:
+def _report(recording: Path, head: dict[str, Any], end: str) -> None:
     """Prints the settings and failures of a recording.
 
     Args:
         recording: Folder of the recording.
         head: Contents of its file run.json.
+        end: Text on the end of a recording that was not closed; "" for a closed one.
     """
     envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
-    end = "" if head["closed"] else ", not closed: its end may be missing"
-    print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}{end}')
+    print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}')
+    if end:
+        print(end)
     print(f"model {head['model']['sha256']}")
     if head["note"]:
         print(f"note: {head['note']}")

@@ -102,7 +102,12 @@ def load(
         )
     own: Any = source
     origin = Origin(own.copy() if is_spec(own) else own, package_dirs, height, free_base)
-    model = Model.from_file(source) if saved else _read(origin, strict, urdf, actuators)
+    try:
+        model = Model.from_file(source) if saved else _read(origin, strict, urdf, actuators)
+    except (ModelError, UnicodeError) as error:
+        if not origin.is_file or str(source) in str(error):
+            raise
+        raise ModelError(f"{source}: {error}") from error
     if overlaps == "exclude":
         model = model.exclude_overlaps()
     warn_about(model, loaded=not saved, excluded=overlaps == "exclude", is_robot=urdf is not None)
@@ -214,7 +219,7 @@ def is_saved(source: Source) -> bool:
     if not isinstance(source, (str, os.PathLike)):
         raise TypeError(f"stepper.load takes a path, XML text, a mujoco.MjSpec or a mujoco.MjModel, not {type(source).__name__}")
     path = Path(source)
-    if path.is_dir():
+    if os.path.isdir(path):
         raise IsADirectoryError(f"stepper.load takes the path of a file or XML text, and {str(source)!r} is a directory")
     with existing(path, "model").open("rb") as file:
         return file.read(len(_SAVED)) == _SAVED

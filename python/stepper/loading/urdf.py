@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 from stepper._stepper import ModelError
 from stepper.loading.urdf_xml import parse
+from stepper.shared.files import shortened
 
 _PACKAGE = ("package://", "model://")
 _FILE = ("file://", "file:")
@@ -108,13 +109,14 @@ def _find_mesh(name: str, folders: _SearchFolders, place: str, link: str) -> Pat
     """
     searched = list(dict.fromkeys(_candidates(name, folders)))
     for candidate in searched:
-        if candidate.is_file():
+        # Unlike `Path.is_file`, this function is False for names that are too long for the file system.
+        if os.path.isfile(candidate):
             return candidate
-    where = ", ".join(str(candidate) for candidate in searched) or "no folder, because XML text has none"
+    where = ", ".join(shortened(str(candidate)) for candidate in searched) or "no folder, because XML text has none"
     package = _without_prefix(_PACKAGE, name).partition("/")[0] if name.startswith(_PACKAGE) else ""
     folder = f"the folder that contains the package {package}, or the package itself" if package else "the folder that the path starts from"
     remedy = f"Pass {folder} in stepper.load(..., package_dirs=[...])" + (", or set ROS_PACKAGE_PATH" if package else "")
-    raise ModelError(f'{place}: link "{link}": mesh {name} not found; searched {where}. {remedy}')
+    raise ModelError(f'{place}: link "{link}": mesh {shortened(name)} not found; searched {where}. {remedy}')
 
 
 def _without_prefix(prefixes: tuple[str, ...], name: str) -> str:

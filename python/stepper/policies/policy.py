@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import warnings
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,20 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._arrays import array_of
 from stepper.policies.environment import Description, describe, differences
 from stepper.shared.arguments import path_of
-from stepper.shared.files import atomic_write, existing
+from stepper.shared.files import existing, explained, read_arrays, write_arrays
 
 Array = NDArray[Any]
 FORMAT = 1
-_DAMAGED = (
-    *(ValueError, KeyError, IndexError, AttributeError, TypeError, EOFError, MemoryError, OverflowError),
-    *(RuntimeError, zipfile.BadZipFile, zlib.error),  # From zipfile, for unsupported compression or encryption.
-)
-"""Exceptions of NumPy, zipfile and json for a damaged file or a file that contains no policy."""
-_OTHER_KIND = (KeyError, AttributeError, TypeError)
-"""Exceptions for a readable file that contains no policy.
-
-Error messages leave out the texts of these exceptions, which have internal names only.
-"""
+_REMEDY = "give a file that Policy.save wrote, or make a stepper.policies.Policy of another library's layers"
+"""Remedy for a file that contains no policy."""
 
 ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,
@@ -169,9 +158,7 @@ class Policy:
             arrays |= {f"weight{k}": weight, f"bias{k}": bias}
         settings = {"format": FORMAT, "clip": self.clip, "activation": self.activation}
         settings |= {"environment": self.environment, "training": self.training}
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(file) as stream:
-            np.savez_compressed(stream, settings=np.array(json.dumps(settings)), **arrays)
+        write_arrays(file, arrays | {"settings": np.array(json.dumps(settings))}, compressed=True)
 
 
 def _named(layers: Sequence[tuple[Array, Array]]) -> Iterator[tuple[str, Array]]:
@@ -194,24 +181,18 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
         OSError: The file cannot be read.
     """
     file = existing(path_of("path", path), "policy")
-    data = file.read_bytes()
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays = dict(archive)
-        settings = json.loads(str(arrays.pop("settings")))
+    arrays = read_arrays(file, "policy", remedy=_REMEDY, kind=PolicyError)
+    with explained(file, _REMEDY, PolicyError):
+        settings = json.loads(str(arrays.pop("settings", "{}")))
+        if not isinstance(settings, dict) or "format" not in settings:
+            raise PolicyError(f"{file} contains no policy; {_REMEDY}")
         if settings["format"] != FORMAT:
             raise PolicyError(f"the file has format {settings['format']} of policies, and this version reads format {FORMAT}")
         count = sum(name.startswith("weight") for name in arrays)
         layers = tuple((arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(count))
-        shared = {name: arrays[name] for name in ("mean", "std", "low", "high")}
+        shared: dict[str, Any] = {name: arrays[name] for name in ("mean", "std", "low", "high")}
         kept = {name: settings[name] for name in ("clip", "activation", "environment", "training")}
         policy = Policy(**shared, layers=layers, **kept)
-    except PolicyError as error:
-        raise PolicyError(f"{file}: {error}") from error
-    except _DAMAGED as error:
-        reason = "" if isinstance(error, _OTHER_KIND) or "pickle" in str(error) else f" ({type(error).__name__}: {error})"
-        remedy = "give a file that Policy.save wrote, or make a stepper.policies.Policy of another library's layers"
-        raise PolicyError(f"{file} contains no policy{reason}; {remedy}") from error
     if env is not None:
         policy.check(env)
     return policy

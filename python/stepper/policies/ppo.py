@@ -2,9 +2,10 @@
 
     stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
-Each update adds a row to the learning curve, and a checkpoint is written every half a minute. The same command continues a stopped run,
-and the curve is the same as without the stop. With the id `HalfCheetah-v5`, the learner trains in Gymnasium's environment. Checkpoints do
-not include the state of that environment: a stopped run continues with new episodes, so that its curve differs from an uninterrupted run.
+Each update adds a row to the learning curve. A checkpoint is written after the first update, and then every half a minute. The same
+command continues a stopped run, and the curve is the same as without the stop. With the id `HalfCheetah-v5`, the learner trains in
+Gymnasium's environment. Checkpoints do not include the state of that environment: a stopped run continues with new episodes, so that its
+curve differs from an uninterrupted run.
 
 To change the learner, write a copy of this file with `stepper train --copy my_ppo.py`, and train with `python my_ppo.py`.
 
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import io
 import os
 import time
 from collections import deque
@@ -41,9 +43,18 @@ from torch import Tensor, nn  # noqa: E402
 from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native, make  # noqa: E402
 from stepper.policies.film import FILMED  # noqa: E402
-from stepper.policies.ppo_settings import Settings, arguments, check_bounds, copy_learner, settings_of  # noqa: E402
+from stepper.policies.ppo_settings import (  # noqa: E402
+    CHECKPOINT,
+    Settings,
+    arguments,
+    check_bounds,
+    copy_learner,
+    default_folder,
+    kept_at_interrupt,
+    settings_of,
+)
 from stepper.shared.environments import import_env  # noqa: E402
-from stepper.shared.files import atomic_write  # noqa: E402
+from stepper.shared.files import atomic_write, check_archive, explained, locked, os_errors_of, read_text, write_text  # noqa: E402
 from stepper.shared.progress import progress_lines  # noqa: E402
 
 Array = NDArray[Any]
@@ -247,13 +258,15 @@ class Run:
         }
         # Environments of stepper pickle with their state; others begin new episodes.
         state["envs"] = self.envs if isinstance(self.envs.unwrapped, StepperVectorEnv) else None
+        data = io.BytesIO()
+        torch.save(state, data)
         with atomic_write(file) as stream:
-            torch.save(state, stream)
+            stream.write(data.getbuffer())
 
     @classmethod
     def load(cls, file: Path) -> Run:
         """Restores a run from a checkpoint."""
-        state = torch.load(file, weights_only=False)
+        state = read_checkpoint(file)
         run = cls(Settings(**state.pop("settings")))
         run.net.load_state_dict(state.pop("net"))
         run.optimizer.load_state_dict(state.pop("optimizer"))
@@ -265,6 +278,20 @@ class Run:
         run.__dict__ |= state
         torch.set_rng_state(random)
         return run
+
+
+def read_checkpoint(file: Path) -> dict[str, Any]:
+    """State of a run in a checkpoint.
+
+    Raises:
+        ValueError: The file is no checkpoint, or is damaged.
+    """
+    with explained(file, "restore the checkpoint, or delete it to begin the run again"):
+        check_archive(file)
+        state: dict[str, Any] = torch.load(file, weights_only=False)
+        if not isinstance(state, dict) or "settings" not in state:
+            raise ValueError("it is no checkpoint of stepper train")
+    return state
 
 
 def _divergence(mean: Tensor, log_std: Tensor, new_mean: Tensor, new_log_std: Tensor) -> float:
@@ -280,17 +307,25 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
     Args:
         settings: Settings of the run.
         folder: Folder for curve.csv, checkpoint.pt and policy.npz.
-        every: Time between two checkpoints, s.
+        every: Time between two checkpoints, s. The first is written after the first update.
         quiet: Whether to suppress progress output.
 
     Returns:
         The completed run.
 
     Raises:
-        ValueError: The folder contains a run with other settings.
+        ValueError: The folder contains a run with other settings, or a damaged checkpoint.
+        BlockingIOError: Another run writes to the folder.
+        KeyboardInterrupt: After Ctrl-C, and a message on how to continue.
     """
+    with locked(folder), kept_at_interrupt(folder / CHECKPOINT):
+        return _train(settings, folder, every=every, quiet=quiet)
+
+
+def _train(settings: Settings, folder: Path, *, every: float, quiet: bool) -> Run:
+    """Trains a policy in a locked folder; see `train`."""
     torch.set_num_threads(settings.threads)
-    curve, checkpoint = folder / "curve.csv", folder / "checkpoint.pt"
+    curve, checkpoint = folder / "curve.csv", folder / CHECKPOINT
     if not quiet:
         action = "continuing" if checkpoint.exists() else "starting"
         print(f"{settings.env}: {action} a run of {settings.num_envs:,} environments, seed {settings.seed}, in {folder}", flush=True)
@@ -302,14 +337,13 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
             raise ValueError(f"{folder} contains a run with other settings: {'; '.join(found)}; give another folder with --out")
     else:
         run = Run(settings)
-        folder.mkdir(parents=True, exist_ok=True)
     _cut(curve, run.iteration)
     if not quiet:
         continued = f", from step {run.steps:,} on" if run.steps else ""
         rest = f"a line every {PRINT_INTERVAL:.0f} s, and every update in {curve}"
         print(f"training for {settings.steps:,} steps{continued}; {rest}", flush=True)
     printed = -np.inf
-    saved, begun, spent = time.perf_counter(), time.perf_counter() - run.seconds, time.process_time() - run.processor
+    saved, begun, spent = -np.inf, time.perf_counter() - run.seconds, time.process_time() - run.processor
     while run.steps < settings.steps:
         progress = run.update(run.collect())
         run.iteration += 1
@@ -333,14 +367,14 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
 def _cut(curve: Path, iteration: int) -> None:
     """Removes the rows of a learning curve after the iteration of the checkpoint, because the continued run repeats these iterations."""
     if curve.exists():
-        lines = curve.read_text().splitlines(keepends=True)
-        curve.write_text("".join(lines[: iteration + 1]))
+        lines = read_text(curve, "learning curve").splitlines(keepends=True)
+        write_text(curve, "".join(lines[: iteration + 1]))
 
 
 def _append(curve: Path, row: dict[str, float]) -> None:
     """Appends a row to a CSV file, after a header if the file is new."""
     new = not curve.exists() or not curve.stat().st_size
-    with curve.open("a", newline="") as file:
+    with os_errors_of(curve), curve.open("a", newline="") as file:
         writer = csv.DictWriter(file, list(row))
         if new:
             writer.writeheader()
@@ -363,8 +397,7 @@ def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
         raise ValueError(f"--evaluate is {episodes}, must be at least 2: one episode has no confidence interval")
     env = import_env(env)
     settings = settings_of(env, given)
-    chosen = [settings.contact] * bool(settings.contact) + [f"{name}={value}" for name, value in settings.values.items()]
-    folder = out or Path("out/train", "_".join([env, *chosen]).replace("/", "_"), f"seed{settings.seed}")
+    folder = out or default_folder(settings)
     if video is not None:
         # PyTorch imports this for its first optimizer. After a picture by OpenGL in software, the import can crash the process.
         import torch._dynamo  # noqa: F401, PLC0415

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import inspect
 import math
 import re
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from stepper.policies.evaluation import is_native
+from stepper.shared.arguments import check_file_name
+from stepper.shared.files import read_text, write_text
 from stepper.shared.name_values import literal, name_values
 
 ABOUT = """Trains a policy for a task by proximal policy optimisation (PPO), evaluates it, and films it with --film.
@@ -154,6 +158,34 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
 Options of the command line override them."""
 
 
+CHECKPOINT = "checkpoint.pt"
+"""Name of the file in the folder of a run from which the same command continues the run."""
+
+
+def default_folder(settings: Settings) -> Path:
+    """Folder of a run without the option --out: out/train, task with its arguments, and seed.
+
+    Raises:
+        ValueError: The arguments of the task cannot be part of the name of a folder.
+    """
+    chosen = [settings.contact] * bool(settings.contact) + [f"{name}={value}" for name, value in settings.values.items()]
+    name = "_".join([settings.env, *chosen]).replace("/", "_")
+    check_file_name("the task with its --values", name, "the folder of the run, unless --out does")
+    return Path("out/train", name, f"seed{settings.seed}")
+
+
+@contextlib.contextmanager
+def kept_at_interrupt(checkpoint: Path) -> Iterator[None]:
+    """Context manager that prints after Ctrl-C whether the checkpoint of a run exists, and how to continue the run."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        kept = f"the run up to its last checkpoint is in {checkpoint.parent}; the same command continues it"
+        nothing = f"the first update was not finished, so nothing is kept in {checkpoint.parent}"
+        print(f"\nstopped: {kept if checkpoint.exists() else nothing}", file=sys.stderr, flush=True)
+        raise
+
+
 def check_bounds(env: str, space: Any) -> None:
     """Raises ValueError if a space of actions has an infinite bound, because the learner's actions are fractions of half the range."""
     if unbounded := np.flatnonzero(~np.isfinite(space.low) | ~np.isfinite(space.high)).tolist():
@@ -177,7 +209,7 @@ def copy_learner(source: Path, file: Path) -> None:
     """
     if file.exists():
         raise ValueError(f"--copy: {file} exists; name a new file, or remove it")
-    file.write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+    write_text(file, read_text(source, "Python"))
     print(f"wrote {file}; change it, and train with: python {file} {Settings.env}")
 
 

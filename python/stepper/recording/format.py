@@ -1,40 +1,53 @@
-"""Format of a recording, and functions to read it. Files that were truncated, swapped or edited are detected by their SHA-256.
+"""Format of a recording, and functions to read and write it. Files that were truncated, swapped or edited are detected by their SHA-256.
 
 A recording is a folder:
 
     run.json         versions, machine, options, precision, seed, digest of the model, units of the fields;
-                     for every .npz file the numbers of rows and of calls of step, and the SHA-256;
-                     failures; whether the recording was closed; and the SHA-256 of run.json itself
+                     numbers of rows and of calls of step, size and digest of rows.bin; failures;
+                     whether the recording was closed; and the SHA-256 of run.json itself
     model.stepper    the model, as written by `Model.save`
-    00000.npz ...    rows; a row is an event such as a call of step or reset
+    rows.bin         blocks of rows; a row is an event such as a call of step or reset
 
-run.json is replaced atomically after every .npz file, so that a crash loses only the last file.
+Each block of rows.bin is an .npz archive of NumPy after a header (`_BLOCK`): its length in bytes, its numbers of rows and of calls of step,
+and its digest. The digest is the SHA-256 of the digest of the block before (zeros for the first one), both numbers and the archive.
 
-The array `kind`, (n,), of a .npz file has the kind of each row as an index into `KINDS`. Fields of the rows of steps (`FIELDS`) are stacked
-in one array per field. Arguments of other rows are stored in arrays with the name "row/argument".
+Blocks are appended while the simulation runs, and run.json is replaced atomically after each of them. If the process is stopped, or the
+disk is full, all blocks but an unfinished last one remain.
+
+The array `kind`, (n,), of a block has the kind of each row as an index into `KINDS`. Fields of the rows of steps (`FIELDS`) are stacked in
+one array per field. Arguments of other rows are stored in arrays with the name "row/argument".
+
+format.json has the version, the names of the files and the kinds. The Rust program `anatomy` (benches/src/replay.rs) reads it too.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-from collections.abc import Iterator
+import os
+import struct
+import warnings
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from io import BufferedReader
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from stepper.shared.files import atomic_write, existing
+from stepper.shared.files import existing, explained, read_arrays, write_text
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
 
-FORMAT = 6
-"""Version of the format of recordings. Since version 6, fields have the names of attributes and arguments of `Stepper`."""
-HEADER, MODEL = "run.json", "model.stepper"
-KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
+_SHARED = json.loads(Path(__file__).with_name("format.json").read_text(encoding="utf-8"))
+FORMAT: int = _SHARED["format"]
+"""Version of the format of recordings. Version 6 gave fields the names of attributes of `Stepper`, version 7 has all rows in one file."""
+HEADER: str = _SHARED["header"]
+MODEL: str = _SHARED["model"]
+ROWS: str = _SHARED["rows"]
+KINDS: tuple[str, ...] = tuple(_SHARED["kinds"])
 """Kinds of recorded events (rows of a recording).
 
 An event "applied" has the applied forces, mocap poses and active equalities of the next step. The event is recorded
@@ -59,35 +72,91 @@ COMPARED = tuple(name for name in FIELDS if name not in ("ctrl", "nstep"))
 """Fields that a replay compares bit for bit."""
 
 
+_BLOCK = struct.Struct("<QQQ32s")
+"""Header of a block of rows.bin: length of the archive in bytes, number of rows, number of calls of step, digest."""
+FIRST_DIGEST = bytes(32)
+"""Digest before the first block."""
+_COPY = "copy the recording again, or record it again"
+
+
 class RecordingError(ValueError):
     """A recording cannot be read or replayed. The message has the file or row, the problem and a remedy."""
 
 
+class RecordingWarning(UserWarning):
+    """A recording was not closed, because its process was stopped, its disk was full, or it is still running."""
+
+
 @contextmanager
 def reading(place: str | Path) -> Iterator[None]:
-    """Context manager that converts exceptions from invalid contents into a `RecordingError` whose message begins with `place`.
+    """Context manager that converts exceptions from invalid contents into a `RecordingError` whose message names `place`.
 
     OSError and MemoryError are not converted.
     """
-    try:
+    with explained(place, _COPY, RecordingError, passing=(RecordingError,)):
         yield
-    except (RecordingError, OSError, MemoryError):
-        raise
-    except Exception as error:
-        problem = f"{error.args[0]} is missing" if isinstance(error, KeyError) and error.args else str(error) or type(error).__name__
-        raise RecordingError(f"{place}: {problem}; copy the recording again, or record it again") from error
 
 
-def digest_of(file: BinaryIO) -> str:
-    """SHA-256 of a file from its current position on, in hexadecimal."""
-    return hashlib.file_digest(cast("BufferedReader", file), "sha256").hexdigest()
+@dataclass(frozen=True)
+class Block:
+    """Position and header of a block of rows.bin.
+
+    Attributes:
+        start: Offset of the archive in the file, bytes.
+        length: Length of the archive, bytes.
+        rows: Number of rows.
+        steps: Number of calls of step among the rows.
+        digest: Digest of the block.
+    """
+
+    start: int
+    length: int
+    rows: int
+    steps: int
+    digest: bytes
+
+    @property
+    def end(self) -> int:
+        """Offset of the end of the block in the file, bytes."""
+        return self.start + self.length
+
+
+def archive_of(arrays: Mapping[str, Any]) -> bytes:
+    """Bytes of an .npz archive with arrays by name."""
+    data = io.BytesIO()
+    np.savez(data, **arrays)
+    return data.getvalue()
+
+
+def append_block(file: BinaryIO, archive: bytes, rows: int, steps: int, previous: bytes) -> bytes:
+    """Writes a block to a file at its current position.
+
+    Args:
+        file: The file, which may write a part of the data only.
+        archive: Archive of the rows.
+        rows: Number of rows in the archive.
+        steps: Number of calls of step among them.
+        previous: Digest of the block before.
+
+    Returns:
+        Digest of the block.
+    """
+    digest = _digest_of(previous, rows, steps, archive)
+    for part in (_BLOCK.pack(len(archive), rows, steps, digest), archive):
+        left = memoryview(part)
+        while left:
+            left = left[file.write(left) :]
+    return digest
+
+
+def _digest_of(previous: bytes, rows: int, steps: int, archive: bytes) -> bytes:
+    """Digest of a block, from the digest of the block before, its numbers of rows and of calls of step, and its archive."""
+    return hashlib.sha256(previous + struct.pack("<QQ", rows, steps) + archive).digest()
 
 
 def write_header(folder: Path, head: Header) -> None:
     """Writes the file run.json of a recording with its SHA-256, atomically."""
-    text = json.dumps(head | {"sha256": _digest_of_header(head)}, indent=2) + "\n"
-    with atomic_write(folder / HEADER) as file:
-        file.write(text.encode())
+    write_text(folder / HEADER, json.dumps(head | {"sha256": _digest_of_header(head)}, indent=2) + "\n")
 
 
 def _digest_of_header(head: Header) -> str:
@@ -110,79 +179,105 @@ def read_header(folder: Path) -> Header:
             raise RecordingError(f"{file}: the contents are not those of a recording; give a folder that Stepper.record wrote")
         if head.get("format") != FORMAT:
             made = head.get("provenance", {}).get("versions", {}).get("stepper", "an unknown version")
-            raise RecordingError(
-                f"{folder} has format {head.get('format')} of recordings, this version reads format {FORMAT}: replay it with stepper {made}"
-            )
+            found = f"it has format {head.get('format')} of recordings, this version reads format {FORMAT}"
+            raise RecordingError(f"{file}: {found}: replay it with stepper {made}")
         if head["sha256"] != _digest_of_header(head):
             raise RecordingError(f"{file}: its contents do not match its SHA-256: it was damaged or edited; copy the recording again")
         if not isinstance(head["closed"], bool):
             raise RecordingError(f"{file}: closed is {head['closed']!r}, must be true or false")
+        for name in ("rows", "steps", "size"):
+            if type(head[name]) is not int or head[name] < 0:
+                raise RecordingError(f"{file}: {name} is {head[name]!r}, must be a whole number of at least 0")
         name = head["model"]["file"]
         if name != MODEL:
             raise RecordingError(f"{file}: model.file is {name!r}, must be {MODEL!r}, in the folder of the recording")
     return head
 
 
-def check_files(folder: Path, head: Header) -> None:
-    """Checks that the files of a recording are those that run.json lists.
+def find_blocks(folder: Path, head: Header) -> list[Block]:
+    """Finds the blocks of a recording, and compares them with run.json. Reads the headers of the blocks, and not their rows.
+
+    A recording that was not closed may have more blocks than run.json counts, and an unfinished last block, which is left out.
 
     Raises:
-        RecordingError: A file is missing, or there is an additional one.
+        RecordingError: Rows are missing, or there are additional ones.
+        OSError: The file cannot be read.
     """
-    with reading(folder / HEADER):
-        listed = [entry["name"] for entry in head["files"]]
-        rows = sum(entry["rows"] for entry in head["files"])
-        if listed != [f"{k:05d}.npz" for k in range(len(listed))] or rows != head["rows"]:
-            raise RecordingError(f"{folder / HEADER}: {len(listed)} files with {rows} rows are listed, but {head['rows']} rows in total")
-        there = {file.name for file in folder.glob("*.npz")}
-        if missing := [name for name in listed if name not in there]:
-            raise RecordingError(f"{folder}: {missing[0]} is missing, {len(missing)} of {len(listed)} files; copy the recording again")
-        # A recording that was not closed may have a file that run.json does not list yet.
-        if head["closed"] and (more := sorted(there.difference(listed))):
-            raise RecordingError(f"{folder}: {more[0]} does not belong to this recording; remove it, or copy the recording again")
+    path = folder / ROWS
+    blocks: list[Block] = []
+    with reading(path), existing(path, "rows").open("rb") as file:
+        size, start = os.fstat(file.fileno()).st_size, 0
+        if size < head["size"] or (head["closed"] and size != head["size"]):
+            raise RecordingError(f"{path}: it has {size} bytes, {HEADER} counts {head['size']}: it was truncated or replaced; {_COPY}")
+        while size - start >= _BLOCK.size:
+            file.seek(start)
+            length, rows, steps, digest = _BLOCK.unpack(file.read(_BLOCK.size))
+            if length > size - start - _BLOCK.size:
+                break
+            blocks.append(Block(start + _BLOCK.size, length, rows, steps, digest))
+            start = blocks[-1].end
+        counted = [block for block in blocks if block.end <= head["size"]]
+        found = (sum(block.rows for block in counted), sum(block.steps for block in counted), counted[-1].end if counted else 0)
+        digest = counted[-1].digest if counted else FIRST_DIGEST
+        if (*found, digest.hex()) != (head["rows"], head["steps"], head["size"], head["digest"]):
+            raise RecordingError(f"{path}: its {found[0]} rows are not the {head['rows']} that {HEADER} counts; {_COPY}")
+    return blocks
 
 
 def read_rows(folder: Path, head: Header) -> Iterator[tuple[str, str, Arrays]]:
-    """Yields the recorded events (rows) of a recording. Only one file is in memory at a time.
+    """Yields the recorded events (rows) of a recording. Only one block is in memory at a time.
 
     Each row is a tuple of a text with its file and index (for error messages), its kind, and its arrays by name.
 
     Raises:
-        RecordingError: A file is missing, additional or changed.
+        RecordingError: Rows are missing, additional or changed.
         OSError: A file cannot be read.
     """
-    check_files(folder, head)
-    for entry in head["files"]:
-        path = folder / entry["name"]
-        with reading(path):
-            kinds, arrays = _read_file(path, entry)
+    path, row, previous = folder / ROWS, 0, FIRST_DIGEST
+    for block in find_blocks(folder, head):
+        with path.open("rb") as file:
+            file.seek(block.start)
+            archive = file.read(block.length)
+        if _digest_of(previous, block.rows, block.steps, archive) != block.digest:
+            if block.start >= head["size"]:  # The process was stopped before this block was on the disk.
+                return
+            raise RecordingError(f"{path}, row {row}: the rows are not those that were recorded: the file was damaged or edited; {_COPY}")
+        previous = block.digest
+        with reading(f"{path}, row {row}"):
+            kinds, arrays = _read_block(f"{path}, row {row}", archive, block)
         step = 0
-        for row, kind in enumerate(kinds):
+        for index, kind in enumerate(kinds):
             place = f"{path}, row {row}"
             if kind == "step":
                 with reading(place):
                     own = {name: values[step] for name, values in arrays.items() if "/" not in name}
                 step += 1
             else:
-                own = {name.removeprefix(f"{row}/"): values for name, values in arrays.items() if name.startswith(f"{row}/")}
+                own = {name.removeprefix(f"{index}/"): values for name, values in arrays.items() if name.startswith(f"{index}/")}
             yield place, kind, own
+            row += 1
 
 
-def _read_file(path: Path, entry: dict[str, Any]) -> tuple[list[str], Arrays]:
-    """Reads a .npz file of a recording and checks it against its entry in run.json.
-
-    Returns:
-        Kind of each recorded event (row), and the arrays by name.
-    """
-    with path.open("rb") as file:
-        if digest_of(file) != entry["sha256"]:
-            raise RecordingError(
-                f"{path}: its contents are not those that were recorded: the file was truncated, swapped or edited; copy it again"
-            )
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as chunk:
-            arrays = dict(chunk)
+def _read_block(place: str, archive: bytes, block: Block) -> tuple[list[str], Arrays]:
+    """Kind of each recorded event (row) of a block, and the arrays of its archive by name; `place` names it in error messages."""
+    arrays = read_arrays(place, "recording", data=archive, remedy=_COPY, kind=RecordingError)
     kinds = [KINDS[k] for k in arrays.pop("kind")]
-    if (len(kinds), kinds.count("step")) != (entry["rows"], entry["steps"]):
-        raise RecordingError(f"{path}: {len(kinds)} rows, {kinds.count('step')} of step, must be {entry['rows']} and {entry['steps']}")
+    if (len(kinds), kinds.count("step")) != (block.rows, block.steps):
+        raise RecordingError(
+            f"{place}: the block has {len(kinds)} rows, {kinds.count('step')} of step, must be {block.rows} and {block.steps}; {_COPY}"
+        )
     return kinds, arrays
+
+
+def end_of(folder: Path, head: Header) -> str:
+    """Text on the end of a recording that was not closed: its number of rows, and the reason; "" for a closed one."""
+    if head["closed"]:
+        return ""
+    rows = sum(block.rows for block in find_blocks(folder, head))
+    return f"not closed: it ends after {rows} rows, because its process was stopped or is still running"
+
+
+def warn_of_end(folder: Path, head: Header) -> None:
+    """Issues a `RecordingWarning` if a recording was not closed."""
+    if end := end_of(folder, head):
+        warnings.warn(f"{folder} was {end}", RecordingWarning, stacklevel=3)

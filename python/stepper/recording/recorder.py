@@ -1,10 +1,15 @@
-"""`Recorder`: writes inputs and results of each call of a stepper to disk, in the format of `stepper.recording.format`."""
+"""`Recorder`: writes inputs and results of each call of a stepper to disk, in the format of `stepper.recording.format`.
+
+Recorded events wait in memory for at most `INTERVAL`, and are then appended to the file of rows. A process that is killed loses no more.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import os
+import time
+import weakref
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -15,31 +20,38 @@ from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Stepper, selected
 from stepper.loading import origin_of
 from stepper.recording.failures import Failures
-from stepper.recording.format import COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
+from stepper.recording.format import COMPARED, FIELDS, FIRST_DIGEST, FORMAT, KINDS, MODEL, ROWS, append_block, archive_of, write_header
 from stepper.shared.arguments import check_kind, check_whole, path_of
 from stepper.shared.fields import APPLIED
-from stepper.shared.files import atomic_write
+from stepper.shared.files import LOCK, lock_of, os_errors_of
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
+
+INTERVAL = 1.0
+"""Age of the oldest recorded event in memory at which the events are written, s."""
 
 
 @hint_keywords("stepper.Recorder")
 class Recorder(Hints):
     """Writer of the calls and results of a `Stepper` to a folder; a context manager. `close` completes the recording.
 
-    `sim.record(path)` is the same as `stepper.Recorder(sim, path)`.
+    `sim.record(path)` is the same as `stepper.Recorder(sim, path)`. Recorded events are written every second. A recording whose process is
+    killed, or whose disk is full, ends at most a second before, and can be replayed up to its end. After an error of writing, the stepper
+    runs without recording.
 
     Args:
         sim: The stepper, without another recorder.
         path: New or empty folder.
-        chunk: Size of the recorded events in memory at which they are written to a file, bytes.
+        chunk: Size of the recorded events in memory at which they are written before a second has passed, bytes.
         note: Remark of the user, which is stored in the file run.json.
 
     Raises:
+        BlockingIOError: Another run writes to the folder.
         FileExistsError: The folder is not empty, or a file has this path.
         ValueError: The stepper already has a recorder.
+        OSError: A file cannot be written; so do `close` and the recorded calls of the stepper.
     """
 
     def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
@@ -48,21 +60,17 @@ class Recorder(Hints):
             raise ValueError(f"this stepper is already being recorded to {sim.recorder.path}; close that recording first")
         check_whole("chunk (bytes)", chunk, least=1)
         self._path = path_of("path", path)
-        if self._path.is_file():
-            raise FileExistsError(f"{self._path} is a file, but a recording is a folder; give the path of a new folder")
-        if self._path.exists() and any(self._path.iterdir()):
-            raise FileExistsError(f"{self._path} is not empty; give a new folder, or remove it")
-        self._path.mkdir(parents=True, exist_ok=True)
-        self._rows = 0
+        self._unlock = weakref.finalize(self, _locked_folder(self._path).close)
         self._failures = Failures(sim)
         self._sim, self._chunk = sim, chunk
-        self._files: list[dict[str, str | int]] = []
+        self._rows = self._stored_rows = self._stored_steps = self._size = 0
+        self._digest = FIRST_DIGEST
         self._applied: list[np.ndarray[Any, Any] | None] = [None] * len(APPLIED)
         self._clear()
         sim.model.save(self._path / MODEL)
         self._header = header(sim, note)
-        self._flush()
         self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
+        self._flush()
         sim.recorder = self
 
     @property
@@ -131,8 +139,8 @@ class Recorder(Hints):
     def close(self) -> None:
         """Writes the events that are still in memory, and marks the recording as complete. The stepper then runs without recording."""
         if self._sim.recorder is self:
-            self._sim.recorder = None
             self._flush(closed=True)
+            self._end()
 
     def __enter__(self) -> Recorder:
         return self
@@ -148,11 +156,11 @@ class Recorder(Hints):
         self._count(kind, sum(value.nbytes for value in arrays.values()))
 
     def _count(self, kind: str, nbytes: int) -> None:
-        """Counts a new recorded event of `nbytes` bytes, and writes a file if the recorded events in memory exceed the size `chunk`."""
+        """Counts a new recorded event of `nbytes` bytes, and writes the events in memory if they are too large or too old."""
         self._kinds.append(KINDS.index(kind))
         self._rows += 1
         self._bytes += nbytes
-        if self._bytes >= self._chunk:
+        if self._bytes >= self._chunk or time.monotonic() - self._written >= INTERVAL:
             self._flush()
 
     def _clear(self) -> None:
@@ -161,29 +169,66 @@ class Recorder(Hints):
         self._steps: dict[str, list[np.ndarray[Any, Any]]] = {name: [] for name in FIELDS}
         self._others: dict[str, np.ndarray[Any, Any]] = {}
         self._bytes = 0
+        self._written = time.monotonic()
 
     def _flush(self, *, closed: bool = False) -> None:
-        """Writes the recorded events in memory (if there are any) to a new .npz file, and updates the file run.json."""
-        if self._kinds:
-            self._write_rows()
-        write_header(self._path, self._header | {"closed": closed, **self._so_far()})
+        """Appends the recorded events in memory (if there are any) to the file of rows, and updates the file run.json.
+
+        After an error, the recording ends with the rows that were written before.
+        """
+        try:
+            if self._kinds:
+                self._write_rows()
+            entries = {"closed": closed, "rows": self._stored_rows, "steps": self._stored_steps, "size": self._size}
+            write_header(self._path, self._header | entries | {"digest": self._digest.hex(), "failures": self._failures.summary()})
+        except OSError as error:
+            self._end()
+            error.strerror = f"{error.strerror}; the recording ends here, after {self._stored_rows} rows"
+            raise
 
     def _write_rows(self) -> None:
-        """Writes the recorded events in memory to the next .npz file, and removes them from memory."""
+        """Appends the recorded events in memory to the file of rows as a block, and removes them from memory."""
         stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
-        final = self._path / f"{len(self._files):05d}.npz"
-        with atomic_write(final) as file:
-            np.savez(file, kind=np.array(self._kinds, np.uint8), **stacked, **self._others)  # type: ignore[arg-type]
-            file.seek(0)
-            digest = digest_of(file)
-        steps = self._kinds.count(KINDS.index("step"))
-        self._files.append({"name": final.name, "rows": len(self._kinds), "steps": steps, "sha256": digest})
+        archive = archive_of({"kind": np.array(self._kinds, np.uint8), **stacked, **self._others})
+        rows, steps = len(self._kinds), self._kinds.count(KINDS.index("step"))
+        path = self._path / ROWS
+        # The file is opened for each block, so that a recorder that is never closed keeps no file open.
+        with os_errors_of(path), path.open("ab", buffering=0) as file:
+            try:
+                self._digest = append_block(file, archive, rows, steps, self._digest)
+            except BaseException:
+                file.truncate(self._size)
+                raise
+            self._size = file.tell()
+        self._stored_rows, self._stored_steps = self._stored_rows + rows, self._stored_steps + steps
         self._clear()
 
-    def _so_far(self) -> dict[str, Any]:
-        """Entries of run.json that change during the recording: number of stored events (rows), list of files, and failures so far."""
-        rows = sum(int(file["rows"]) for file in self._files)
-        return {"rows": rows, "files": self._files, "failures": self._failures.summary()}
+    def _end(self) -> None:
+        """Ends the recording: the stepper runs without recording, and the folder is unlocked."""
+        if self._sim.recorder is self:
+            self._sim.recorder = None
+        self._unlock()
+        # No other recorder can begin in this folder, because it is not empty, so that its lock is no longer needed.
+        (self._path / LOCK).unlink(missing_ok=True)
+
+
+def _locked_folder(path: Path) -> Any:
+    """Lock of the folder of a new recording; see `stepper.shared.files.lock_of`. The folder must be new or empty."""
+    if path.is_file():
+        raise FileExistsError(f"{path} is a file, but a recording is a folder; give the path of a new folder")
+    # Without another recorder's lock, no lock is put into a folder of other files.
+    if _has_files(path) and not (path / LOCK).exists():
+        raise FileExistsError(f"{path} is not empty; give a new folder, or remove it")
+    lock = lock_of(path)
+    if _has_files(path):
+        lock.close()
+        raise FileExistsError(f"{path} is not empty; give a new folder, or remove it")
+    return lock
+
+
+def _has_files(folder: Path) -> bool:
+    """Whether a folder exists and has other files than a lock."""
+    return folder.exists() and any(file.name != LOCK for file in folder.iterdir())
 
 
 def header(sim: Stepper, note: str = "") -> dict[str, Any]:

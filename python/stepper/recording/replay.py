@@ -15,11 +15,16 @@ from stepper._hints import Hints, hint_keywords
 from stepper._options import Options, precision_of
 from stepper._stepper import Model, State, Stepper, __version__
 from stepper.actuators import ActuatorModel
-from stepper.recording.format import COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
+from stepper.recording.format import COMPARED, HEADER, MODEL, ROWS, Arrays, Header, RecordingError, read_header, read_rows, reading
 from stepper.sensors import SensorModel
 from stepper.shared.arguments import path_of
 from stepper.shared.fields import APPLIED
 from stepper.shared.progress import Tick, silent
+
+_LEAST_NUMBER = 4
+"""Least size of a number of qpos and qvel in a state, bytes."""
+_REJECTED = 100_000
+"""Largest number of steps of a recorded call that all environments may reject (see `Status.NON_FINITE`)."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,7 @@ class Replay(Hints):
         rows: Number of recorded events (rows) that were repeated.
         steps: Number of calls of `step` that were repeated.
         difference: First difference; None if there is none.
-        complete: Whether the recording was closed; otherwise its last events may be missing.
+        complete: Whether the recording was closed; otherwise the events of its last second may be missing.
         versions: Version of stepper that made the recording, and the current one. Only equal versions guarantee identical results.
     """
 
@@ -70,7 +75,7 @@ class Replay(Hints):
         return self.difference is None
 
     def __str__(self) -> str:
-        end = "" if self.complete else "; the recording was not closed, its end may be missing"
+        end = "" if self.complete else "; the recording was not closed, its last second may be missing"
         recorded, here = self.versions
         if recorded != here:
             end += f"; recorded by stepper {recorded}, replayed by {here}"
@@ -106,8 +111,6 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
     with reading(folder / HEADER):
         sim = recorded_stepper(folder, head, model, threads)
         versions = (head["provenance"]["versions"]["stepper"], __version__)
-        if head["rows"] == 0:
-            raise RecordingError(f"{folder} has no events yet: they are written at the end of `with sim.record(path):`, or by close()")
     rows = steps = 0
     for place, kind, arrays in read_rows(folder, head):
         with reading(place):
@@ -115,7 +118,8 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
         rows, steps = rows + 1, steps + (kind == "step")
         if difference:
             return Replay(rows, steps, difference, head["closed"], versions)
-        (tick or silent)("replay", rows / head["rows"])
+        # A recording that was not closed may have more rows than run.json counts.
+        (tick or silent)("replay", min(rows / max(head["rows"], 1), 1.0))
     return Replay(rows, steps, None, head["closed"], versions)
 
 
@@ -138,16 +142,43 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
         raise RecordingError(
             f"{folder / HEADER}: its options differ in {', '.join(sorted(differ))}; replay it with the version that recorded it"
         )
+    _check_num_envs(folder, head, own)
     return Stepper(
         own,
         head["num_envs"],
         options=Options(**head["options"]),
         precision=precision_of(head["precision"]),
-        threads=head["threads"] if threads is None else threads,
+        threads=min(operator.index(head["threads"]), os.cpu_count() or 1) if threads is None else threads,
         seed=head["seed"],
         actuators=None if head["actuators"] is None else ActuatorModel.from_dict(head["actuators"], str(folder)),
         sensors=None if head["sensors"] is None else SensorModel.from_dict(head["sensors"], str(folder)),
     )
+
+
+def _check_num_envs(folder: Path, head: Header, model: Model) -> None:
+    """Raises RecordingError if a recording has no events, or more environments in run.json than in the state of its first event.
+
+    The check keeps a damaged file from taking all memory.
+    """
+    place, kind, arrays = next(read_rows(folder, head), (str(folder / ROWS), "", {}))
+    if kind != "start":
+        raise RecordingError(f"{place}: the recording does not begin with a start: its process was stopped before the first event")
+    with reading(place):
+        size, least = arrays["state"].nbytes, _LEAST_NUMBER * (model.nq + model.nv) * (head["num_envs"] or 1)
+    if size < max(least, head["num_envs"] or 1):
+        raise RecordingError(
+            f"{folder / HEADER}: num_envs is {head['num_envs']}, but the state in the first row has {size} bytes; copy the recording again"
+        )
+
+
+def _check_nstep(sim: Stepper, nstep: int, time: np.ndarray[Any, Any]) -> None:
+    """Raises ValueError if a recorded call of `step` has many more steps than the recorded time (num_envs,) after it allows.
+
+    The check keeps a damaged file from a replay that does not end. Rejected steps do not advance the time.
+    """
+    advance = float(np.max(time - np.asarray(sim.time)))
+    if not nstep <= advance / sim.timestep + _REJECTED:
+        raise ValueError(f"nstep is {nstep}, but the recorded time advances by {advance:g} s, at a time step of {sim.timestep:g} s")
 
 
 def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
@@ -167,6 +198,7 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
         raise ValueError(f"the row has kind {kind}; the first row of a recording must have kind start, and no other row may")
     if kind == "step":
         ctrl = arrays["ctrl"] if sim.num_envs is not None else arrays["ctrl"][0]
+        _check_nstep(sim, int(arrays["nstep"]), arrays["time"])
         sim.step(ctrl, nstep=int(arrays["nstep"]))
         return _compare(sim, arrays, row, step)
     if kind == "start" or (kind == "set_state" and "state" in arrays):

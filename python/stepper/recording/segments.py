@@ -11,7 +11,7 @@ import numpy as np
 
 from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
-from stepper.recording.format import HEADER, Arrays, read_header, read_rows, reading
+from stepper.recording.format import HEADER, Arrays, read_header, read_rows, reading, warn_of_end
 from stepper.recording.replay import recorded_stepper, repeat
 from stepper.shared.arguments import path_of
 from stepper.shared.fields import APPLIED
@@ -52,12 +52,16 @@ def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
 
     A change of the number of steps per call also starts a new segment.
 
+    Warns:
+        RecordingWarning: The recording was not closed.
+
     Raises:
         RecordingError: A file is missing or changed.
         OSError: A file cannot be read.
     """
     folder = path_of("path", path)
     head = read_header(folder)
+    warn_of_end(folder, head)
     with reading(folder / HEADER):
         sim = recorded_stepper(folder, head, None, None)
     unapplied = {name: np.asarray(getattr(sim, name), np.float64) for name in APPLIED}

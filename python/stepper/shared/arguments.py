@@ -8,10 +8,13 @@ import os
 from collections.abc import Mapping
 from dataclasses import fields
 from numbers import Integral, Real
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import numpy as np
+
+MAX_FILE_NAME = 200
+"""Largest length of a name that becomes the name of a file, bytes. File systems allow 255, of which endings need some."""
 
 
 def check_number(name: str, value: Any, *, least: float = -math.inf, above: float = -math.inf, most: float = math.inf) -> None:
@@ -141,6 +144,27 @@ def path_of(name: str, value: Any) -> Path:
     if not isinstance(value, str | os.PathLike):
         raise TypeError(f"{name} is {value!r} ({type(value).__name__}), must be a path, as a str or pathlib.Path")
     return Path(value)
+
+
+def check_file_name(name: str, value: Any, what: str) -> None:
+    """Raises an error unless a text can be the name of a file or folder on every system, in the folder that the program chooses.
+
+    Args:
+        name: Name of the argument, for the message.
+        value: The text.
+        what: File or folder that gets the name, for the message: "the folder of the results".
+
+    Raises:
+        TypeError: The value is no text.
+        ValueError: The text is empty, too long or not valid Unicode; or it has control characters, separators of folders, or a drive.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"{name} is {value!r}, must be a text, the name of {what}")
+    if (size := len(value.encode(errors="replace"))) > MAX_FILE_NAME:
+        raise ValueError(f"{name} has {size} bytes, must have at most {MAX_FILE_NAME}, because it names {what}: choose a shorter one")
+    path = PureWindowsPath(value)
+    if path.name != value or path.drive or not value.strip(".") or value != value.strip() or not value.isprintable():
+        raise ValueError(f"{name} is {value!r}, but it names {what}: choose one without folders, a drive, line breaks and outer spaces")
 
 
 def _is_number(value: Any) -> bool:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from stepper._arrays import array_of
 from stepper._stepper import selected
 from stepper.shared.arguments import check_mapping, path_of
-from stepper.shared.files import existing
+from stepper.shared.files import existing, explained, read_text
 
 T = TypeVar("T")
 
@@ -29,16 +29,14 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         ValueError: The ending is another one, or the text is not valid TOML or JSON.
     """
     path = path_of("path", path)
-    file = existing(path, "JSON" if path.suffix == ".json" else "TOML")
-    if file.suffix not in (".toml", ".json"):
-        raise ValueError(f"{path}: the ending is {file.suffix!r}, must be .toml or .json")
-    text = file.read_text(encoding="utf-8")
-    try:
-        data: dict[str, Any] = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}") from error
+    existing(path, "JSON" if path.suffix == ".json" else "TOML")
+    if path.suffix not in (".toml", ".json"):
+        raise ValueError(f"{path}: the ending is {path.suffix!r}, must be .toml or .json")
+    text = read_text(path, "TOML" if path.suffix == ".toml" else "JSON")
+    with explained(path, f"correct the {path.suffix.removeprefix('.').upper()}"):
+        data: dict[str, Any] = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
     if not isinstance(data, dict):
-        raise ValueError(f"{file} holds a {type(data).__name__}, must hold tables by name")
+        raise ValueError(f"{path} holds a {type(data).__name__}, must hold tables by name")
     return data
 
 

@@ -8,7 +8,6 @@ every column is a number; columns of a vector are "wrist_force[0]", "wrist_force
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -24,7 +23,7 @@ from stepper._stepper import Model
 from stepper.recording import HEADER, segments
 from stepper.shared.arguments import check_mapping, check_number
 from stepper.shared.fields import APPLIED
-from stepper.shared.files import existing
+from stepper.shared.files import existing, read_arrays, read_csv
 from stepper.sysid.inertia import Array
 
 COORDINATES = ("qpos", "qvel", "act")
@@ -195,18 +194,14 @@ def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dic
         columns: New names of columns of a CSV file, or of arrays of an npz file.
         start: Initial state of logs whose first row does not have it, as in `episodes_of`.
     """
-    if (path / HEADER).exists():
+    if os.path.exists(path / HEADER):
         return _of_recording(path, model, channels)
-    if path.is_dir() or path.suffix not in (".csv", ".npz"):
-        if not path.exists():
+    if os.path.isdir(path) or path.suffix not in (".csv", ".npz"):
+        if not os.path.exists(path):
             existing(path, "data")
         raise ValueError(f"{path} is neither a recording (a folder with {HEADER}) nor a .csv or .npz file; give the path of one of these")
     existing(path, "log")
-    if path.suffix == ".csv":
-        table = _csv(path)
-    else:
-        with np.load(path, allow_pickle=False) as file:
-            table = {name: np.asarray(file[name]) for name in file.files}
+    table = _csv(path) if path.suffix == ".csv" else read_arrays(path, "log")
     if missing := sorted(set(columns) - set(table)):
         raise ValueError(f"{path}: there is no column {missing[0]!r}, there are: {', '.join(table)}")
     table = {columns.get(name, name): values for name, values in table.items()}
@@ -218,8 +213,7 @@ def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dic
 
 def _csv(path: Path) -> dict[str, Array]:
     """Columns of a CSV file of numbers, (rows,) each, by heading; empty cells are NaN."""
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = list(csv.reader(file))
+    rows = read_csv(path, "log")
     if len(rows) < 3:
         raise ValueError(f"{path}: it has {len(rows)} lines, must have a heading and two rows or more")
     head = [name.strip() for name in rows[0]]

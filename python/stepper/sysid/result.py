@@ -15,7 +15,7 @@ from stepper._stepper import Model
 from stepper.actuators import ActuatorModel
 from stepper.shared.arguments import check_fraction, check_whole, path_of
 from stepper.shared.fields import RANDOMIZED
-from stepper.shared.files import existing
+from stepper.shared.files import explained, read_text, write_text
 from stepper.shared.machine import require
 from stepper.sysid.findings import undetermined
 from stepper.sysid.inertia import Array
@@ -251,7 +251,7 @@ class Identification:
             kept[name] = getattr(self, name).tolist()
         for name in ("freedom", "noise", "residual", "evaluations", "steps", "seconds", "warnings"):
             kept[name] = getattr(self, name)
-        path_of("path", path).write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
+        write_text(path_of("path", path), json.dumps(kept, indent=2) + "\n")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], model: Model) -> Identification:
@@ -264,11 +264,12 @@ class Identification:
         Raises:
             ValueError: The file has another format or belongs to another model.
         """
-        file = existing(path_of("path", path), "identification")
-        try:
-            kept = json.loads(file.read_text(encoding="utf-8"))
-            if kept.get("format") != FORMAT:
-                raise ValueError(f"it has format {kept.get('format')}, this version reads {FORMAT}")
+        file = path_of("path", path)
+        text = read_text(file, "identification")
+        with explained(file, "give a file that Identification.save wrote, with the model that was given to identify"):
+            kept = json.loads(text)
+            if not isinstance(kept, dict) or kept.get("format") != FORMAT:
+                raise ValueError(f"it is no identification in format {FORMAT}, which this version reads")
             if kept["model"] != model.digest:
                 raise ValueError(f"it is of model {kept['model'][:12]}, the model given is {model.digest[:12]}")
             parameters = tuple(
@@ -284,8 +285,6 @@ class Identification:
                 warnings=tuple(kept["warnings"]),
                 **numbers,
             )
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
-            raise ValueError(f"{path} is no identification of this model: {error}") from error
 
     def _slopes(self) -> Array:
         """Derivatives of the values with respect to theta, (n, n), by central differences."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stepper.loading import Origin
-from stepper.recording.format import HEADER, Arrays, RecordingError, read_header, read_rows, reading
+from stepper.recording.format import HEADER, Arrays, RecordingError, read_header, read_rows, reading, warn_of_end
 from stepper.recording.replay import apply_parameters, recorded_stepper
 from stepper.shared.fields import APPLIED
 from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
@@ -46,6 +46,7 @@ class RecordedRun:
     def __init__(self, path: str | os.PathLike[str], envs: Envs = None, *, most: int = 16):
         folder = Path(path)
         head = read_header(folder)
+        warn_of_end(folder, head)
         with reading(folder / HEADER):
             self.sim = recorded_stepper(folder, head, None, None)
             recorded = head["model"]

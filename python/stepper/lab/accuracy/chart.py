@@ -31,6 +31,7 @@ from stepper.lab.study.document import Document, check_pages
 from stepper.lab.study.report import no_peer
 from stepper.lab.study.study import Study
 from stepper.shared.arguments import check_whole, path_of
+from stepper.shared.files import locked
 from stepper.shared.machine import one_core
 
 Array = NDArray[np.float64]
@@ -96,36 +97,35 @@ def chart(
 
     Raises:
         ValueError: The model has no joints, the horizon is longer than an episode, or the budget is too short for a reference.
+        BlockingIOError: Another run writes to OUT/NAME.
     """
     seconds = (QUICK if quick else math.inf) if budget is None else quantity(budget, name="budget", units=("s",))[0]
     clock = Budget.from_seconds(seconds)
     check_pages()
     study = replace(check_moves(Study.from_model(source)), threads=1)
     check_whole("episodes", episodes, least=1)
-    path_of("out", out)
     if unit not in list(TARGET):
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
     until = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]
     if until is not None and not study.hold <= until <= study.seconds * (1 + 1e-9):
         raise ValueError(f"horizon is {until:g} s, must be between a control period, {study.hold:g} s, and an episode, {study.seconds:g} s")
-    report_progress: Tick = tick or (lambda _what, _done: None)
-    numbers, most = range(episodes), 4 if quick else 7
-    stage = clock.stage(REFERENCE)
-    distance, reference = chart_reference(
-        study, numbers, until, unit, most, stage=stage, tick=lambda done: report_progress("reference", done)
-    )
-    basis = ChartBasis(study, numbers, distance, reference, most, clock)
-    steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
-    points, skipped, laws = measure(basis, lines(study, quick=quick), steps, report_progress)
-    peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
-    skipped = [f"{name}: {reason}" for name, reason in peers if reason] + skipped
-    invariants = Invariants(study)
-    dots = _dots(basis, points, invariants, quick=quick, report_progress=report_progress)
-    folder = Path(out) / study.name
-    folder.mkdir(parents=True, exist_ok=True)
-    found = ChartData(basis, points, dots, tuple(skipped), laws, invariants)
-    document, files = write(found, folder)
-    return Chart(study, distance, reference, dots, tuple(skipped), document, tuple(files))
+    with locked(path_of("out", out) / study.name) as folder:
+        report_progress: Tick = tick or (lambda _what, _done: None)
+        numbers, most = range(episodes), 4 if quick else 7
+        stage = clock.stage(REFERENCE)
+        distance, reference = chart_reference(
+            study, numbers, until, unit, most, stage=stage, tick=lambda done: report_progress("reference", done)
+        )
+        basis = ChartBasis(study, numbers, distance, reference, most, clock)
+        steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
+        points, skipped, laws = measure(basis, lines(study, quick=quick), steps, report_progress)
+        peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
+        skipped = [f"{name}: {reason}" for name, reason in peers if reason] + skipped
+        invariants = Invariants(study)
+        dots = _dots(basis, points, invariants, quick=quick, report_progress=report_progress)
+        found = ChartData(basis, points, dots, tuple(skipped), laws, invariants)
+        document, files = write(found, folder)
+        return Chart(study, distance, reference, dots, tuple(skipped), document, tuple(files))
 
 
 def _dots(basis: ChartBasis, points: Sequence[Point], invariants: Invariants, *, quick: bool, report_progress: Tick) -> tuple[Dot, ...]:

@@ -16,6 +16,7 @@ from stepper.lab.accuracy.dots import CAUSES, Dot
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.accuracy.traces import Distance
 from stepper.lab.study.study import Study
+from stepper.shared.files import write_figure
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
@@ -72,9 +73,7 @@ def draw(study: Study, distance: Distance, reference: Reference, dots: Sequence[
     _causes_panel(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
     title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {reference.words}", 150))
     figure.suptitle(f"{title}\n{note}", fontsize=9)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
-    return path
+    return write_figure(path, figure)
 
 
 def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
@@ -106,8 +105,7 @@ def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
     lines = require("matplotlib.lines", "to draw a chart")
     handles = [lines.Line2D([], [], color=colour, linestyle=_line(label), label=label) for label, colour in colours.items()]
     figure.legend(handles=handles, fontsize=8, loc="outside lower center", ncols=4, frameon=False, handlelength=3.5)
-    figure.savefig(path)
-    return path
+    return write_figure(path, figure)
 
 
 def _colours(labels: Sequence[str]) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -19,6 +18,7 @@ from stepper.lab.accuracy.invariants import Invariants
 from stepper.lab.accuracy.measure import TARGET, ChartBasis, Point
 from stepper.lab.accuracy.reference import Reference
 from stepper.lab.study.document import Document, Section, counted
+from stepper.shared.files import write_arrays, write_csv
 from stepper.shared.machine import package_version, provenance
 
 
@@ -59,13 +59,11 @@ def write(found: ChartData, folder: Path) -> tuple[Document, list[Path]]:
     table = folder / "chart.csv"
     if rapier := package_version("rapier3d"):
         came_from["rapier3d"] = rapier
-    with table.open("w", newline="", encoding="utf-8") as file:
-        header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
-        for key, value in {**header, **study.in_force, **came_from}.items():
-            file.write(f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n")
-        writer = csv.DictWriter(file, list(dict.fromkeys(name for dot in found.dots for name in dot.row)))
-        writer.writeheader()
-        writer.writerows(dot.row for dot in found.dots)
+    header = {"reference": reference.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": basis.budget.seconds}
+    header |= study.in_force | came_from
+    notes = [f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n" for key, value in header.items()]
+    columns = list(dict.fromkeys(name for dot in found.dots for name in dot.row))
+    write_csv(table, [columns, *([dot.row.get(name, "") for name in columns] for dot in found.dots)], "".join(notes))
     document = Document(f"Error against cost: {study.name}", _sections(found, picture, later))
     return document, [picture, *([later] if later else []), table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
 
@@ -88,8 +86,7 @@ def _episodes(found: ChartData, path: Path) -> Path:
             [nothing if point.trace is None else point.trace.outcomes[outcome.name] for point in found.points]
         )
         kept[f"reference_{outcome.name}"] = found.basis.reference.trace.outcomes[outcome.name]
-    np.savez_compressed(path, **kept)
-    return path
+    return write_arrays(path, kept, compressed=True)
 
 
 def _sections(found: ChartData, picture: Path, later: Path | None) -> list[Section]:

@@ -31,6 +31,7 @@ from stepper.lab.study.intervals import least_share, trials_for
 from stepper.lab.study.jobs import each
 from stepper.lab.study.study import Study
 from stepper.shared.arguments import check_fraction, check_whole, path_of
+from stepper.shared.files import locked, write_text
 from stepper.shared.machine import one_core, provenance
 
 Array = NDArray[np.float64]
@@ -174,13 +175,13 @@ def tune(
     Raises:
         ValueError: A budget or horizon is invalid, the model has no joints, the study has MuJoCo's contact law, or it has too few distinct
             episodes for a test.
+        BlockingIOError: Another run writes to OUT/NAME.
     """
     budget, unit = quantity(error, name="error", units=("m", "rad"))
     seconds, _ = quantity(horizon, name="horizon", units=("s",))
     for name, share in (("coverage", coverage), ("confidence", confidence)):
         check_fraction(name, share)
     check_whole("episodes", episodes, least=1)
-    path_of("out", out)
     check_pages()
     study = Study.from_model(source)
     if study.options.contact != "hard":
@@ -195,46 +196,46 @@ def tune(
             f"{confidence} needs all of them; give it qpos_noise, qvel_noise, a random start or controller, or more recorded episodes, "
             "or lower coverage or confidence"
         )
-    reference = reference_of(
-        study, range(episodes), distance, target=_REFERENCE_SHARE * budget, tick=lambda done: report_progress("reference", done)
-    )
-    usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
-    candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
-    trials: list[Trial] = []
-    chosen = None
-    first = episodes
-    bound = budget
-    exhausted = False
-    for candidate in candidates:
-        if not candidate.error <= bound:
-            continue
-        doubt = (1 - confidence) / 2.0 ** (len(trials) + 1)
-        count = trials_for(coverage, 1 - doubt)
-        held_out = _distinct(study, range(first, first + count), candidate.settings)
-        if len(held_out) < count:
-            exhausted = True
-            break
-        trials.append(_trial(study, candidate, held_out, distance, budget, confidence=1 - doubt))
-        first += count
-        report_progress("held-out episodes", len(trials) / (len(trials) + 1))
-        if trials[-1].share >= coverage:
-            chosen = candidate
-            break
-        # Candidates with a similar error would fail on held-out episodes too.
-        bound = _RETRY_RATIO * candidate.error
-    report_progress("held-out episodes", 1.0)
-    # Parts are searched with settings that do not diverge.
-    seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
-    spare, smaller = (
-        _removable(study, range(episodes), seen, distance, budget=budget, report_progress=report_progress) if reduce else ([], None)
-    )
-    options, precision = _options(study, chosen)
-    document = Document(f"Tuning of {study.name}")
-    found = Tuning(
-        *(study, budget, distance, chosen, options, precision, usual, tuple(candidates), tuple(trials), tuple(spare), smaller, document, ())
-    )
-    document.sections += _sections(found, reference, coverage=coverage, confidence=confidence, alone=alone, exhausted=exhausted)
-    return replace(found, files=tuple(_save(found, Path(out) / study.name)))
+    with locked(path_of("out", out) / study.name) as folder:
+        reference = reference_of(
+            study, range(episodes), distance, target=_REFERENCE_SHARE * budget, tick=lambda done: report_progress("reference", done)
+        )
+        usual, candidates = _candidates(study, range(episodes), distance, reference, budget, alone=alone, report_progress=report_progress)
+        candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
+        trials: list[Trial] = []
+        chosen = None
+        first = episodes
+        bound = budget
+        exhausted = False
+        for candidate in candidates:
+            if not candidate.error <= bound:
+                continue
+            doubt = (1 - confidence) / 2.0 ** (len(trials) + 1)
+            count = trials_for(coverage, 1 - doubt)
+            held_out = _distinct(study, range(first, first + count), candidate.settings)
+            if len(held_out) < count:
+                exhausted = True
+                break
+            trials.append(_trial(study, candidate, held_out, distance, budget, confidence=1 - doubt))
+            first += count
+            report_progress("held-out episodes", len(trials) / (len(trials) + 1))
+            if trials[-1].share >= coverage:
+                chosen = candidate
+                break
+            # Candidates with a similar error would fail on held-out episodes too.
+            bound = _RETRY_RATIO * candidate.error
+        report_progress("held-out episodes", 1.0)
+        # Parts are searched with settings that do not diverge.
+        seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
+        spare, smaller = (
+            _removable(study, range(episodes), seen, distance, budget=budget, report_progress=report_progress) if reduce else ([], None)
+        )
+        options, precision = _options(study, chosen)
+        document = Document(f"Tuning of {study.name}")
+        searched = (tuple(candidates), tuple(trials), tuple(spare))
+        found = Tuning(*(study, budget, distance, chosen, options, precision, usual, *searched, smaller, document, ()))
+        document.sections += _sections(found, reference, coverage=coverage, confidence=confidence, alone=alone, exhausted=exhausted)
+        return replace(found, files=tuple(_save(found, folder)))
 
 
 @dataclass
@@ -620,7 +621,6 @@ def _removal(own: Spare, budget: float) -> str:
 
 def _save(found: Tuning, folder: Path) -> list[Path]:
     """Writes the report, tune.json and the smaller model to a folder, and returns the paths of the files."""
-    folder.mkdir(parents=True, exist_ok=True)
     files = found.document.save(folder, "tune")
     contents = {
         "budget": found.budget,
@@ -633,8 +633,7 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
         "in_force": found.study.in_force,
         "provenance": provenance(),
     }
-    files.append(folder / "tune.json")
-    files[-1].write_text(json.dumps(_plain(contents), indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
+    files.append(write_text(folder / "tune.json", json.dumps(_plain(contents), indent=2, default=str, allow_nan=False) + "\n"))
     if found.smaller is not None:
         files.append(folder / "smaller.stepper")
         found.smaller.save(files[-1])

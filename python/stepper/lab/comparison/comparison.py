@@ -16,11 +16,9 @@ from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
 from stepper.lab.comparison.trial import Array, ControlSource, Course, Slip, run
 from stepper.lab.study.worlds import Plan, make_world
-from stepper.loading import load
+from stepper.loading import Origin, compile_source, is_saved, load
 from stepper.shared.arguments import check_kind, check_number, check_whole
-from stepper.shared.files import existing
 from stepper.shared.functions import check_takes
-from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
 
 ONSET = 1e-3
@@ -184,18 +182,9 @@ def _load(source: Any) -> tuple[Model, Any]:
     """
     if isinstance(source, Model):
         return source, None
-    if importlib.util.find_spec("mujoco") is None:
+    if importlib.util.find_spec("mujoco") is None or is_saved(source):
         return load(source, strict=False), None
-    mujoco = require("mujoco", "to compare with it")
-    text = str(source)
-    if isinstance(source, mujoco.MjModel):
-        compiled = source
-    elif text.lstrip().startswith("<"):
-        compiled = mujoco.MjModel.from_xml_string(text)
-    elif text.endswith((".xml", ".mjcf", ".urdf")):
-        compiled = mujoco.MjModel.from_xml_path(str(existing(text, "model")))
-    else:
-        return load(source, strict=False), None
+    compiled = compile_source(Origin(source))
     return load(compiled, strict=False), compiled
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from stepper.lab.comparison.trial import Course
+from stepper.shared.files import write_figure
 from stepper.shared.machine import require
 
 
@@ -45,6 +46,4 @@ def draw(courses: Sequence[Course], path: Path) -> Path:
         panel.grid(visible=True, alpha=0.3)
     panels[1, 1].set_yscale("log")
     panels[0, 0].legend()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130)
-    return path
+    return write_figure(path, figure, dpi=130)

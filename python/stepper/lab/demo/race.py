@@ -19,6 +19,7 @@ from stepper.lab.engine_chart import SCENES, Effort, charts
 from stepper.lab.engines import Array, EngineBatch, MujocoBatch, MujocoEngine, StepperBatch
 from stepper.lab.progress import Tick, progress, show_files
 from stepper.loading import load
+from stepper.shared.files import locked, write_text
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
 
 MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NEWTON")
@@ -286,11 +287,11 @@ def demo(plan: Plan, out: Path) -> dict[str, object]:
         Results and settings, as returned by `measure`.
     """
     require("rich", "for the demo's table")
-    out.mkdir(parents=True, exist_ok=True)
-    with progress() as tick:
-        figures = measure(plan, tick)
-        pictures = charts(list(SCENES), out, Effort.quick(), tick)
-    (out / "demo.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    with locked(out):
+        with progress() as tick:
+            figures = measure(plan, tick)
+            pictures = charts(list(SCENES), out, Effort.quick(), tick)
+        file = write_text(out / "demo.json", json.dumps(figures, indent=2) + "\n")
     show(figures)
-    show_files([out / "demo.json", *pictures])
+    show_files([file, *pictures])
     return figures

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -12,6 +11,8 @@ from typing import TYPE_CHECKING
 
 from stepper.lab.engine_chart.run import Row
 from stepper.lab.engine_chart.scenes import Scene
+from stepper.shared.files import write_csv as write_csv_file
+from stepper.shared.files import write_figure
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
@@ -42,13 +43,10 @@ def write_csv(path: Path, scene: Scene, rows: Sequence[Row], provenance: Mapping
     """
     notes = {"title": scene.title, "error": scene.error_label, "reference": scene.reference, "duration_s": scene.duration}
     head = {"scene", "engine", "setting"}
-    with path.open("w", newline="", encoding="utf-8") as file:
-        for key, value in {**notes, **provenance}.items():
-            file.write(f"# {key}: {value if isinstance(value, str) else json.dumps(value)}\n")
-        file.write("# dt in s; cost in microseconds of one core per simulated second of one environment; step in microseconds\n")
-        writer = csv.writer(file)
-        writer.writerow(asdict(rows[0]) if rows else head)
-        writer.writerows([v if isinstance(v, str) else f"{v:.6g}" for v in asdict(row).values()] for row in rows)
+    lines = [f"# {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in {**notes, **provenance}.items()]
+    lines.append("# dt in s; cost in microseconds of one core per simulated second of one environment; step in microseconds\n")
+    cells = [[v if isinstance(v, str) else f"{v:.6g}" for v in asdict(row).values()] for row in rows]
+    write_csv_file(path, [asdict(rows[0]) if rows else head, *cells], "".join(lines))
 
 
 def _lines(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
@@ -142,4 +140,4 @@ def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
     figure.text(0.09, 0.925, f"reference: {scene.reference}", fontsize="small", color="#444444")
     figure.text(0.09, 0.895, note, fontsize="small", color="#444444")
     _legends(figure, axes, markers)
-    figure.savefig(path)
+    write_figure(path, figure)

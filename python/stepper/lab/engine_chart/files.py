@@ -26,7 +26,6 @@ def charts(names: Sequence[str], out: Path, effort: Effort, tick: Tick) -> list[
         Paths of the pictures.
     """
     require("matplotlib", "to draw a chart")
-    out.mkdir(parents=True, exist_ok=True)
     pictures = []
     for name in names:
         scene = SCENES[name]()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import contextlib
-import csv
 import functools
 import hashlib
 import importlib
@@ -21,10 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._arrays import array_of
 from stepper.lab.study.policy_files import Network, PolicyFile, is_module, read_policy
 from stepper.lab.study.worlds import World
 from stepper.shared.arguments import path_of
-from stepper.shared.files import existing
+from stepper.shared.files import existing, read_arrays, read_csv
 from stepper.shared.functions import check_takes
 
 Array = NDArray[np.float64]
@@ -53,10 +53,10 @@ class Recorded:
         if path.suffix == ".csv":
             self.names, self.ctrl = _read_csv(path)
         else:
-            with np.load(path, allow_pickle=False) as file:
-                if "ctrl" not in file:
-                    raise ValueError(f'{path}: it has {sorted(file)}, must have "ctrl" (T, nu) or (T, n, nu)')
-                self.ctrl = np.asarray(file["ctrl"], float)
+            arrays = read_arrays(path, "recorded controls", ["ctrl"])
+            if "ctrl" not in arrays:
+                raise ValueError(f'{path}: it has no array "ctrl", (T, nu) or (T, n, nu): save it by numpy.savez(path, ctrl=...)')
+            self.ctrl = array_of(f'{path}: "ctrl"', arrays["ctrl"])
         if self.ctrl.ndim not in (2, 3) or not len(self.ctrl):
             raise ValueError(f'{path}: "ctrl" has the shape {self.ctrl.shape}, must be (T, nu) or (T, n, nu)')
         if not np.isfinite(self.ctrl).all():
@@ -101,8 +101,7 @@ def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
     Returns:
         Names of the actuators (None if the first line does not have them), and controls (T, nu).
     """
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
+    lines = [(number, row) for number, row in enumerate(read_csv(path, "recorded controls"), 1) if row]
     names = None
     if lines and not _is_number(lines[0][1][0]):
         names = [name.strip() for name in lines.pop(0)[1]]
@@ -225,14 +224,17 @@ def load_file(path: Path) -> ModuleType:
     name = f"{FILES}{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, path)
-        if spec is None or spec.loader is None or not path.exists():
-            raise FileNotFoundError(f"there is no file {path}; check the name, or give its full path")
+        existing(path, "Python")
+        if spec is None or spec.loader is None:
+            raise ValueError(f"{path}: the ending is {path.suffix!r}, must be .py")
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
         try:
             spec.loader.exec_module(module)
-        except BaseException:
+        except BaseException as error:
             del sys.modules[name]
+            if isinstance(error, SyntaxError) and error.filename is None:  # As for a file with null bytes.
+                error.filename = str(path)
             raise
     return sys.modules[name]
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from stepper.shared.files import write_text
 from stepper.shared.machine import require
 
 _INTERVAL = re.compile(r"(?<=\d) to (?=[-\d])")
@@ -69,9 +70,7 @@ class Document:
     def save(self, folder: Path, name: str) -> list[Path]:
         """Writes NAME.html and NAME.md to a folder, and returns their paths."""
         files = [folder / f"{name}.html", folder / f"{name}.md"]
-        for file, text in zip(files, (self.html(), self.markdown()), strict=True):
-            file.write_text(text, encoding="utf-8")
-        return files
+        return [write_text(file, text) for file, text in zip(files, (self.html(), self.markdown()), strict=True)]
 
 
 def check_pages() -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from stepper.lab.study.document import counted
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.sweep import Cliff, Level, Sweep, ordered_outcomes
+from stepper.shared.files import write_figure
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
@@ -53,9 +54,7 @@ def draw(sweep: Sweep, path: Path) -> Path:
     Raises:
         MissingPackageError: matplotlib is not installed.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure_of(sweep).savefig(path)
-    return path
+    return write_figure(path, figure_of(sweep))
 
 
 def figure_of(sweep: Sweep) -> Any:
@@ -108,9 +107,7 @@ def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
     figure = cliffs_of(sweep)
     if figure is None:
         return None
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
-    return path
+    return write_figure(path, figure)
 
 
 def cliffs_of(sweep: Sweep) -> Any | None:

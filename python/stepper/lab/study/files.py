@@ -30,6 +30,7 @@ Example of a TOML file:
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
@@ -43,6 +44,7 @@ from stepper.lab.study.outcomes import Outcome
 from stepper.lab.study.parameters import Parameter
 from stepper.lab.study.policy_files import ENDINGS, PROGRAM
 from stepper.sensors import SensorModel
+from stepper.shared.files import existing
 from stepper.shared.tables import read_file
 
 if TYPE_CHECKING:
@@ -65,6 +67,7 @@ def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None
 
 def read_study(path: Path, kind: type[Study]) -> Study:
     """Study from a TOML or Python file, for `Study.from_file`. `kind` is the class `Study`."""
+    existing(path, "study")
     if path.suffix == ".py":
         module = load_file(path)
         study = getattr(module, "study", None)
@@ -72,7 +75,7 @@ def read_study(path: Path, kind: type[Study]) -> Study:
             raise ValueError(f"{path}: it has no stepper.lab.Study named study")
         # The default name is that of the file, as in TOML.
         return replace(study, name=path.stem) if study.name == kind.name else study
-    if path.is_file() and path.suffix not in (".toml", ".json"):
+    if path.suffix not in (".toml", ".json"):
         raise ValueError(f"{path} is no study: give a study's file, whose name ends in .toml or .py")
     data = read_file(path)
     try:
@@ -135,7 +138,7 @@ def _model(source: str, folder: Path) -> Any:
     """Source of a model from its text in a study file: MJCF text, a function, or a path relative to the folder."""
     if "<" in source:
         return source
-    if ":" in source and not (folder / source).exists():
+    if ":" in source and not os.path.exists(folder / source):
         return find(source, folder)
     return str(folder / source)
 

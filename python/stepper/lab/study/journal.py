@@ -36,12 +36,12 @@ def diverged(row: Row) -> bool:
 class JournalError(ValueError):
     """A journal cannot be used.
 
-    It is damaged, belongs to another study, or has another version of the tables. Or another process has it open.
+    It is damaged, belongs to another study, or has another version of the tables.
     """
 
 
 class Journal:
-    """Journal that is open for writing. One process at a time can have it open; others may read it with `rows_of`.
+    """Journal that is open for writing. The lock of its folder allows one writer at a time; others may read it with `rows_of`.
 
     The attribute `rows` has all rows by key.
 
@@ -50,16 +50,12 @@ class Journal:
         study: Name of the study.
 
     Raises:
-        JournalError: Another process has the journal open, or the journal is damaged, belongs to another study, or has another version of
-            the tables.
-        OSError: The folder cannot be created.
+        JournalError: The journal is damaged, belongs to another study, or has another version of the tables.
     """
 
     def __init__(self, path: Path, study: str):
         self.path = path
-        path.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as opened:
-            opened.enter_context(contextlib.closing(_locked(path)))
             with _explained(path):
                 self._file = opened.enter_context(contextlib.closing(sqlite3.connect(path)))
                 # Readers and the writer do not wait for one another; a commit is on the disk when it returns.
@@ -78,7 +74,7 @@ class Journal:
         self.rows |= {key: json.loads(text) for key, text, _ in lines}
 
     def close(self) -> None:
-        """Closes the journal, so that other processes can open it."""
+        """Closes the journal."""
         self._opened.close()
 
     def __enter__(self) -> Journal:
@@ -139,29 +135,9 @@ def _read(file: sqlite3.Connection, path: Path, study: str | None) -> Iterator[R
             f"{path} is the journal of study {name!r}, not of {study!r}: choose another folder for the results, or delete it"
         )
     for number, (text, crc) in enumerate(file.execute("SELECT row, crc FROM rows ORDER BY rowid"), 1):
-        if zlib.crc32(text.encode()) != crc:
+        if not isinstance(text, str) or zlib.crc32(text.encode()) != crc:
             raise JournalError(f"{path}, row {number} is damaged: {_RESTART}")
         yield json.loads(text)
-
-
-def _locked(path: Path) -> sqlite3.Connection:
-    """Connection to a lock file next to the journal. While it is open, no other process can run the study; reading remains possible."""
-    with contextlib.ExitStack() as opened:
-        try:
-            lock = sqlite3.connect(path.with_suffix(".lock"), timeout=0.0, isolation_level=None)
-            opened.callback(lock.close)
-            lock.execute("BEGIN EXCLUSIVE")
-        except sqlite3.Error as error:
-            raise _lock_error(path, error) from error
-        opened.pop_all()
-    return lock
-
-
-def _lock_error(path: Path, error: sqlite3.Error) -> JournalError:
-    """Error for a journal that cannot be locked, with the remedy."""
-    if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
-        return JournalError(f"{path}: another process is running this study; wait for it, or choose another folder")
-    return JournalError(f"{path.with_suffix('.lock')} cannot be locked ({error}): choose a folder of another file system")
 
 
 @contextlib.contextmanager

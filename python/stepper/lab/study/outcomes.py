@@ -52,7 +52,8 @@ class Outcome:
             * "sensor NAME 0": channel of a sensor, without errors
             * "force NAME x": contact force on a body, world axes, N
 
-            Without an axis or channel, the measure is the norm of a vector, or the value of a scalar.
+            Without an axis or channel, the measure is the norm of a vector, or the value of a scalar. NAME may have spaces. The last word
+            is an axis or a channel if the words before it are a name.
         reduce: Reduction of the measure over time to one number. With "end", it is the value at the end of the episode. With "change", it
             is the value at the end minus the value at the start. With "max", "min" or "mean", it is the maximum, minimum or mean of the
             values at the start and after every control period.
@@ -98,11 +99,10 @@ class Outcome:
             ValueError: The model has no such element.
         """
         if isinstance(self.measure, str):
-            word, name = self.measure.split()[:2]
-            kind, _ = _QUANTITIES[word]
-            names = list(getattr(model, f"{kind}_names"))
-            if name not in names:
-                raise ValueError(f"outcome {self.name!r}: measure is {self.measure!r}: {unknown(kind, name, names)}")
+            try:
+                _parse(self.measure, model)
+            except ValueError as error:
+                raise ValueError(f"outcome {self.name!r}: {error}") from None
 
     @property
     def threshold(self) -> float | None:
@@ -141,26 +141,52 @@ def _compare(text: str, name: str) -> tuple[Any, float]:
     raise ValueError(f'outcome {name!r}: success is {text!r}, must be a comparison such as ">= 0.05"')
 
 
+def _parse(text: str, model: Model | None = None) -> tuple[str, str, int | None]:
+    """First word, name of the element, and index of the axis or channel (None without one), of the text of a measure.
+
+    Args:
+        text: Text of the measure, such as "body cube z".
+        model: Model that has the element. None checks the form of the text alone.
+
+    Raises:
+        ValueError: The text has another form, or the model has no such element.
+    """
+    word, _, words = text.strip().partition(" ")
+    if word not in _QUANTITIES or not words:
+        raise ValueError(
+            f'the measure is {text!r}, must be a function or a text such as "body cube z": {", ".join(_QUANTITIES)}, a name, an axis'
+        )
+    words = words.strip()
+    first, _, last = words.rpartition(" ")
+    first, axis = first.rstrip(), _AXES.get(last, int(last) if last.isdecimal() else None)
+    if model is None:
+        return word, words, None
+    kind, _ = _QUANTITIES[word]
+    names = list(getattr(model, f"{kind}_names"))
+    if first in names and axis is not None:
+        return word, first, axis
+    if words in names:
+        return word, words, None
+    if first in names:
+        raise ValueError(f"the measure is {text!r}: its last word is {last!r}, must be x, y, z or a number")
+    raise ValueError(f"the measure is {text!r}: {unknown(kind, words if axis is None else first, names)}")
+
+
 def measure_of(text: str) -> Measure:
     """Measure (a function of a `World`) from its text, such as "body cube z".
 
     Raises:
         ValueError: The text has another form.
     """
-    word, *rest = text.split()
-    if word not in _QUANTITIES or not 1 <= len(rest) <= 2:
-        raise ValueError(
-            f'the measure is {text!r}, must be a function or a text such as "body cube z": {", ".join(_QUANTITIES)}, a name, an axis'
-        )
-    _, quantity = _QUANTITIES[word]
-    axis = None if len(rest) == 1 else _AXES.get(rest[1], int(rest[1]) if rest[1].isdigit() else None)
-    if len(rest) == 2 and axis is None:
-        raise ValueError(f"the measure is {text!r}: its last word is {rest[1]!r}, must be x, y, z or a number")
+    _parse(text)
 
     def measure(now: Any) -> Array:
-        value: Array = np.asarray(now.read(quantity, rest[0]), float)
+        word, name, axis = _parse(text, now.model)
+        value: Array = np.asarray(now.read(_QUANTITIES[word][1], name), float)
         if word == "force":
             value = value[:, :3]  # The last three columns are the torque.
+        if axis is not None and axis >= value.shape[1]:
+            raise ValueError(f"the measure is {text!r}: {name!r} has {value.shape[1]} numbers, and the first is 0")
         if axis is not None:
             return value[:, axis]
         return value[:, 0] if value.shape[1] == 1 else np.asarray(np.linalg.norm(value, axis=1))

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.policies import load
+from stepper.shared.files import existing, explained
 from stepper.shared.machine import require
 
 Array = NDArray[Any]
@@ -38,7 +39,7 @@ class PolicyFile(ABC):
 
     def __init__(self, path: Path):
         self.path = path
-        self.digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        self.digest = hashlib.sha256(existing(path, "policy").read_bytes()).hexdigest()
 
     @abstractmethod
     def __call__(self, observation: Array) -> Any:
@@ -135,7 +136,8 @@ class _Torch(PolicyFile):
                 f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, "
                 "because they can run any code: if you trust it, load it yourself and give stepper.lab.Policy the module"
             )
-        self._network = Network(torch.jit.load(str(path), map_location="cpu"))
+        with explained(path, "export the policy again with torch.jit.save"):
+            self._network = Network(torch.jit.load(str(path), map_location="cpu"))
 
     def begin(self, now: Any) -> None:
         """Replace the copy of the network that computes controls by a new one, at the start of a batch."""
@@ -199,6 +201,6 @@ def _is_script(path: Path) -> bool:
     """Whether a file is a TorchScript archive, by the names of its entries."""
     if not zipfile.is_zipfile(path):
         return False
-    with zipfile.ZipFile(path) as archive:
+    with explained(path, "export the policy again with torch.jit.save"), zipfile.ZipFile(path) as archive:
         names = archive.namelist()
     return any(name.endswith("/constants.pkl") for name in names) and any("/code/" in name for name in names)

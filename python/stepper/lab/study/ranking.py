@@ -33,6 +33,7 @@ from stepper.lab.study.study import Study
 from stepper.lab.study.sweep import measured
 from stepper.lab.study.table import Table
 from stepper.shared.arguments import check_whole
+from stepper.shared.files import write_figure
 from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
@@ -380,6 +381,4 @@ def _draw(found: Ranking, path: Path) -> Path:
         panel.grid(visible=True, axis="x", color="#dddddd")
         panel.set_axisbelow(True)
     figure.suptitle(f"{found.study.name}: which parameters decide", fontsize=11)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
-    return path
+    return write_figure(path, figure)

@@ -83,7 +83,8 @@ def sweep(
     Raises:
         ValueError: The study has no outcome, a parameter is unknown, `resolution` is out of range, or a time step does not divide the
             control period.
-        JournalError: The journal is damaged, or another process has it open.
+        JournalError: The journal is damaged, or belongs to another study.
+        BlockingIOError: Another run writes to OUT/NAME.
     """
     study = study_of(study)
     with Results(study, out) as results:
@@ -114,7 +115,8 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
 
     Raises:
         ValueError: The study has no outcome, or a time step does not divide the control period.
-        JournalError: The journal is damaged, or another process has it open.
+        JournalError: The journal is damaged, or belongs to another study.
+        BlockingIOError: Another run writes to OUT/NAME.
     """
     study = with_peers(study_of(study))
     with Results(study, out) as results:

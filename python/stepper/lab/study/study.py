@@ -30,7 +30,7 @@ from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import MUJOCO_SETTINGS, World, check_mujoco
 from stepper.loading import Origin, compile_source, is_saved, load
 from stepper.sensors import SensorModel
-from stepper.shared.arguments import check_mapping, check_whole, path_of
+from stepper.shared.arguments import check_file_name, check_mapping, check_whole, path_of
 from stepper.shared.functions import check_takes
 from stepper.shared.machine import package_version, require
 
@@ -186,10 +186,7 @@ class Study(metaclass=Hinting):
 
     def _check_numbers(self) -> None:
         """Raises TypeError if a number of the study is of another type, such as a text or an array."""
-        if not isinstance(self.name, str):
-            raise TypeError(f"name is {self.name!r}, must be a text, which names the folder of the results")
-        if not self.name:
-            raise ValueError("name is empty, must name the folder of the results")
+        check_file_name("name", self.name, "the folder of the results")
         for name in ("seconds", "control", "qpos_noise", "qvel_noise", "episodes", "seed", "batch", "threads"):
             value, whole = getattr(self, name), name in ("episodes", "seed", "batch", "threads")
             if (name == "control" and value is None) or isinstance(value, int | np.integer if whole else int | float | np.number):

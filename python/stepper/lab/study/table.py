@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.lab.study.journal import Row
+from stepper.shared.files import atomic_write, write_arrays, write_csv
 from stepper.shared.machine import require
 
 
@@ -49,18 +49,13 @@ class Table:
 
     def save(self, folder: Path, name: str = "table") -> list[Path]:
         """Writes NAME.csv and NAME.npz, and NAME.parquet if pyarrow is installed, and returns their paths."""
-        folder.mkdir(parents=True, exist_ok=True)
-        files = [folder / f"{name}.csv", folder / f"{name}.npz"]
-        with files[0].open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(self.columns)
-            writer.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
-        # `**` passes the columns by name, because names with dots cannot be written as arguments.
-        np.savez(files[1], **self.columns)  # type: ignore[arg-type]
+        rows = zip(*(column.tolist() for column in self.columns.values()), strict=True)
+        files = [write_csv(folder / f"{name}.csv", [self.columns, *rows]), write_arrays(folder / f"{name}.npz", self.columns)]
         if importlib.util.find_spec("pyarrow") is not None:
             arrow, parquet = require("pyarrow", "to write Parquet"), require("pyarrow.parquet", "to write Parquet")
             files.append(folder / f"{name}.parquet")
-            parquet.write_table(arrow.table({own: column.tolist() for own, column in self.columns.items()}), files[-1])
+            with atomic_write(files[-1]) as stream:
+                parquet.write_table(arrow.table({own: column.tolist() for own, column in self.columns.items()}), stream)
         return files
 
 

@@ -58,8 +58,8 @@ def test_a_recorder_records_however_it_is_made(tmp_path, make, context):
 def test_a_recording_without_steps_says_so(tmp_path):
     sim = stepper.Stepper(MODEL)
     recorder = sim.record(tmp_path / "open")
-    with pytest.raises(stepper.recording.RecordingError, match=r"open has no events yet: .* `with sim\.record\(path\):`, or by close\(\)$"):
-        stepper.replay(tmp_path / "open")
+    said = "nothing to compare: no call of step was recorded; the recording was not closed, its last second may be missing"
+    assert str(stepper.replay(tmp_path / "open")) == said
     recorder.close()
     assert str(stepper.replay(tmp_path / "open")) == "nothing to compare: no call of step was recorded"
 

@@ -8,8 +8,9 @@ A recording is a folder:
     model.stepper    the model, as written by `Model.save`
     rows.bin         blocks of rows; a row is an event such as a call of step or reset
 
-Each block of rows.bin is an .npz archive of NumPy after a header (`_BLOCK`): its length in bytes, its numbers of rows and of calls of step,
-and its digest. The digest is the SHA-256 of the digest of the block before (zeros for the first one), both numbers and the archive.
+Each block of rows.bin is an .npz archive of NumPy after a header (`_BLOCK`). The header has the length of the archive in bytes, the numbers
+of rows and of calls of step, and the digest of the block. The digest is the SHA-256 of the digest of the block before (zeros for the first
+one), both numbers and the archive.
 
 Blocks are appended while the simulation runs, and run.json is replaced atomically after each of them. If the process is stopped, or the
 disk is full, all blocks but an unfinished last one remain.

@@ -89,7 +89,7 @@ def os_errors_of(path: str | os.PathLike[str]) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno is not None:
-            # Users know the name of the file, and not that of the temporary file of `atomic_write`.
+            # The name of the temporary file of `atomic_write` would mean nothing to users.
             if error.filename is None or os.fsdecode(error.filename) == f"{path}.part":
                 error.filename = os.fspath(path)
             error.strerror = _with_remedy(error)

@@ -105,7 +105,7 @@ def load(
     try:
         model = Model.from_file(source) if saved else _read(origin, strict, urdf, actuators)
     except (ModelError, UnicodeError) as error:
-        if not origin.is_file or str(source) in str(error):
+        if not origin.absolute().is_file or str(source) in str(error):
             raise
         raise ModelError(f"{source}: {error}") from error
     if overlaps == "exclude":

@@ -103,7 +103,7 @@ def _with_remedy(error: OSError) -> str:
 
 
 def _problem(error: Exception) -> str:
-    """Description of an exception from a parser: the invalid byte, the missing key, or its own text."""
+    """Description of an exception from a parser: the invalid byte, the missing key, or the text of the exception."""
     if isinstance(error, UnicodeDecodeError):
         return f"it is not text in UTF-8, from byte {error.start} on"
     if isinstance(error, KeyError) and error.args:

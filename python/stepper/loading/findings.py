@@ -122,9 +122,11 @@ def _overlaps(model: Model) -> list[str]:
 
 def _keyframe_overlaps(model: Model) -> Iterator[str]:
     """Yields a line on the deepest overlap in each keyframe, if it is deeper than 1 mm."""
+    if not model.keyframe_names:
+        return
     # Contacts are those of a trial step, which is too short to move anything.
-    sim = Stepper(model, options=Options(timestep=_INSTANT)) if model.keyframe_names else None
-    for number, name in enumerate(model.keyframe_names if sim else ()):
+    sim = Stepper(model, options=Options(timestep=_INSTANT))
+    for number, name in enumerate(model.keyframe_names):
         try:
             sim.reset(keyframe=number)
             contacts = sim.contacts()

@@ -153,4 +153,5 @@ def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, An
     array = array_of(name, value)
     if array.shape not in ((), (1,), (num_envs,)):
         raise ValueError(f"{name} has shape {array.shape}, must be () or ({num_envs},)")
-    return (array.ravel() if envs is None or array.size == 1 else array[selected(envs, num_envs)]).tolist()
+    chosen: list[float] = (array.ravel() if envs is None or array.size == 1 else array[selected(envs, num_envs)]).tolist()
+    return chosen

@@ -354,7 +354,8 @@ def _train(settings: Settings, folder: Path, *, every: float, quiet: bool) -> Ru
         _append(curve, row)
         if not quiet and (time.perf_counter() - printed > PRINT_INTERVAL or run.steps >= settings.steps):
             printed = time.perf_counter()
-            print(f"{run.steps:>12,} steps {run.seconds:6.0f} s  return {returns:9.1f}  length {length:6.1f}", flush=True)
+            result = f"return {returns:9.1f}  length {length:6.1f}" if run.recent else "no episode has ended yet"
+            print(f"{run.steps:>12,} steps {run.seconds:6.0f} s  {result}", flush=True)
         if time.perf_counter() - saved > every or run.steps >= settings.steps:
             run.save(checkpoint)
             if run.steps < settings.steps:

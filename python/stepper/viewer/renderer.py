@@ -16,6 +16,7 @@ from stepper._hints import Hints, hint_keywords
 from stepper._stepper import Model, Stepper
 from stepper.shared.arguments import check_kind, check_mapping, check_whole
 from stepper.shared.machine import require
+from stepper.viewer.bounds import distance_to, middle_of, region_of
 from stepper.viewer.looks import Array, LooksError, looks_of, row, sized_geoms
 
 TRACK = "track"
@@ -49,7 +50,8 @@ class Renderer(Hints):
         camera: Name or index of a camera of the model. None selects the first available of these: a free camera with `camera_config`, the
             model's camera "track", a free camera with `default_config`.
         camera_config: Settings of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, and trackbodyid. In x
-            and y the camera follows the centre of mass of that body's subtree; with -1 it follows none.
+            and y the camera follows the centre of mass of that body's subtree; with -1 it follows none. Without a distance, the first
+            picture shows all that moves. With a distance alone, the camera looks at the median of the geoms' positions, as Gymnasium's.
         default_config: Settings of the free camera if there is neither `camera_config` nor a camera "track". Tasks set it.
         source: Source of the model, such as an MJCF file; see `stepper.load`. None uses the source from which this process loaded it.
         lamp: Whether to add a light to a scene without one. MuJoCo's headlight alone gives nearly black pictures.
@@ -97,8 +99,10 @@ class Renderer(Hints):
         self._sized = sized_geoms(model)
         self._lamp = lamp and m.nlight == 0
         mujoco.mj_forward(m, self._d)
+        self._unframed: set[str] = set()
         self._camera, self._follows = self._chosen(camera, camera_config, default_config)
         self._lookat, self._start = self._camera.lookat.copy(), self._d.subtree_com[self._follows].copy()
+        self._aspect = width / height
         self._renderer = _renderer(mujoco, m, width, height)
         # Python also calls this finalizer at its exit, before OpenGL is unloaded.
         self._freeing = weakref.finalize(self, self._renderer.close)
@@ -127,6 +131,8 @@ class Renderer(Hints):
         mujoco.mj_comPos(m, d)
         mujoco.mj_camlight(m, d)
         mujoco.mj_tendon(m, d)
+        if self._unframed:
+            self._frame()
         if self._follows:
             self._camera.lookat[:2] = (self._lookat + d.subtree_com[self._follows] - self._start)[:2]
         self._renderer.update_scene(d, self._camera)
@@ -175,7 +181,7 @@ class Renderer(Hints):
     def _free(self, camera: Any, config: Mapping[str, Any]) -> int:
         """Sets a free camera from its settings, and returns the index of the body that it follows, or 0 if it follows none.
 
-        By default the whole scene is visible, as in Gymnasium.
+        Settings that follow from the first picture are set by `_frame`.
 
         Args:
             camera: MuJoCo's camera, which is changed.
@@ -185,7 +191,7 @@ class Renderer(Hints):
             raise ValueError(f"camera_config has {sorted(unknown)}, must contain only: {', '.join(_CONFIG)}")
         camera.type = self._mujoco.mjtCamera.mjCAMERA_FREE
         camera.lookat[:] = np.median(self._d.geom_xpos, axis=0)
-        camera.distance = self._m.stat.extent
+        self._unframed = {"distance", "lookat"} - set(config) if "distance" not in config else set()
         for name, value in config.items():
             if name == "lookat":
                 camera.lookat[:] = value
@@ -195,6 +201,15 @@ class Renderer(Hints):
         if body >= self._m.nbody:
             raise ValueError(f"trackbodyid is {body}, must be less than {self._m.nbody}")
         return max(body, 0)
+
+    def _frame(self) -> None:
+        """Points the free camera at all that moves at the current pose, for settings that the user did not give."""
+        centres, radii = region_of(self._mujoco, self._m, self._d)
+        if "lookat" in self._unframed:
+            self._lookat[:] = self._camera.lookat[:] = middle_of(centres, radii)
+            self._start = self._d.subtree_com[self._follows].copy()
+        self._camera.distance = distance_to(centres, radii, self._camera, self._m.vis.global_.fovy, self._aspect)
+        self._unframed = set()
 
 
 def _add_lamp(mujoco: Any, scene: Any) -> None:

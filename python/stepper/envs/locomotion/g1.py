@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from stepper._stepper import Model
 from stepper.envs.assets import cache_model
-from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, Visuals, plain_ground, scene, tiled_ground
+from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, plain_ground, scene, tiled_ground
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask
 from stepper.envs.task import Camera
@@ -152,5 +152,4 @@ def _model_on(ground: Ground, reach: float) -> Model:
     `reach` is the largest distance of a servo's set point from the joint angle of the stance. Its unit is the position error (set point
     minus joint angle) at which the torque is largest.
     """
-    visuals = Visuals({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
-    return scene(_FILE, "G1", _HEIGHT, reach=reach, ground=ground, geom=_geom, servo=_servo, visuals=visuals)
+    return scene(_FILE, "G1", _HEIGHT, reach=reach, ground=ground, geom=_geom, servo=_servo, light={"diffuse": "0.8 0.8 0.8"})

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import cache_model, cache_per_model
-from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, Visuals, plain_ground, scene, tiled_ground
+from stepper.envs.locomotion.mjlab import PLAIN_REACH, ROUGH_REACH, Ground, Servo, plain_ground, scene, tiled_ground
 from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask, command
 from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
@@ -155,8 +154,4 @@ def _model_on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: 
         reach: Largest distance of a servo's set point from the joint angle of the stance, as a fraction of the position error (set point
             minus joint angle) at which the torque is largest.
     """
-    squares = {"type": "2d", "builtin": "checker", "width": "64", "height": "64", "rgb1": ".30 .35 .40", "rgb2": ".36 .41 .46"}
-    texture = Element("texture", {"name": "squares", **squares})
-    material = Element("material", name="floor", texture="squares", texrepeat="2 2", texuniform="true")
-    visuals = Visuals({"material": "floor"}, {}, (texture, material))
-    return scene(_FILE, "Go1", height, reach=reach, ground=ground, geom=geom, servo=_servo, visuals=visuals)
+    return scene(_FILE, "Go1", height, reach=reach, ground=ground, geom=geom, servo=_servo)

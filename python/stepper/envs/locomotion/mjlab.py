@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -45,19 +45,18 @@ class Servo:
     stance: float
 
 
-@dataclass(frozen=True)
-class Visuals:
-    """MJCF attributes and elements of a scene that only affect pictures.
-
-    Attributes:
-        ground: MJCF attributes of the ground's geoms.
-        light: MJCF attributes of the light.
-        assets: Textures and materials.
-    """
-
-    ground: Mapping[str, str]
-    light: Mapping[str, str]
-    assets: Sequence[Element] = ()
+_SQUARES = {
+    "name": "squares",
+    "type": "2d",
+    "builtin": "checker",
+    "width": "64",
+    "height": "64",
+    "rgb1": ".22 .27 .32",
+    "rgb2": ".44 .49 .54",
+}
+"""MJCF attributes of the texture of the ground. The contrast is large enough for films of 64 colours."""
+_GROUND = {"name": "floor", "texture": "squares", "texrepeat": "2 2", "texuniform": "true"}
+"""MJCF attributes of the material of the ground: squares of 0.5 m."""
 
 
 def plain_ground(roughness: float) -> Ground:
@@ -92,7 +91,7 @@ def scene(
     ground: Ground,
     geom: Callable[[str], Mapping[str, str]],
     servo: Callable[[str], Servo],
-    visuals: Visuals,
+    light: Mapping[str, str] | None = None,
 ) -> Model:
     """Model of a robot on the ground, without visual elements, with servos, reflected rotor inertias and a keyframe "stance".
 
@@ -105,7 +104,7 @@ def scene(
         ground: Ground of the scene.
         geom: Function from the name of a geom of the robot to its MJCF attributes.
         servo: Function from the name of a joint to its servo.
-        visuals: Attributes and elements for pictures.
+        light: Further MJCF attributes of the light; None adds none.
     """
     path = Path(package_file("mjlab", file, f"for its {robot}, whose file it has"))
     tree = ElementTree.fromstring(path.read_text("utf-8"))
@@ -114,11 +113,11 @@ def scene(
     if world is None:
         raise ValueError(f"{path} has no worldbody: this version of mjlab is not supported")
     tree.insert(0, Element("option", timestep="0.005", integrator="implicitfast"))
-    fields, surfaces = ground({"contype": "0", "conaffinity": "1", **visuals.ground})
+    fields, surfaces = ground({"contype": "0", "conaffinity": "1", "material": "floor"})
     world[:0] = surfaces
-    world.insert(0, Element("light", {"directional": "true", "castshadow": "false", "pos": "0 0 5", "dir": "0.3 0.2 -1", **visuals.light}))
+    world.insert(0, Element("light", {"directional": "true", "castshadow": "false", "pos": "0 0 5", "dir": "0.3 0.2 -1", **(light or {})}))
     assets = Element("asset")
-    assets.extend(visuals.assets)
+    assets.extend([Element("texture", _SQUARES), Element("material", _GROUND)])
     assets.extend(fields)
     tree.append(assets)
     _add_servos(tree, servo, height, reach)

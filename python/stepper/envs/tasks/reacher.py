@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Moment, MujocoTask, Observation, Terms, per_moment, square_sum
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, per_moment, square_sum
 from stepper.shared.streams import Rng
 
 
@@ -18,6 +19,7 @@ class Reacher(MujocoTask):
     of MuJoCo's Runge-Kutta step, which differs by O(h^3) for the time step h.
     """
 
+    camera: ClassVar[Camera] = {"distance": 1.24}
     xml_file: str = "reacher.xml"
     frame_skip: int = 2
     reward_dist_weight: float = 1.0

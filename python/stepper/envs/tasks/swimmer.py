@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.task import Array, Moment, MujocoTask, Observation, Terms, square_sum
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
 from stepper.shared.streams import Rng
 
 
@@ -14,6 +15,7 @@ from stepper.shared.streams import Rng
 class Swimmer(MujocoTask):
     """Task: swim in x with small controls. The arguments are those of Gymnasium's environment. An episode never terminates."""
 
+    camera: ClassVar[Camera] = {"distance": 8.0}
     xml_file: str = "swimmer.xml"
     frame_skip: int = 4
     forward_reward_weight: float = 1.0

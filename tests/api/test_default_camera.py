@@ -48,7 +48,7 @@ def in_the_picture(m, d, camera, points, aspect=4 / 3):
     view=st.tuples(st.floats(-180, 180), st.floats(-85, 85), st.floats(0.3, 3)),
 )
 def test_free_bodies_are_in_the_picture(pose, kind, size, angles, view):
-    """All of them, and one reaches two thirds of the way to an edge: the margin is a tenth, and corners of boxes enclose round geoms."""
+    """All of them, and one reaches a third of the way to an edge or more: the near side decides, and far sides may be small."""
     m = mujoco.MjModel.from_xml_string(FREE.format(*pose, kind, *size, *angles))
     azimuth, elevation, aspect = view
     d, camera = framed(m, azimuth, elevation, aspect)
@@ -57,7 +57,7 @@ def test_free_bodies_are_in_the_picture(pose, kind, size, angles, view):
         d.geom_xpos[k] + (m.geom_aabb[k, :3] + corners * m.geom_aabb[k, 3:]) @ d.geom_xmat[k].reshape(3, 3).T for k in (1, 2)
     ])  # fmt: skip
     reach = np.abs(in_the_picture(m, d, camera, points, aspect)).max()
-    assert 0.66 < reach < 1.0
+    assert 0.33 < reach < 1.0
 
 
 @pytest.mark.parametrize("reach", [0.0, 0.3, 2.0])

@@ -1,8 +1,6 @@
 //! Reader of arrays of numbers in NumPy's file formats .npy and .npz.
 
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::io::{Cursor, Read};
 
 use zip::ZipArchive;
 use zip::result::ZipError;
@@ -14,6 +12,8 @@ pub struct Array {
     pub shape: Vec<usize>,
     /// All numbers of the array. Booleans are 0 and 1.
     pub values: Vec<f64>,
+    /// Whether the numbers are booleans, such as those of a mask.
+    pub is_mask: bool,
 }
 
 impl Array {
@@ -27,21 +27,25 @@ impl Array {
     }
 }
 
-/// Open file of `numpy.savez`, from which arrays are read by name.
+/// Archive of `numpy.savez` in memory, from which arrays are read by name.
 pub struct Npz {
-    path: PathBuf,
-    archive: ZipArchive<File>,
+    place: String,
+    archive: ZipArchive<Cursor<Vec<u8>>>,
 }
 
 impl Npz {
-    /// Opens a file of `numpy.savez`.
+    /// Opens the bytes of a file of `numpy.savez`. `place` names them in error messages.
     ///
     /// # Errors
-    /// If the file cannot be read, or is not a file of `numpy.savez`.
-    pub fn open(path: &Path) -> Result<Self, String> {
-        let file = File::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
-        let archive = ZipArchive::new(file).map_err(|e| format!("{}: {e}; give a file of numpy.savez", path.display()))?;
-        Ok(Self { path: path.into(), archive })
+    /// If the bytes are not those of a file of `numpy.savez`.
+    pub fn from_bytes(place: String, bytes: Vec<u8>) -> Result<Self, String> {
+        let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| format!("{place}: {e}; give an archive of numpy.savez"))?;
+        Ok(Self { place, archive })
+    }
+
+    /// Names of all arrays.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.archive.file_names().filter_map(|name| name.strip_suffix(".npy"))
     }
 
     /// Array with the given name, or `None` if the file has no such array.
@@ -49,7 +53,7 @@ impl Npz {
     /// # Errors
     /// If the array is damaged or does not contain numbers.
     pub fn get(&mut self, name: &str) -> Result<Option<Array>, String> {
-        let place = format!("{}: {name}", self.path.display());
+        let place = format!("{}: {name}", self.place);
         let mut bytes = Vec::new();
         match self.archive.by_name(&format!("{name}.npy")) {
             Err(ZipError::FileNotFound) => return Ok(None),
@@ -65,7 +69,7 @@ impl Npz {
     /// # Errors
     /// Returns the errors of [`Npz::get`], and an error if there is no such array.
     pub fn array(&mut self, name: &str) -> Result<Array, String> {
-        self.get(name)?.ok_or_else(|| format!("{}: {name} is missing", self.path.display()))
+        self.get(name)?.ok_or_else(|| format!("{}: {name} is missing", self.place))
     }
 }
 
@@ -84,7 +88,8 @@ fn parse(bytes: &[u8]) -> Option<Array> {
     let sizes = between("'shape': (", ')')?.split(',').map(str::trim).filter(|size| !size.is_empty());
     let shape = sizes.map(|size| size.parse().ok()).collect::<Option<Vec<usize>>>()?;
     let data = &bytes[start + length..];
-    let values: Vec<f64> = match between("'descr': '", '\'')? {
+    let kind = between("'descr': '", '\'')?;
+    let values: Vec<f64> = match kind {
         "<f8" => numbers(data, f64::from_le_bytes),
         "<f4" => numbers(data, |b| f32::from_le_bytes(b).into()),
         "<i8" => numbers(data, |b| i64::from_le_bytes(b) as f64),
@@ -93,7 +98,7 @@ fn parse(bytes: &[u8]) -> Option<Array> {
         "|u1" | "|b1" => numbers(data, |[byte]: [u8; 1]| byte.into()),
         _ => return None,
     };
-    (values.len() == shape.iter().product::<usize>()).then_some(Array { shape, values })
+    (values.len() == shape.iter().product::<usize>()).then_some(Array { shape, values, is_mask: kind == "|b1" })
 }
 
 fn numbers<const N: usize>(data: &[u8], read: impl Fn([u8; N]) -> f64) -> Vec<f64> {
@@ -115,7 +120,8 @@ mod tests {
         let data: Vec<u8> = [1.0, 2.0, 3.0, 4.0_f32].iter().flat_map(|x| x.to_le_bytes()).collect();
         let array = parse(&saved("<f4", "(2, 2)", &data)).unwrap();
         assert_eq!((array.shape.as_slice(), array.row(1)), (&[2, 2][..], &[3.0, 4.0][..]));
-        assert_eq!(parse(&saved("|b1", "(3,)", &[1, 0, 1])).unwrap().values, [1.0, 0.0, 1.0]);
+        let mask = parse(&saved("|b1", "(3,)", &[1, 0, 1])).unwrap();
+        assert_eq!((mask.values.as_slice(), mask.is_mask, array.is_mask), (&[1.0, 0.0, 1.0][..], true, false));
         assert_eq!(parse(&saved("<i8", "()", &7_i64.to_le_bytes())).unwrap().values, [7.0]);
     }
 

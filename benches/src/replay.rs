@@ -1,7 +1,7 @@
 //! Reader of recordings by `Stepper.record`, so that their steps can be repeated. python/stepper/recording/format.py describes the format.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -13,10 +13,27 @@ use stepper_core::{StateRows, StepInputs};
 
 use crate::npz::{Array, Npz};
 
-/// Version of the recording format that this program reads.
-const FORMAT: u32 = 4;
-/// Names of the kinds of calls in a recording. The files of a recording store each kind as its index in this array.
-const KINDS: [&str; 6] = ["start", "step", "reset", "set_state", "applied", "randomize"];
+/// Definition of the recording format. The recorder in Python reads the same file.
+static DEFINITION: LazyLock<Definition> = LazyLock::new(|| {
+    serde_json::from_str(include_str!("../../python/stepper/recording/format.json")).expect("format.json has the fields of a Definition")
+});
+/// Size of the header of a block of rows, bytes: length of the archive, numbers of rows and of calls of step, and digest.
+const BLOCK_HEADER: usize = 3 * 8 + 32;
+
+/// Version, file names and kinds of rows of the recording format.
+#[derive(Deserialize)]
+struct Definition {
+    /// Version of the format.
+    format: u32,
+    /// Name of the file with the header.
+    header: String,
+    /// Name of the file with the model.
+    model: String,
+    /// Name of the file with the rows.
+    rows: String,
+    /// Names of the kinds of calls. A recording stores each kind as its index in this list.
+    kinds: Vec<String>,
+}
 
 /// Recording of a batch: model, options, initial state and calls.
 pub struct Replay {
@@ -107,38 +124,43 @@ impl Replay {
     /// or actuators, randomised parameters, and calls of `set_state`.
     pub fn load(folder: &Path) -> Result<Self, String> {
         let place = |name: &str| folder.join(name).display().to_string();
-        let header = place("run.json");
+        let (header, rows) = (place(&DEFINITION.header), place(&DEFINITION.rows));
         let text = std::fs::read_to_string(&header).map_err(|e| format!("{header}: {e}; give the folder that Stepper.record wrote"))?;
+        // The version comes first, because a header of another version may have other fields.
+        let version: Version = serde_json::from_str(&text).map_err(|e| format!("{header}: {e}"))?;
+        version.check(&header)?;
         let head: Header = serde_json::from_str(&text).map_err(|e| format!("{header}: {e}"))?;
         head.check(&header)?;
-        let model = Arc::new(Model::load(place("model.stepper")).map_err(|e| e.to_string())?);
+        let model = Arc::new(Model::load(place(&DEFINITION.model)).map_err(|e| e.to_string())?);
         let num_envs = head.num_envs.unwrap_or(1);
         let (mut start, mut calls, mut end) = (None, vec![], vec![]);
-        for entry in &head.files {
-            let path = folder.join(&entry.name);
-            let refuse = |row: usize, what: &str| format!("{}, row {row}: {what}", path.display());
-            let mut file = Npz::open(&path)?;
+        for archive in blocks(&std::fs::read(&rows).map_err(|e| format!("{rows}: {e}"))?, &rows)? {
+            let mut file = Npz::from_bytes(rows.clone(), archive)?;
+            let kinds = file.array("kind")?.values;
             let mut steps = vec![].into_iter();
-            if let Some(last) = entry.steps.checked_sub(1) {
+            if kinds.iter().any(|kind| DEFINITION.kinds.get(*kind as usize).is_some_and(|name| name == "step")) {
                 steps = steps_of(&file.array("ctrl")?, &file.array("nstep")?).into_iter();
-                end = file.array("qpos")?.row(last).to_vec();
+                let qpos = file.array("qpos")?;
+                end = qpos.row(qpos.shape[0] - 1).to_vec();
             }
-            for (row, kind) in file.array("kind")?.values.iter().enumerate() {
-                let mut given = |name: &str| Ok::<_, String>(file.get(&format!("{row}/{name}"))?.map(|array| array.values));
-                match KINDS.get(*kind as usize) {
-                    Some(&"start") => start = given("state")?.map(|bytes| bytes.iter().map(|&byte| byte as u8).collect::<Vec<u8>>()),
-                    Some(&"step") => calls.push(steps.next().ok_or_else(|| refuse(row, "a step that has no numbers"))?),
-                    Some(&"applied") => {
-                        let inputs = AppliedInput::ALL.map(|input| Ok(given(input.name())?.map(|values| (input, values))));
-                        calls.push(Call::Apply(inputs.into_iter().filter_map(Result::transpose).collect::<Result<_, String>>()?));
+            for (row, kind) in kinds.iter().enumerate() {
+                let refuse = |what: &str| format!("{rows}, row {row} of its block: {what}");
+                let kind = DEFINITION.kinds.get(*kind as usize).ok_or_else(|| refuse(&format!("{kind} is no kind of row")))?;
+                let mut arguments = Arguments::of(&mut file, row)?;
+                match kind.as_str() {
+                    "start" => {
+                        start = arguments.take("state").map(|state| state.values.iter().map(|&byte| byte as u8).collect::<Vec<u8>>())
                     }
-                    Some(&"reset") => {
-                        let chosen = given("mask")?.unwrap_or_else(|| vec![1.0; num_envs]);
-                        let envs = chosen.iter().enumerate().filter(|(_, on)| **on != 0.0).map(|(env, _)| env).collect();
-                        calls.push(Call::Reset { envs, qpos: given("qpos")?, qvel: given("qvel")? });
+                    "step" => calls.push(steps.next().ok_or_else(|| refuse("a step that has no numbers"))?),
+                    "applied" => {
+                        let inputs = AppliedInput::ALL.map(|input| Some((input, arguments.take(input.name())?.values)));
+                        calls.push(Call::Apply(inputs.into_iter().flatten().collect()));
                     }
-                    Some(other) => return Err(refuse(row, &format!("{other} is not repeated here; record an episode without it"))),
-                    None => return Err(refuse(row, &format!("{kind} is no kind of row"))),
+                    "reset" => calls.push(arguments.reset(num_envs)),
+                    other => return Err(refuse(&format!("{other} is not repeated here; record an episode without it"))),
+                }
+                if let Some((name, _)) = arguments.0.first() {
+                    return Err(refuse(&format!("{name} of {kind} is not repeated here; record an episode without it")));
                 }
             }
         }
@@ -151,7 +173,7 @@ impl Replay {
             options: head.options,
             precision: if head.precision == "f32" { Precision::F32 } else { Precision::F64 },
             num_envs,
-            start: SavedState::from_bytes(&start).map_err(|e| format!("{}: {e}", place("00000.npz")))?,
+            start: SavedState::from_bytes(&start).map_err(|e| format!("{rows}: {e}"))?,
             calls,
             end,
         })
@@ -168,14 +190,94 @@ impl Replay {
     }
 }
 
+/// Archives of all blocks of a file of rows, in order. `place` names the file in error messages.
+fn blocks(mut bytes: &[u8], place: &str) -> Result<Vec<Vec<u8>>, String> {
+    let mut archives = vec![];
+    while !bytes.is_empty() {
+        let cut = || format!("{place}: the last block is cut off; record anew");
+        let (header, rest) = bytes.split_at_checked(BLOCK_HEADER).ok_or_else(cut)?;
+        let length = u64::from_le_bytes(header[..8].try_into().expect("eight bytes"));
+        let (archive, rest) = usize::try_from(length).ok().and_then(|length| rest.split_at_checked(length)).ok_or_else(cut)?;
+        archives.push(archive.to_vec());
+        bytes = rest;
+    }
+    Ok(archives)
+}
+
 fn steps_of(ctrl: &Array, nstep: &Array) -> Vec<Call> {
     (0..nstep.values.len()).map(|k| Call::Step { ctrl: ctrl.row(k).to_vec(), nstep: nstep.values[k] as usize }).collect()
+}
+
+/// Recorded arguments of a call other than `step`, by name.
+struct Arguments(Vec<(String, Array)>);
+
+impl Arguments {
+    /// Reads the arguments of a row of a block.
+    fn of(file: &mut Npz, row: usize) -> Result<Self, String> {
+        let prefix = format!("{row}/");
+        let names: Vec<String> = file.names().filter_map(|name| name.strip_prefix(&prefix)).map(String::from).collect();
+        let arrays = names.into_iter().map(|name| Ok((name.clone(), file.array(&format!("{prefix}{name}"))?)));
+        Ok(Self(arrays.collect::<Result<_, String>>()?))
+    }
+
+    /// Removes an argument from the list and returns it, if the call has it.
+    fn take(&mut self, name: &str) -> Option<Array> {
+        let place = self.0.iter().position(|(own, _)| own == name)?;
+        Some(self.0.swap_remove(place).1)
+    }
+
+    /// Reset of a batch of `num_envs` environments with these arguments.
+    ///
+    /// `envs` is a mask or has indices. With indices, states have one row per index. A state without rows is that of all environments. The
+    /// seed concerns random errors of sensors alone, and is removed.
+    fn reset(&mut self, num_envs: usize) -> Call {
+        self.take("seed");
+        let order: Vec<usize> = match self.take("envs") {
+            None => (0..num_envs).collect(),
+            Some(mask) if mask.is_mask => (0..num_envs).filter(|&env| mask.values[env] != 0.0).collect(),
+            Some(indices) => indices.values.iter().map(|&index| index.rem_euclid(num_envs as f64) as usize).collect(),
+        };
+        let mut rows = |name: &str| {
+            let given = self.take(name)?;
+            let size = *given.shape.last().unwrap_or(&1);
+            let mut all = vec![0.0; num_envs * size];
+            for (k, &env) in order.iter().enumerate() {
+                let row = match given.shape.len() {
+                    0 | 1 => 0,
+                    _ if given.shape[0] == num_envs => env,
+                    _ => k,
+                };
+                all[env * size..(env + 1) * size].copy_from_slice(&given.values[row * size..(row + 1) * size]);
+            }
+            Some(all)
+        };
+        let (qpos, qvel) = (rows("qpos"), rows("qvel"));
+        let mut envs = order;
+        envs.sort_unstable();
+        Call::Reset { envs, qpos, qvel }
+    }
+}
+
+/// Version in a recording's run.json.
+#[derive(Deserialize)]
+struct Version {
+    format: u32,
+}
+
+impl Version {
+    fn check(&self, place: &str) -> Result<(), String> {
+        let read = DEFINITION.format;
+        if self.format == read {
+            Ok(())
+        } else {
+            Err(format!("{place}: format {} of recordings, this program reads {read}: record anew", self.format))
+        }
+    }
 }
 
 /// Fields of a recording's run.json that this program uses.
 #[derive(Deserialize)]
 struct Header {
-    format: u32,
     closed: bool,
     note: String,
     #[serde(with = "PythonOptions")]
@@ -184,14 +286,10 @@ struct Header {
     precision: String,
     actuators: Option<serde_json::Value>,
     sensors: Option<serde_json::Value>,
-    files: Vec<Entry>,
 }
 
 impl Header {
     fn check(&self, place: &str) -> Result<(), String> {
-        if self.format != FORMAT {
-            return Err(format!("{place}: format {} of recordings, this program reads {FORMAT}: record anew", self.format));
-        }
         if !self.closed {
             return Err(format!("{place}: the recording was not closed, its end may be missing; record anew"));
         }
@@ -202,16 +300,9 @@ impl Header {
     }
 }
 
-/// Element of the list `files` in run.json: name of a data file, and the number of recorded steps in the file.
-#[derive(Deserialize)]
-struct Entry {
-    name: String,
-    steps: usize,
-}
-
 /// Fields of `stepper.Options` in the JSON file run.json, from which serde reads [`Options`].
 #[derive(Deserialize)]
-#[serde(remote = "Options")]
+#[serde(remote = "Options", deny_unknown_fields)]
 struct PythonOptions {
     timestep: Option<f64>,
     #[serde(with = "ContactLawName")]
@@ -242,8 +333,7 @@ enum ContactLawName {
 /// Reads an integrator by its Python name; `None` if the value is null.
 fn integrator<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Integrator>, D::Error> {
     let Some(name) = Option::<String>::deserialize(from)? else { return Ok(None) };
-    let all = [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::ImplicitFast, Integrator::Rk4];
-    let found = all.into_iter().find(|integrator| integrator.name() == name);
+    let found = Integrator::ALL.into_iter().find(|integrator| integrator.name() == name);
     found.map(Some).ok_or_else(|| D::Error::custom(format!("integrator {name}, which this program does not have")))
 }
 
@@ -269,10 +359,42 @@ enum StabilizationName {
 mod tests {
     use super::*;
 
-    const HEADER: &str = r#"{"format": 4, "closed": true, "note": "", "num_envs": 2, "precision": "f32", "actuators": null, "sensors": null,
+    /// Episode that tests/bench_episode.py recorded, which a test in Python compares with a new recording.
+    const EPISODE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/episode");
+    const HEADER: &str = r#"{"format": 0, "closed": true, "note": "", "num_envs": 2, "precision": "f32", "actuators": null, "sensors": null,
         "options": {"timestep": null, "contact": "hard", "integrator": "rk4", "solver": "pgs", "iterations": 7, "tolerance": 1e-5, "stabilization": "none",
-            "baumgarte": 0.2, "slop": 1e-5, "max_correction_speed": 1.0, "restitution_threshold": 0.01, "max_contacts": null},
-        "files": [{"name": "00000.npz", "rows": 1, "steps": 0, "sha256": ""}]}"#;
+            "baumgarte": 0.2, "slop": 1e-5, "max_correction_speed": 1.0, "restitution_threshold": 0.01, "max_contacts": null}}"#;
+
+    #[test]
+    fn an_episode_in_the_current_format_is_read_and_repeated() {
+        let replay = Replay::load(Path::new(EPISODE)).unwrap();
+        assert_eq!((replay.name.as_str(), replay.num_envs, replay.end.len()), ("pendulums", 2, 2));
+        assert_eq!(replay.calls.iter().map(Call::steps).collect::<Vec<_>>(), [1, 2, 0, 1, 0, 3, 0, 1]);
+        let resets: Vec<_> = replay.calls.iter().filter(|call| matches!(call, Call::Reset { .. })).collect();
+        assert!(
+            matches!(resets[0], Call::Reset { envs, qpos: Some(qpos), qvel: None } if envs == &[1] && qpos == &[0.0, 0.4]),
+            "{resets:?}"
+        );
+        assert!(matches!(resets[1], Call::Reset { envs, qpos: None, qvel: Some(v) } if envs == &[0, 1] && v == &[0.1, 0.1]), "{resets:?}");
+        let mut simulation = replay.simulation().unwrap();
+        replay.calls.iter().for_each(|call| call.run(&mut simulation).unwrap());
+    }
+
+    #[test]
+    fn options_that_this_program_does_not_know_are_refused() {
+        let text = HEADER.replace("\"slop\"", "\"viscosity\": 1.0, \"slop\"");
+        let error = serde_json::from_str::<Header>(&text).err().unwrap().to_string();
+        assert!(error.contains("viscosity"), "{error}");
+    }
+
+    #[test]
+    fn a_file_of_rows_that_is_cut_is_refused() {
+        let bytes = std::fs::read(Path::new(EPISODE).join("rows.bin")).unwrap();
+        assert!(blocks(&bytes, "rows.bin").is_ok_and(|archives| !archives.is_empty()));
+        for length in [1, BLOCK_HEADER, bytes.len() - 1] {
+            assert!(blocks(&bytes[..length], "rows.bin").is_err_and(|error| error.contains("rows.bin")));
+        }
+    }
 
     #[test]
     fn options_are_read_by_their_names_in_python() {
@@ -285,15 +407,15 @@ mod tests {
 
     #[test]
     fn what_cannot_be_repeated_is_refused() {
-        for (of, other, word) in [
-            ("\"format\": 4", "\"format\": 3", "format 3"),
-            ("\"closed\": true", "\"closed\": false", "not closed"),
-            ("\"sensors\": null", "\"sensors\": {}", "sensors"),
-        ] {
+        for (of, other, word) in
+            [("\"closed\": true", "\"closed\": false", "not closed"), ("\"sensors\": null", "\"sensors\": {}", "sensors")]
+        {
             let head: Header = serde_json::from_str(&HEADER.replace(of, other)).unwrap();
             let error = head.check("out/run.json").unwrap_err();
             assert!(error.contains("out/run.json") && error.contains(word), "{error}");
         }
+        let error = Version { format: 0 }.check("out/run.json").unwrap_err();
+        assert!(error.contains("out/run.json") && error.contains("format 0"), "{error}");
         let error = Replay::load(Path::new("no/such/folder")).err().unwrap();
         assert!(error.contains("no/such/folder") && error.contains("Stepper.record"), "{error}");
     }

@@ -43,9 +43,9 @@ impl Npz {
         Ok(Self { place, archive })
     }
 
-    /// Names of all arrays.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.archive.file_names().filter_map(|name| name.strip_suffix(".npy"))
+    /// Names of all arrays. Names that are no text are left out.
+    pub fn names(&self) -> impl Iterator<Item = String> {
+        self.archive.file_names().filter_map(|name| Some(name.ok()?.strip_suffix(".npy")?.to_string()))
     }
 
     /// Array with the given name, or `None` if the file has no such array.

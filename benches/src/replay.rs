@@ -215,7 +215,7 @@ impl Arguments {
     /// Reads the arguments of a row of a block.
     fn of(file: &mut Npz, row: usize) -> Result<Self, String> {
         let prefix = format!("{row}/");
-        let names: Vec<String> = file.names().filter_map(|name| name.strip_prefix(&prefix)).map(String::from).collect();
+        let names: Vec<String> = file.names().filter_map(|name| name.strip_prefix(&prefix).map(String::from)).collect();
         let arrays = names.into_iter().map(|name| Ok((name.clone(), file.array(&format!("{prefix}{name}"))?)));
         Ok(Self(arrays.collect::<Result<_, String>>()?))
     }

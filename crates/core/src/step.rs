@@ -53,8 +53,8 @@ pub fn step<R: Real>(
             ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
         };
         let finite = span!(probe, Accept, || {
-            let Workspace { state, evaluation, velocity, position, alive, .. } = s;
-            accept(compiled, state, evaluation, velocity, position, *alive, options.timestep)
+            let Workspace { state, evaluation, problem, velocity, position, alive, .. } = s;
+            accept(compiled, state, evaluation, problem, velocity, position, *alive, options.timestep)
         });
         // 9 sense
         let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
@@ -69,7 +69,7 @@ pub fn step<R: Real>(
         // Contacts that are still deferred (left out by the solver) are not stored for the next step: their gap seemed to close, but
         // their geoms passed each other without touching. `solve_velocities` has activated those whose gap stays open, which the state
         // keeps.
-        problem.remove_deferred(&mut state.contacts);
+        problem.remove_deferred(&mut state.contacts, finite);
         record
     })
 }
@@ -92,9 +92,9 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // depend on the predicted velocity. With Euler's rule there is no prediction.
     let mut velocity_loop = VelocityLoop { context, free, problem, velocity, builder, collisions };
     let (solver, energy_unresolved) = velocity_loop.solve_velocities(probe);
-    // Velocities are limited in lanes whose motion is too fast for the time step, whose kinetic energy the solver's residual may change
-    // noticeably (ambiguous energy), or whose Baumgarte correction is very large.
-    let mut outcome = velocity_loop.bound_velocities(position, solver, probe);
+    // Velocities are limited in islands whose motion is too fast for the time step or whose kinetic energy the solver's residual may change
+    // noticeably (ambiguous energy), and in lanes whose Baumgarte correction is very large.
+    let mut outcome = velocity_loop.bound_velocities(position, resolution, solver, probe);
     // With the Runge-Kutta method, the energy of lanes without constraints is not checked here. `replace_step` below replaces their
     // solution, except where the motion is too fast; there the velocity is limited already.
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
@@ -115,17 +115,19 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let corrected = span!(probe, Stabilise, || correct_positions(StepContext { input, evaluation }, free, problem, velocity, position));
     outcome.infeasible = outcome.infeasible.or(corrected.infeasible);
     outcome.tunnelled = span!(probe, Tunnelling, || find_tunnelling(input, evaluation, velocity, position, corrected, &outcome));
-    span!(probe, Stabilise, || accept_corrections(input, evaluation, problem, position, corrected));
+    span!(probe, Stabilise, || accept_corrections(input, evaluation, problem, velocity, position, corrected));
     if options.poison {
         velocity.poison_impulses();
     }
     if let Some(rk4) = &mut s.rk4 {
-        // Lanes without constraints whose motion is not too fast for the time step get the result of the Runge-Kutta method.
-        let lanes = alive.and_not(problem.constrained.or(free.unresolved));
-        span!(probe, Rk4, || rk4.replace_step(StepContext { input, evaluation }, lanes, velocity, position));
+        // Trees without constraints whose motion is not too fast for the time step get the result of the Runge-Kutta method.
+        span!(probe, Rk4, || {
+            rk4.find_smooth_trees(input, problem, &free.unresolved);
+            rk4.replace_step(StepContext { input, evaluation }, velocity, position);
+        });
     }
     let context = StepContext { input, evaluation };
-    span!(probe, GuardEnergy, || resolution.limit_energy(context, &free.v, velocity, &position.q, outcome.limited));
+    span!(probe, GuardEnergy, || resolution.limit_energy(context, problem, &free.v, velocity, &position.q, outcome.limited));
     // The generalized impulse of this step replaces that of the last step, which `compute_free_motion` has read.
     std::mem::swap(&mut state.impulse, &mut free.constraint_impulse);
     outcome

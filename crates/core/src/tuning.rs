@@ -121,7 +121,7 @@ pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 pub(crate) const MAX_RESOLVED_MOTION: f64 = 0.02;
 
 /// Largest displacement of a degree of freedom in a step by the velocity change of predicted impulses, rad or m. If a change causes a
-/// larger displacement and increases the speed of the fastest degree of freedom, the predicted velocity ignores the change.
+/// larger displacement in a mechanism and increases the speed of its fastest degree of freedom, the predicted velocity ignores the change.
 pub(crate) const MAX_IMPACT_MOTION: f64 = 0.1;
 
 /// Residual of the first solution, as a multiple of the tolerance, above which impacts become inelastic.

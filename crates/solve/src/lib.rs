@@ -54,5 +54,5 @@ pub use iterate::{Iterate, Snapshot};
 pub use position_rows::PositionRows;
 pub use problem::{Problem, System};
 pub use reference::Reference;
-pub use residual::{energy_is_ambiguous, max_residual_for_energy, residual, worst_constraint};
+pub use residual::{energy_is_ambiguous, for_each_load, max_residual_for_energy, residual, worst_constraint};
 pub use solver::{Outcome, PASSES, Settings, solve};

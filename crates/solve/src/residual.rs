@@ -49,6 +49,18 @@ pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: 
     })
 }
 
+/// Calls `f` for each active constraint of lane `lane`, with its coordinates (columns of the Jacobian), ascending, its residual, m/s, and its
+/// normal impulse, N s.
+pub fn for_each_load<'a, R: Real>(
+    system: impl Into<System<'a, R>>,
+    iterate: &Iterate<R>,
+    lane: usize,
+    mut f: impl FnMut(&mut dyn Iterator<Item = u32>, f64, f64),
+) {
+    let system = system.into();
+    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_load(rows, impulses, &iterate.w, lane, &mut f));
+}
+
 /// Largest residual at which the impulses determine the kinetic energy, m/s, see [`energy_is_ambiguous`]. `negligible`, J, is added to the
 /// kinetic energy.
 #[inline(always)]

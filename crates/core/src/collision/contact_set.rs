@@ -179,10 +179,14 @@ impl<R: Real> Contacts<R> {
         k
     }
 
-    /// Removes the contacts of lane `l` in the slots for which `keeps` returns false. The order of the remaining contacts does not change.
-    pub(crate) fn retain(&mut self, l: usize, keeps: impl Fn(usize) -> bool) {
+    /// Removes the contacts of lane `l` for which `keeps` returns false. Its arguments are the slot and the identity of a contact. The order
+    /// of the remaining contacts does not change.
+    pub(crate) fn retain(&mut self, l: usize, mut keeps: impl FnMut(usize, ContactId) -> bool) {
         let mut to = 0;
-        for from in (0..self.count[l]).filter(|&k| keeps(k)) {
+        for from in 0..self.count[l] {
+            if !keeps(from, self.ids[from][l]) {
+                continue;
+            }
             if to < from {
                 self.ids[to][l] = self.ids[from][l];
                 let (before, after) = self.data.split_at_mut(from);

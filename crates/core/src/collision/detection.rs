@@ -37,6 +37,8 @@ pub struct CollisionWorkspace<R: Real> {
     pub(crate) statics: StaticSearch<R>,
     /// For each geom, whether it may have passed through the thinnest static geom since the beginning of the step, in any lane.
     may_tunnel: Vec<bool>,
+    /// Lanes in which the contacts of each mechanism are unreliable, because its geoms have moved too far since the beginning of the step.
+    pub(crate) unreliable: Vec<R::Mask>,
     /// Near dynamic pairs: index of the pair in the compiled model, lanes in which its bounding balls overlap, and the pair.
     pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
     /// Packed pairs: near pairs of a ball or capsule with a box, of which several share a SIMD register.
@@ -124,6 +126,7 @@ impl<R: Real> CollisionWorkspace<R> {
             near: vec![(0, 0); compiled.pairs.len() + 1],
             near_count: 0,
             broad: Broad::default(),
+            unreliable: vec![R::Mask::splat(false); compiled.mechanisms.count],
             dynamic: vec![],
             packed: PackedPairs::default(),
             reduction: ContactReduction::default(),

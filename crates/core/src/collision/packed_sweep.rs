@@ -52,9 +52,16 @@ pub(crate) fn can_be_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPai
 }
 
 impl<R: Real> PackedSweep<R> {
-    /// Packs the first `LANES` of `items` for the motion of `swept`. All items have the kernel `kernel`. The pair of `path` is not used.
+    /// Packs the first `LANES` of `items` for the motion of `swept`. All items have the kernel `kernel`. Pair and time of `path` are not
+    /// used: `time_of` returns the duration of the path of each pair, s.
     #[inline(always)]
-    pub(crate) fn new(swept: &SweptPair<R>, path: &Path<'_, R>, kernel: Kernel, items: &[Item<R::Scalar>]) -> Self {
+    pub(crate) fn new(
+        swept: &SweptPair<R>,
+        path: &Path<'_, R>,
+        time_of: impl Fn(usize) -> R,
+        kernel: Kernel,
+        items: &[Item<R::Scalar>],
+    ) -> Self {
         let Path { compiled, kinematics, start, .. } = *path;
         let frame = |item: &Item<R::Scalar>| compiled.geoms[item.geoms[0]].frame;
         let of_ball = |item: &Item<R::Scalar>| item.geoms[0];
@@ -65,7 +72,7 @@ impl<R: Real> PackedSweep<R> {
             let [radius, half_length, _] = compiled.params.geom_size(of_ball(item));
             [radius, half_length, compiled.params.bounding_radius(of_ball(item))]
         });
-        let [slack, time] = gather!(items, |_| [path.slack, path.time]);
+        let [slack, time] = gather!(items, |item| [path.slack, time_of(item.index)]);
         Self {
             kernel,
             pos: gather!(items, |item| start.pos[of_ball(item)]),

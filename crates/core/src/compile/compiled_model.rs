@@ -11,6 +11,7 @@ use stepper_real::{Real, Scalar};
 use crate::compile::actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo};
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 use crate::compile::equality::{CompiledTendon, EqualityBlock};
+use crate::compile::mechanisms::Mechanisms;
 use crate::compile::merging::Merged;
 use crate::compile::parameters::Params;
 use crate::compile::passive::{CompiledFluid, CompiledSurface, GravityCompensation};
@@ -59,6 +60,13 @@ pub struct ModelStructure<S: Scalar> {
     pub na: usize,
     /// Number of kinematic trees.
     pub ntree: usize,
+    /// Mechanisms: sets of kinematic trees that the model couples.
+    pub mechanisms: Mechanisms,
+    /// Kinematic tree on which the actuator of each activation acts; `None` if it acts on no degree of freedom.
+    pub tree_of_act: Vec<Option<usize>>,
+    /// A kinematic tree on which each scalar constraint row acts; `None` if it acts on no degree of freedom. The indices are those of the
+    /// list of impulses of scalar constraint rows.
+    pub tree_of_scalar_impulse: Vec<Option<usize>>,
     /// Velocity of the surrounding fluid in world axes, m/s.
     pub wind: [S; 3],
     /// Bodies and geoms on which the surrounding fluid exerts forces.
@@ -160,6 +168,31 @@ impl<S: Scalar> ModelStructure<S> {
     pub fn tree_of(&self, frame: usize) -> Option<usize> {
         let (w, word) = self.moved_dofs[frame].iter().enumerate().find(|(_, word)| **word != 0)?;
         Some(self.dofs[64 * w + word.trailing_zeros() as usize].tree)
+    }
+
+    /// Mechanism of the degree of freedom `dof`.
+    #[inline(always)]
+    pub fn mechanism_of(&self, dof: usize) -> usize {
+        self.mechanisms.of_tree[self.dofs[dof].tree]
+    }
+
+    /// Mechanism of the geom `geom`; `None` if the geom is fixed to the world.
+    #[inline(always)]
+    pub fn mechanism_of_geom(&self, geom: usize) -> Option<usize> {
+        let link = self.geoms[geom].frame.checked_sub(1)?;
+        Some(match link.checked_sub(self.links.len()) {
+            Some(mocap) => self.mechanisms.of_mocap[mocap],
+            None => self.mechanisms.of_tree[self.links[link].tree],
+        })
+    }
+
+    /// Kinematic tree of each configuration coordinate.
+    pub fn tree_of_q(&self) -> Vec<usize> {
+        let mut trees = vec![0; self.nq];
+        for joint in &self.joints {
+            trees[joint.q..joint.q + joint.kind.nq()].fill(self.dofs[joint.v].tree);
+        }
+        trees
     }
 
     /// Pair `index`: a pair in `pairs`, or one of the dynamic pairs.

@@ -5,6 +5,7 @@ use stepper_real::Scalar;
 use crate::compile::collision::DynamicPairs;
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::{ball_limits, frictions, limits};
+use crate::compile::mechanisms::{Mechanisms, tree_of_act, tree_of_scalar_impulse};
 use crate::compile::merging::Merged;
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::static_pairs::StaticPairs;
@@ -39,11 +40,17 @@ impl<S: Scalar> CompiledModel<S> {
         let input = actuators::CompilerInput { model, merged: &merged, frictions: &frictions };
         let actuators = actuators::CompiledActuators::new(input, specs);
         let lossy = frictions.iter().any(|f| f.driven);
+        let mocap = merging::mocap(model, &merged);
+        let tree_of_act = tree_of_act(model.na(), &dofs, &actuators.actuators);
+        let mechanisms = Mechanisms::new(merged.ntree, &dofs, &mocap, &equalities, &tendons, &actuators.actuators);
         let structure = ModelStructure {
             nq: model.nq(),
             nv: model.nv(),
             na: model.na(),
             ntree: merged.ntree,
+            mechanisms,
+            tree_of_act,
+            tree_of_scalar_impulse: vec![],
             wind: scalars(model.medium.wind),
             fluid: passive::fluid(model, &merged),
             compensation: passive::compensation(model, &merged),
@@ -56,7 +63,7 @@ impl<S: Scalar> CompiledModel<S> {
             chain,
             descendants,
             moved_dofs,
-            mocap: merging::mocap(model, &merged),
+            mocap,
             bodies: merging::bodies(model, &merged),
             pair_groups: collision::pair_groups(&geoms, &pairs),
             moving_geoms: (0..geoms.len()).filter(|&g| geoms[g].frame != 0).collect(),
@@ -88,6 +95,7 @@ impl<S: Scalar> CompiledModel<S> {
             softness: None,
             merged,
         };
+        let structure = ModelStructure { tree_of_scalar_impulse: tree_of_scalar_impulse(&structure), ..structure };
         let params = structure.params_of(model).map(S::from_f64);
         let ModelStructure { geoms, pairs, dynamic_pairs, ntree, .. } = &structure;
         let group = |frame: usize| structure.tree_of(frame).unwrap_or(frame + ntree);

@@ -7,6 +7,7 @@ mod compiler;
 mod equality;
 mod lane_model;
 mod limits;
+mod mechanisms;
 mod merging;
 mod parameter_layout;
 mod parameter_row;

@@ -69,7 +69,7 @@ impl<R: Real> Assembler<'_, R> {
                 let [a, b] = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
                 if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
                     let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
-                    let displacement = scale(free, self.problem.closing_time);
+                    let displacement = scale(free, input.times.of_pair(compiled, [a, b]).closing);
                     let distance = norm([reach + gap + displacement[0], displacement[1], displacement[2]]);
                     let meets = distance.lt(reach).and((reach + gap + displacement[0]).gt(R::zero()));
                     out = out.and_not(meets.and(R::Mask::from_bits(same)));
@@ -92,7 +92,7 @@ impl<R: Real> ConstraintProblem<R> {
     }
 
     /// Whether the contact in slot `k` is deferred in lane `lane`.
-    fn is_deferred(&self, k: usize, lane: usize) -> bool {
+    pub(crate) fn is_deferred(&self, k: usize, lane: usize) -> bool {
         self.deferred.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1)
     }
 
@@ -235,12 +235,12 @@ impl<R: Real> ConstraintProblem<R> {
         }
     }
 
-    /// Removes the contacts that are still deferred from `contacts`, because their surfaces have passed each other.
+    /// Removes the contacts of the lanes `lanes` that are still deferred from `contacts`, because their surfaces have passed each other.
     #[inline(always)]
-    pub(crate) fn remove_deferred(&self, contacts: &mut Contacts<R>) {
-        let lanes = self.deferred_lanes(R::Mask::splat(true));
+    pub(crate) fn remove_deferred(&self, contacts: &mut Contacts<R>, lanes: R::Mask) {
+        let lanes = self.deferred_lanes(lanes);
         for lane in each_of(lanes.bits()) {
-            contacts.retain(lane, |slot| !self.is_deferred(slot, lane));
+            contacts.retain(lane, |slot, _| !self.is_deferred(slot, lane));
         }
     }
 }

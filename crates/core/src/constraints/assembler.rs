@@ -5,6 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::evaluation_times::{EvaluationTimes, SlotTimes};
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::constraints::velocity_solution::VelocitySolution;
@@ -47,15 +48,10 @@ pub(crate) struct RowInput<'a, R: Real> {
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
-    /// Time from the configuration before the step to the configuration at which the rows are evaluated, s.
-    pub time_before: R,
+    /// Time in the step at which the rows of each mechanism are evaluated.
+    pub times: &'a EvaluationTimes<R>,
     /// Whether the step evaluates forces and contacts in its middle, and impacts at their times (midpoint rule).
     pub in_the_middle: bool,
-    /// Fraction of a contact gap that may close in the step.
-    pub closing_fraction: R,
-    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are very fast. Lanes in which
-    /// the search for impacts set the evaluation point are not among them.
-    pub at_start: R::Mask,
     /// Overlaps in the solved step, while derivatives evaluate the step at displaced states; `None` otherwise. These overlaps determine
     /// which rows correct an overlap, so that the same rows do so at all displaced states.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
@@ -64,14 +60,14 @@ pub(crate) struct RowInput<'a, R: Real> {
 }
 
 impl<R: Real> RowInput<'_, R> {
-    /// Part of the gap `phi` that may close in the step, m. An overlap (negative gap) is returned unchanged.
+    /// Evaluation times of the contacts in slot `k` of the contact set, in the lanes `lanes` (bits).
     #[inline(always)]
-    pub(crate) fn closing_part(&self, phi: R) -> R {
-        R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
+    pub(crate) fn times_of_slot(&self, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlotTimes<R> {
+        self.times.of_slot(self.compiled, contacts, k, lanes)
     }
 
     /// Part of the gap in slot `k` of the contact set (one contact per lane) that may close in the step, m. It is usually the result of
-    /// [`RowInput::closing_part`]. Very fast bodies without restitution may close the whole gap if it is wide.
+    /// [`SlotTimes::closing_part`]. Very fast bodies without restitution may close the whole gap if it is wide.
     ///
     /// `lanes` (bits) are the lanes with a contact. A gap is wide above [`WIDE_GAP_RATIO`] times the tunnelling distance. If the body
     /// could close only a part of a wide gap in each step, it would slow down before it touches. A body that closes a wide gap is still
@@ -79,8 +75,9 @@ impl<R: Real> RowInput<'_, R> {
     #[inline(always)]
     pub(crate) fn closing_part_of_slot(&self, contacts: &Contacts<R>, k: usize, lanes: u32) -> R {
         let slot = &contacts.data[k];
-        let (phi, part) = (slot.point.distance, self.closing_part(slot.point.distance));
-        let fast = self.at_start.and(R::Mask::from_bits(lanes)).and(slot.restitution.le(R::zero()));
+        let times = self.times_of_slot(contacts, k, lanes);
+        let (phi, part) = (slot.point.distance, times.closing_part(slot.point.distance));
+        let fast = times.at_start.and(R::Mask::from_bits(lanes)).and(slot.restitution.le(R::zero()));
         if fast.none() {
             return part;
         }

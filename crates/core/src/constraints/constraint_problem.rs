@@ -52,8 +52,6 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) deferred: Vec<DeferredContact<R>>,
     /// Curvature terms that the offsets of friction rows contain.
     pub(crate) curvature_terms: Vec<CurvatureTerms<R>>,
-    /// Time from the rows' evaluation point to the evaluation point of the next step, s. A gap may close within this time.
-    pub(crate) closing_time: R,
     /// Lanes in which each equality of the model is active.
     pub(crate) active_equalities: ActiveEqualities<R>,
     /// Problem of MuJoCo's contact law; `None` with hard contact. With that law `rows` is empty.
@@ -133,7 +131,6 @@ impl<R: Real> ConstraintProblem<R> {
             resolves_impacts: false,
             deferred: Vec::with_capacity(max_contacts + rolling_contacts),
             curvature_terms: Vec::with_capacity(max_contacts + rolling_contacts),
-            closing_time: R::zero(),
             active_equalities: ActiveEqualities::new(compiled),
             soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_columns),
         }

@@ -224,7 +224,7 @@ impl<R: Real> Assembler<'_, R> {
         let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
         let mut bounces = R::Mask::splat(false);
         if self.problem.resolves_impacts {
-            exists = self.bounce_at_impact_time(input, slot, exists, [free, change], bias, &mut offsets);
+            exists = self.bounce_at_impact_time(input, (contacts, k), exists, [free, change], bias, &mut offsets);
             bounces = self.problem.impacts.last().map_or(bounces, |impact| impact.lanes);
         }
         let lanes = self.approaching_lanes(input, contacts, k, exists.and(rigid), before[0], free_eliminated);

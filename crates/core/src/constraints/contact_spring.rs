@@ -41,11 +41,12 @@ impl<R: Real> RowBuilder<R> {
         let mut row = CompliantRow { lanes: R::Mask::splat(false), bias: R::zero(), compliance: R::zero() };
         let error = contacts.data[k].point.distance;
         let (apart, gram) = (error.ge(R::zero()), self.gram(input.mass, 0));
+        let closing_part = input.times_of_slot(contacts, k, lanes).closing_part(error);
         for (pair, lanes) in contacts.pairs(k, lanes) {
             let Some(spring) = compiled.pair(pair).spring else { continue };
             let there = R::Mask::from_bits(lanes);
             let RowLaw { g, compliance, exists, .. } = spring_law(input, &spring, SpringRow { error, before, free, gram, acts: there });
-            let bias = R::select(apart, input.closing_part(error) / input.h, g[0] - free);
+            let bias = R::select(apart, closing_part / input.h, g[0] - free);
             let there = there.and(exists);
             row.lanes = row.lanes.or(there);
             row.bias = R::select(there, bias, row.bias);

@@ -56,7 +56,7 @@ impl<R: Real> Assembler<'_, R> {
         offsets: &mut [[R; 2]; 3],
     ) -> [R; 2] {
         kernel!(R, || {
-            let RowInput { h, time_before, .. } = *input;
+            let time_after = input.times_of_slot(contacts, k, lanes.bits()).after;
             let slot = &contacts.data[k];
             let n = slot.point.normal;
             let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -70,7 +70,7 @@ impl<R: Real> Assembler<'_, R> {
             let mut curves = [R::zero(); 2];
             for i in 1..3 {
                 let most = (free[i] - change[i]).abs();
-                let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
+                let curve = (dot(axes[i], rate) * time_after).clamp(-most, most);
                 for offset in &mut offsets[i] {
                     *offset = R::select(lanes, *offset + curve, *offset);
                 }

@@ -1,17 +1,19 @@
 //! Islands: sets of kinematic trees that rows of the constraint problem connect, such as two robots in contact.
 
-use stepper_real::Real;
-use stepper_solve::System;
+use stepper_real::{Real, Scalar};
+use stepper_solve::{Iterate, System, for_each_load};
 
 use crate::compile::ModelStructure;
+use crate::math::disjoint_sets::DisjointSets;
+use crate::tuning::MAX_TRUSTED_RESIDUAL;
 
-/// Islands of one lane as disjoint sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984).
+/// Islands of one lane as disjoint sets of trees.
 ///
-/// For each island, callers can collect the maximum of some values, and two sums of penalties. Values and penalties belong to trees.
+/// For each island, callers can collect the maximum of some values, loads, energies, and two sums of penalties. All belong to trees.
 #[derive(Clone, Debug)]
 pub(crate) struct Islands {
-    /// For each tree, another tree of its island with a smaller index, or the tree itself if it is the root of its island.
-    above: Vec<u32>,
+    /// Trees of each island.
+    trees: DisjointSets,
     /// Maximum and sums of each island, at the index of the island's root tree.
     islands: Vec<Island>,
 }
@@ -25,34 +27,45 @@ struct Island {
     penalties: [f64; 2],
     /// Whether the island is excluded from penalties.
     exempt: bool,
+    /// Load of the island, from [`Islands::add_loads`].
+    load: IslandLoad,
+    /// Sums of the values that [`Islands::add_energies`] received, J.
+    energies: [f64; 5],
+}
+
+/// Load of the constraints of an island.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct IslandLoad {
+    /// Whether the island has a constraint.
+    pub(crate) is_constrained: bool,
+    /// Largest residual of a constraint, m/s.
+    pub(crate) residual: f64,
+    /// Sum of all normal impulses, N s.
+    pub(crate) impulse: f64,
+    /// Kinetic energy of the velocity change by the impulses, J.
+    pub(crate) energy: f64,
+}
+
+impl IslandLoad {
+    /// Whether the residual may change the kinetic energy of the island noticeably: it is above [`MAX_TRUSTED_RESIDUAL`] and ten times the
+    /// tolerance, or enormous impulses nearly cancel ([`stepper_solve::energy_is_ambiguous`]). `negligible` is added to the energy, J.
+    pub(crate) fn is_ambiguous(&self, tolerance: f64, negligible: f64) -> bool {
+        let unsolved = self.residual > MAX_TRUSTED_RESIDUAL.max(10.0 * tolerance);
+        unsolved || self.residual.min(1e-6) * self.impulse > self.energy + negligible
+    }
 }
 
 impl Islands {
     /// Workspace for a model with `trees` kinematic trees.
     pub(crate) fn new(trees: usize) -> Self {
-        Self { above: vec![0; trees], islands: vec![Island::default(); trees] }
+        Self { trees: DisjointSets::new(trees), islands: vec![Island::default(); trees] }
     }
 
     /// Finds the islands of lane `lane`: trees that an active row connects are in the same island.
     pub(crate) fn find<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, system: System<'_, R>, lane: usize) {
-        for (tree, above) in self.above.iter_mut().enumerate() {
-            *above = tree as u32;
-        }
+        self.trees.separate();
         self.islands.fill(Island::default());
-        system.for_each_column_set(lane, |dofs| {
-            let mut first = None;
-            for d in dofs {
-                let tree = self.root(compiled.dofs[d as usize].tree);
-                match first {
-                    None => first = Some(tree),
-                    Some(other) if other != tree => {
-                        self.above[tree.max(other)] = tree.min(other) as u32;
-                        first = Some(tree.min(other));
-                    }
-                    Some(_) => {}
-                }
-            }
-        });
+        system.for_each_column_set(lane, |dofs| self.trees.join_all(dofs.map(|d| compiled.dofs[d as usize].tree)));
     }
 
     /// Updates the maximum of the island of `tree` with the value `x`; NaN counts as infinite.
@@ -66,10 +79,45 @@ impl Islands {
         self.island(tree).most
     }
 
+    /// Adds the loads of all constraints in lane `lane`, with the impulses `iterate`. [`Islands::load_of`] returns them.
+    pub(crate) fn add_loads<R: Real>(
+        &mut self,
+        compiled: &ModelStructure<R::Scalar>,
+        system: System<'_, R>,
+        iterate: &Iterate<R>,
+        lane: usize,
+    ) {
+        for_each_load(system, iterate, lane, |dofs, residual, impulse| {
+            let Some(dof) = dofs.next() else { return };
+            let load = &mut self.island(compiled.dofs[dof as usize].tree).load;
+            load.is_constrained = true;
+            load.residual = if residual.is_nan() { f64::INFINITY } else { load.residual.max(residual) };
+            load.impulse += impulse;
+        });
+        for (dof, w) in iterate.w.iter().enumerate() {
+            self.island(compiled.dofs[dof].tree).load.energy += 0.5 * w.lane(lane).to_f64().powi(2);
+        }
+    }
+
+    /// Load of the island of `tree`.
+    pub(crate) fn load_of(&mut self, tree: usize) -> IslandLoad {
+        self.island(tree).load
+    }
+
+    /// Adds `energies`, J, to the sums of the island of `tree`.
+    pub(crate) fn add_energies(&mut self, tree: usize, energies: [f64; 5]) {
+        self.island(tree).energies.iter_mut().zip(energies).for_each(|(sum, energy)| *sum += energy);
+    }
+
+    /// Sums of the values that [`Islands::add_energies`] received for the island of `tree`, J.
+    pub(crate) fn energies_of(&mut self, tree: usize) -> [f64; 5] {
+        self.island(tree).energies
+    }
+
     /// Adds `penalty` to sum number `which` (0 or 1) of the islands of two trees. If both trees are in the same island, the penalty is
     /// added once.
     pub(crate) fn add_penalty(&mut self, trees: [Option<usize>; 2], which: usize, penalty: f64) {
-        let [a, b] = trees.map(|tree| tree.map(|tree| self.root(tree)));
+        let [a, b] = trees.map(|tree| tree.map(|tree| self.trees.root(tree)));
         for root in [a, if a == b { None } else { b }].into_iter().flatten() {
             self.islands[root].penalties[which] += penalty;
         }
@@ -87,16 +135,7 @@ impl Islands {
     }
 
     fn island(&mut self, tree: usize) -> &mut Island {
-        let root = self.root(tree);
+        let root = self.trees.root(tree);
         &mut self.islands[root]
-    }
-
-    fn root(&mut self, mut tree: usize) -> usize {
-        while self.above[tree] as usize != tree {
-            let next = self.above[self.above[tree] as usize];
-            self.above[tree] = next;
-            tree = next as usize;
-        }
-        tree
     }
 }

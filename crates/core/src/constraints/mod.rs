@@ -13,6 +13,7 @@ pub mod dry_friction;
 pub mod elimination;
 pub mod equality;
 pub mod equality_violation;
+pub(crate) mod evaluation_times;
 pub mod impact_time;
 pub mod islands;
 pub mod jacobian;

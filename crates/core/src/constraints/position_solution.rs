@@ -6,7 +6,6 @@ use stepper_solve::{PositionRows, Reference};
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_problem::{ConstraintProblem, capacity_of};
-use crate::constraints::islands::Islands;
 use crate::dynamics::kinematics::Kinematics;
 
 /// Positions after the step, and the workspace of their correction in stage 8.
@@ -24,8 +23,6 @@ pub struct PositionSolution<R: Real> {
     /// Impulses of the velocity solution. The compliance that damps the position rows acts on the difference between the impulses of the
     /// position solve and these.
     pub(crate) reference: Reference<R>,
-    /// Islands: sets of kinematic trees that constraint rows connect.
-    pub(crate) islands: Islands,
     /// Free velocity (velocity without impulses) of the position solve, nv.
     pub(crate) v_free: Vec<R>,
     /// Displacement by impacts divided by the time step, nv. It is added to `v_free`.
@@ -53,7 +50,6 @@ impl<R: Real> PositionSolution<R> {
             rows: PositionRows::new(&capacity),
             unconstrained_mobility: Vec::with_capacity(capacity.scalars + capacity.contacts + capacity.rolling_contacts),
             reference: Reference::new(&capacity),
-            islands: Islands::new(compiled.ntree),
             v_free: v(),
             impact_displacement: v(),
             correction: v(),

@@ -20,6 +20,7 @@ use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::LaneModel;
 use crate::constraints::assembler::{Assembler, RowInput, tunnelling_distance};
 use crate::constraints::constraint_problem::{ConstraintProblem, Impact, shift_impacts};
+use crate::constraints::evaluation_times::{EvaluationTimes, SlotTimes};
 use crate::constraints::impact_time::Flight;
 use crate::constraints::position_solution::PositionSolution;
 use crate::constraints::row_builder::RowBuilder;
@@ -98,8 +99,8 @@ impl<R: Real> Assembler<'_, R> {
         bias + change
     }
 
-    /// Replaces the `offsets` of the velocity solve for a contact that bounces within the step, by the midpoint rule. Returns the lanes of
-    /// `exists` in which the rows are needed.
+    /// Replaces the `offsets` of the velocity solve for the contact in slot `k` of `contacts`, if it bounces within the step, by the midpoint
+    /// rule. Returns the lanes of `exists` in which the rows are needed.
     ///
     /// Only steps by the midpoint rule with an elastic contact call this function. `free` are the velocities of the rows without
     /// constraints, before equalities are eliminated. `change` is the change of these velocities by the free motion in the step. After the
@@ -109,7 +110,7 @@ impl<R: Real> Assembler<'_, R> {
     pub(crate) fn bounce_at_impact_time(
         &mut self,
         input: &RowInput<'_, R>,
-        slot: &Slot<R>,
+        (contacts, k): (&Contacts<R>, usize),
         exists: R::Mask,
         [free, change]: [V3<R>; 2],
         bias: R,
@@ -117,6 +118,7 @@ impl<R: Real> Assembler<'_, R> {
     ) -> R::Mask {
         kernel!(R, || {
             let RowInput { compiled, options, .. } = *input;
+            let slot = &contacts.data[k];
             let e = slot.restitution;
             let elastic = exists.and(e.gt(R::zero()));
             if elastic.none() {
@@ -126,7 +128,8 @@ impl<R: Real> Assembler<'_, R> {
             }
             let before = sub(free, change);
             let free_eliminated = [offsets[0][0] - bias, offsets[1][0], offsets[2][0]];
-            let (gap, time_before, h) = (slot.point.distance, input.time_before, input.h);
+            let time_before = input.times_of_slot(contacts, k, elastic.bits()).before;
+            let (gap, h) = (slot.point.distance, input.h);
             let flight = Flight { gap, before: before[0], free: free_eliminated[0], time_before, h };
             let prediction = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
             let bounces = prediction.collides.or(prediction.separates);
@@ -233,10 +236,8 @@ pub(crate) struct ImpactStep<'a, R: Real> {
     pub(crate) slop: f64,
     /// Time step, s.
     pub(crate) h: R,
-    /// Time from the beginning of the step to the evaluation of contacts, s.
-    pub(crate) time_before: R,
-    /// Time from the evaluation of contacts to the end of the step, s.
-    pub(crate) time_after: R,
+    /// Evaluation time of each mechanism.
+    pub(crate) times: &'a EvaluationTimes<R>,
     /// Lanes with an impact.
     pub(crate) lanes: R::Mask,
 }
@@ -248,8 +249,8 @@ impl<R: Real> ImpactStep<'_, R> {
     /// correction of the position solve, the end gap is gap + h v_position - (h - time_after) v_n+. For a contact that overlaps by more
     /// than the slop, the offset does not change. `impulses` are the impulses of the velocity solution.
     #[inline(always)]
-    fn set_end_gap_offset(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
-        let Self { problem, contacts, slop, h, time_after, .. } = *self;
+    fn set_end_gap_offset(&self, i: usize, times: &SlotTimes<R>, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
+        let Self { problem, contacts, slop, h, .. } = *self;
         let rows = &problem.rows;
         let slot = problem.slot_of(i);
         let g = i.checked_sub(rows.contacts.len()).map_or_else(|| rows.contacts[i].g[0], |k| rows.rolling_contacts[k].g[0]);
@@ -261,8 +262,8 @@ impl<R: Real> ImpactStep<'_, R> {
             lanes.and(distance.ge(-R::of(slop))),
             #[inline(always)]
             |offset| {
-                let free_normal = offset - gap / problem.closing_time;
-                free_normal + (gap - (free_normal + change) * (h - time_after)) / h
+                let free_normal = offset - gap / times.closing;
+                free_normal + (gap - (free_normal + change) * (h - times.after)) / h
             },
         );
     }
@@ -299,7 +300,7 @@ impl<R: Real> PositionSolution<R> {
     /// solution, whichever has more kinetic energy.
     pub(crate) fn remove_impacts(&mut self, compiled: &LaneModel<R>, impulses: &mut Iterate<R>, step: &ImpactStep<'_, R>) {
         kernel!(R, || {
-            let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;
+            let ImpactStep { problem, contacts, mass, free, h, lanes, .. } = *step;
             let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
             let sliding_contacts = rows.contacts.len();
             let twice_energy = max_twice_energy(compiled, mass, free, impulses, moved);
@@ -310,8 +311,9 @@ impl<R: Real> PositionSolution<R> {
                 if impact_lanes.none() {
                     continue;
                 }
-                step.set_end_gap_offset(i, impact_lanes, impulses, positions);
-                let weight = R::one() + (time_before / h - impact.time_fraction);
+                let times = step.times.of_slot(compiled, contacts, problem.slot_of(i), impact_lanes.bits());
+                step.set_end_gap_offset(i, &times, impact_lanes, impulses, positions);
+                let weight = R::one() + (times.before / h - impact.time_fraction);
                 if i < sliding_contacts {
                     let lambda = select(impact_lanes, impulses.contacts[i], zero());
                     rows.contacts.add(&rows.contacts[i], lambda, removed);

@@ -6,6 +6,7 @@ use stepper_solve::{Iterate, Snapshot};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::constraint_problem::capacity_of;
+use crate::constraints::islands::Islands;
 use crate::constraints::redundant_supports::ContactGroups;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::MassMatrix;
@@ -27,6 +28,8 @@ pub struct VelocitySolution<R: Real> {
     pub(crate) saved_impulses: Snapshot<R>,
     /// Newton's method and its workspace, which stage 8 also uses.
     pub newton: Newton,
+    /// Workspace for the islands of one lane: sets of kinematic trees that constraint rows connect.
+    pub(crate) islands: Islands,
     /// For each unsolved lane, the row with the largest residual.
     pub worst: WorstRows<R>,
     /// Request to save the constraint problem of a lane, and the saved problem.
@@ -53,6 +56,7 @@ impl<R: Real> VelocitySolution<R> {
             contact_groups: ContactGroups::new(max_contacts),
             saved_impulses: Snapshot::new(&capacity),
             newton: Newton::default(),
+            islands: Islands::new(compiled.ntree),
             worst: WorstRows::new(),
             capture: Capture::default(),
         }

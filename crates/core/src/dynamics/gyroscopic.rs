@@ -34,22 +34,22 @@ const ITERATIONS: usize = 8;
 /// Corrects the free velocities `v_free` (velocities without constraint impulses) of single bodies so that they follow the discrete
 /// midpoint rule. `v` is the velocity before the step. `v_free` contains the gyroscopic force at the velocity `v_eval`.
 ///
-/// `times` are two durations, s: from the beginning of the step to its evaluation point (the time at which forces are evaluated), and from
-/// there to the end.
+/// `times` returns two durations for a degree of freedom, s: from the beginning of the step to its evaluation point (the time at which
+/// forces are evaluated), and from there to the end.
 pub fn correct<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    times: [R; 2],
+    times: impl Fn(usize) -> [R; 2],
     [v, v_eval]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     kernel!(R, || {
-        let [time_before, time_after] = times;
-        let h = time_before + time_after;
         for spinner in &compiled.spinners {
             let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
             let at = spinner.dof;
+            let [time_before, time_after] = times(at);
+            let h = time_before + time_after;
             let before = body.momentum(&take(v, at, spinner.kind), -time_before);
             let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
             let start = take(v_free, at, spinner.kind);
@@ -71,20 +71,20 @@ pub fn correct<R: Real>(
 ///
 /// `v_free` contains the gyroscopic force at the velocity `v` before the step, applied for the time `times[0]`, s. It also contains this
 /// force at the velocity `after` the step, applied for `times[1]`. `evaluation_times` are two durations, s: from the beginning of the step
-/// to its evaluation point, and from there to the end.
+/// to its evaluation point, and from there to the end. `times_of` returns the evaluation times and `times` for a degree of freedom.
 pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    [evaluation_times, times]: [[R; 2]; 2],
+    times_of: impl Fn(usize) -> [[R; 2]; 2],
     [v, after]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     kernel!(R, || {
-        let [time_before, time_after] = evaluation_times;
         for spinner in &compiled.spinners {
             let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
             let at = spinner.dof;
+            let [[time_before, time_after], times] = times_of(at);
             let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
             let explicit = add_scaled(scale(body.gyroscopic(&old), times[0]), body.gyroscopic(&new), times[1]);
             let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -time_before), time_after));

@@ -218,9 +218,23 @@ pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
 
 /// Computes q (+) factor d into `out`: the configuration after the displacement factor d. `d` has the coordinates of velocities (nv).
 pub fn displace<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
+    displace_joints(
+        compiled,
+        q,
+        d,
+        #[inline(always)]
+        |_| factor,
+        out,
+    );
+}
+
+/// Displaces a configuration as [`displace`], with the factor `factor(dof)` for the joint whose first degree of freedom is `dof`.
+#[inline(always)]
+pub fn displace_joints<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: impl Fn(usize) -> R, out: &mut [R]) {
     kernel!(R, || {
         for joint in &compiled.joints {
             let (qa, va) = (joint.q, joint.v);
+            let factor = factor(va);
             match joint.kind {
                 JointKind::Free => {
                     for k in 0..3 {

@@ -63,13 +63,20 @@ impl<R: Real> MocapTrajectory<R> {
     }
 }
 
-/// Sets the mocap frames of `kinematics` to their poses and velocities `time` seconds after the beginning of the call.
-pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[MocapTrajectory<R>], time: R, kinematics: &mut Kinematics<R>) {
+/// Sets the mocap frames of `kinematics` to their poses and velocities `time(k)` seconds after the beginning of the call, for mocap body k.
+#[inline(always)]
+pub fn pose_bodies<R: Real>(
+    compiled: &LaneModel<R>,
+    mocap_trajectories: &[MocapTrajectory<R>],
+    time: impl Fn(usize) -> R,
+    kinematics: &mut Kinematics<R>,
+) {
     if mocap_trajectories.is_empty() {
         return;
     }
     kernel!(R, || {
         for (k, (mocap, trajectory)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
+            let time = time(k);
             kinematics.pos[mocap.frame] = add_scaled(trajectory.pos, linear(&trajectory.motion), time);
             kinematics.mat[mocap.frame] = quat_to_mat(trajectory.quat_at(time));
             kinematics.mocap_velocities[k] = trajectory.motion;

@@ -46,7 +46,7 @@ pub(super) struct HardNominal<R: Real> {
     v_free: Vec<R>,
     /// Buffer for the difference of the free velocity from `v_free`, nv.
     change: Vec<R>,
-    /// Integration scheme of the step, with the evaluation time of each lane.
+    /// Integration scheme of the step.
     scheme: Scheme<R>,
 }
 
@@ -91,7 +91,7 @@ impl<R: Real> HardNominal<R> {
         let mut bouncing = s.problem.rebounding_at_step_end.or(s.problem.midpoint_impact_lanes()).bits();
         let prediction = self.scheme.predicts().then(|| {
             // The time of an impact is found by iteration, up to a fraction of the step.
-            bouncing |= s.evaluation.impact_lanes.bits();
+            bouncing |= s.evaluation.times.latest_impact().0.bits();
             Prediction {
                 drives_forces: depends_on_prediction(compiled),
                 solved: is_estimated(&s.state.v, self.scheme.h).bits(),

@@ -2,12 +2,11 @@
 //! keep their state.
 
 use stepper_real::{Mask, Real, Scalar, kernel};
-use stepper_solve::Outcome;
 use stepper_solve::newton::{Search, Terms};
+use stepper_solve::{Outcome, System};
 
-use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::{PositionSolution, VelocitySolution};
+use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::integrators::evaluation::Evaluation;
@@ -15,7 +14,6 @@ use crate::integrators::state::State;
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::math::lanes::each_of;
-use crate::math::spatial::*;
 use crate::stages::s05_solve::solve_to;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
@@ -98,37 +96,45 @@ pub(crate) fn store_generalized_impulse<R: Real>(
     })
 }
 
-/// Accepts the step in the lanes where the next state is finite: `state` becomes the next state, and its time advances by `h`, s. Returns
-/// these lanes.
+/// Accepts the step: `state` becomes the next state, and its time advances by `h`, s. Returns the lanes in which the whole next state is
+/// finite.
 ///
-/// The other lanes keep positions, velocities, activations and time, and discard contacts and impulses. After the call, `velocity.v`,
-/// `position.q` and `position.act` have the state before the step.
+/// In the other lanes, islands (sets of trees that constraint rows connect) whose next state is not finite keep positions, velocities and
+/// activations, and discard contacts and impulses. If a mocap body has a pose that is not finite, or no island has a finite state, the whole
+/// lane keeps its state and its time. After the call, `velocity.v`, `position.q` and `position.act` have the state before the step.
+#[expect(clippy::too_many_arguments, reason = "state, problem and solutions are separate buffers")]
 #[inline(always)]
 pub(crate) fn accept<R: Real>(
     compiled: &LaneModel<R>,
     state: &mut State<R>,
     evaluation: &mut Evaluation<R>,
+    problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
     position: &mut PositionSolution<R>,
     alive: R::Mask,
     h: f64,
 ) -> R::Mask {
-    let finite = kernel!(R, || {
+    let (finite, poses_are_finite) = kernel!(R, || {
         let mut finite = R::Mask::splat(true);
         for x in [&position.q, &velocity.v, &position.act] {
             finite = finite.and(all_finite(x));
         }
         // A mocap body with a NaN pose would have no contacts. Such a step is rejected.
-        let Kinematics { pos, mat, .. } = &evaluation.kinematics;
+        let (Kinematics { pos, mat, .. }, mut poses) = (&evaluation.kinematics, R::Mask::splat(true));
         for m in &compiled.mocap {
-            finite = finite.and(all_finite(&pos[m.frame])).and(all_finite(&mat[m.frame]));
+            poses = poses.and(all_finite(&pos[m.frame])).and(all_finite(&mat[m.frame]));
         }
-        finite
+        (finite.and(poses), poses)
     });
+    let mut rejected = 0;
     if !finite.and(alive).all() {
-        keep_state(state, evaluation, velocity, position, alive, finite);
+        restore_unused(state, velocity, position, alive);
+        for lane in each_of(alive.and_not(finite).bits()) {
+            let keeps_all = poses_are_finite.bits() >> lane & 1 == 0;
+            mark_non_finite(compiled, problem, velocity, position, lane, keeps_all);
+            rejected |= u32::from(keep_marked(compiled, state, evaluation, problem, velocity, position, lane)) << lane;
+        }
     }
-    let rejected = alive.and_not(finite).bits();
     for (_, time) in state.time.iter_mut().enumerate().filter(|(l, _)| rejected >> l & 1 == 0) {
         *time += h;
     }
@@ -141,40 +147,76 @@ pub(crate) fn accept<R: Real>(
     finite
 }
 
-/// Restores positions, velocities and activations of lanes whose next state is not finite, and of lanes without an environment. Lanes of
-/// the first kind also discard contacts and impulses.
+/// Marks the islands of lane `lane` whose next state is not finite, with a maximum above 0; all islands if `keeps_all` is true.
 #[cold]
-fn keep_state<R: Real>(
-    state: &mut State<R>,
-    evaluation: &mut Evaluation<R>,
+fn mark_non_finite<R: Real>(
+    compiled: &LaneModel<R>,
+    problem: &ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
-    position: &mut PositionSolution<R>,
-    alive: R::Mask,
-    finite: R::Mask,
+    position: &PositionSolution<R>,
+    lane: usize,
+    keeps_all: bool,
 ) {
+    let VelocitySolution { v, islands, .. } = velocity;
+    islands.find(compiled, System::from(&problem.rows), lane);
+    let mark = |x: R| f64::from(keeps_all || !x.lane(lane).to_f64().is_finite());
+    for joint in &compiled.joints {
+        let tree = compiled.dofs[joint.v].tree;
+        position.q[joint.q..joint.q + joint.kind.nq()].iter().for_each(|&q| islands.raise_max(tree, mark(q)));
+        v[joint.v..joint.v + joint.kind.nv()].iter().for_each(|&v| islands.raise_max(tree, mark(v)));
+    }
+    for (&act, tree) in position.act.iter().zip(&compiled.tree_of_act) {
+        tree.iter().for_each(|&tree| islands.raise_max(tree, mark(act)));
+    }
+}
+
+/// Restores positions, velocities and activations of lanes without an environment. `alive` has the other lanes.
+fn restore_unused<R: Real>(state: &State<R>, velocity: &mut VelocitySolution<R>, position: &mut PositionSolution<R>, alive: R::Mask) {
     kernel!(R, || {
-        let moves = finite.and(alive);
         for (next, old) in [(&mut position.q, &state.q), (&mut velocity.v, &state.v), (&mut position.act, &state.act)] {
             for (next, &old) in next.iter_mut().zip(old) {
-                *next = R::select(moves, *next, old);
+                *next = R::select(alive, *next, old);
             }
         }
-        let rejected = alive.and_not(finite);
-        if rejected.none() {
-            return;
+    });
+}
+
+/// Restores positions, velocities and activations of the islands of lane `lane` that [`mark_non_finite`] marked, and discards their contacts
+/// and impulses. Contacts that are still deferred are discarded too. Returns whether all islands are marked. Activations that are not finite, and act on no tree, are restored too.
+#[cold]
+fn keep_marked<R: Real>(
+    compiled: &LaneModel<R>,
+    state: &mut State<R>,
+    evaluation: &mut Evaluation<R>,
+    problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
+    lane: usize,
+) -> bool {
+    let VelocitySolution { v, scalar_impulse, islands, .. } = velocity;
+    let mut is_marked = |tree: usize| islands.max_of(tree) > 0.0;
+    let restore = |next: &mut R, old: R| next.set_lane(lane, old.lane(lane));
+    for joint in compiled.joints.iter().filter(|joint| is_marked(compiled.dofs[joint.v].tree)) {
+        (joint.q..joint.q + joint.kind.nq()).for_each(|i| restore(&mut position.q[i], state.q[i]));
+        for d in joint.v..joint.v + joint.kind.nv() {
+            restore(&mut v[d], state.v[d]);
+            restore(&mut state.impulse[d], R::zero());
         }
-        for lambda in velocity.scalar_impulse.iter_mut().chain(&mut state.impulse) {
-            *lambda = R::select(finite, *lambda, R::zero());
+    }
+    for ((act, &old), tree) in position.act.iter_mut().zip(&state.act).zip(&compiled.tree_of_act) {
+        if tree.map_or_else(|| !act.lane(lane).to_f64().is_finite(), &mut is_marked) {
+            restore(act, old);
         }
-        let Contacts { count, data, torque, .. } = &mut evaluation.contacts;
-        for l in each_of(rejected.bits()) {
-            count[l] = 0;
+    }
+    for (impulse, tree) in scalar_impulse.iter_mut().zip(&compiled.tree_of_scalar_impulse) {
+        if tree.is_none_or(&mut is_marked) {
+            restore(impulse, R::zero());
         }
-        for slot in data {
-            slot.impulse = select(finite, slot.impulse, zero());
-        }
-        for torque in torque {
-            *torque = select(finite, *torque, zero());
-        }
-    })
+    }
+    evaluation.contacts.retain(lane, |slot, id| {
+        let geoms = compiled.pair_geoms(id.pair()).expect("a pair index of this compiled model");
+        let mut trees = geoms.into_iter().filter_map(|geom| compiled.tree_of(compiled.geoms[geom].frame));
+        !trees.any(&mut is_marked) && !problem.is_deferred(slot, lane)
+    });
+    (0..compiled.ntree).all(is_marked)
 }

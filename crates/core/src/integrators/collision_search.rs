@@ -11,6 +11,7 @@ use crate::collision::swept_pair::{Gap, Path, SweptPair, Touch};
 use crate::compile::{Kernel, LaneModel};
 use crate::constraints::ConstraintProblem;
 use crate::constraints::approaching::resting_speed;
+use crate::constraints::evaluation_times::EvaluationTimes;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;
@@ -156,6 +157,8 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) collision: &'a CollisionWorkspace<R>,
     pub(crate) contacts: &'a Contacts<R>,
     pub(crate) options: &'a StepSettings,
+    /// Evaluation time of each mechanism.
+    pub(crate) times: &'a EvaluationTimes<R>,
     /// Lanes to search.
     pub(crate) lanes: R::Mask,
     /// Smallest overlap on the path that counts as a collision, as a fraction of the linearised overlap. The linearised overlap is the
@@ -163,7 +166,7 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     ///
     /// The fraction is 0 for the solved motion, and positive for the predicted motion, because that motion has an error.
     pub(crate) overlap_fraction: f64,
-    /// Overlap that the error of the predicted motion may cause, m.
+    /// Speed that the error of the predicted motion may have, m/s.
     pub(crate) error: R,
     /// Lanes in which all colliding pairs count. In the others, only the earliest collision of each kinematic tree counts, and those that
     /// follow it within [`SIMULTANEOUS_FRACTION`] of the path.
@@ -171,12 +174,25 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
 }
 
 impl<'a, R: Real> CollisionQuery<'a, R> {
+    /// Time within which the pair with index `index` may close its gap, s.
+    #[inline(always)]
+    fn closing_time(&self, index: usize) -> R {
+        let geoms = self.compiled.pair_geoms(index).expect("a pair index of this compiled model");
+        self.times.of_pair(self.compiled, geoms).closing
+    }
+
+    /// Time within which the contacts in slot `slot` may close their gaps, s.
+    #[inline(always)]
+    fn closing_time_of_slot(&self, slot: usize) -> R {
+        self.times.of_slot(self.compiled, self.contacts, slot, self.contacts.lanes_of(slot)).closing
+    }
+
     /// Path of the pair with index `index` in the searched motion.
     #[inline(always)]
     fn path(&self, index: usize) -> Path<'a, R> {
-        let Self { compiled, kinematics, collision, problem, .. } = *self;
+        let Self { compiled, kinematics, collision, .. } = *self;
         let pair = compiled.pair(index);
-        Path { compiled, kinematics, start: &collision.poses, time: problem.closing_time, slack: collision.slack, index, pair }
+        Path { compiled, kinematics, start: &collision.poses, time: self.closing_time(index), slack: collision.slack, index, pair }
     }
 }
 
@@ -230,7 +246,7 @@ impl<R: Real> CollisionSearch<R> {
                 let tolerance = touch_tolerance(query, contact.slot);
                 let velocity = problem.rows.normal_velocity_above_target(contact.contact, w);
                 let rate = velocity - contact.bias;
-                let end = query.contacts.data[contact.slot].point.distance + problem.closing_time * rate;
+                let end = query.contacts.data[contact.slot].point.distance + query.closing_time_of_slot(contact.slot) * rate;
                 let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-tolerance).and_not(contact.bounces));
                 self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
             }
@@ -262,13 +278,13 @@ impl<R: Real> CollisionSearch<R> {
     /// `finds_all`, it also removes lanes in which another pair of the same trees collides earlier.
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>) {
-        let CollisionQuery { compiled, problem, .. } = *query;
+        let compiled = query.compiled;
         let Self { swept, rates, pairs, packed, .. } = self;
         packed.clear();
         for (k, candidate) in pairs.iter_mut().enumerate() {
             let path = query.path(candidate.pair);
             let (gap, tolerance_of_contact) = farthest_closing_gap(query, rates, candidate);
-            let least = -(gap.distance + problem.closing_time * gap.rate) * R::of(query.overlap_fraction);
+            let least = -(gap.distance + path.time * gap.rate) * R::of(query.overlap_fraction);
             candidate.tolerance = resting_overlap(query, candidate) + tolerance_of_contact;
             candidate.distance_before = gap.distance + candidate.tolerance;
             let tolerance = candidate.tolerance.max(least);
@@ -277,14 +293,14 @@ impl<R: Real> CollisionSearch<R> {
                 candidate.lanes = R::Mask::splat(false);
             } else {
                 let touch = swept.find_touch(&path, candidate.lanes, gap, tolerance);
-                candidate.store_touch(&touch, query.error);
+                candidate.store_touch(&touch, query.error * path.time);
             }
         }
         for_each_packed::<R>(
             packed,
             #[inline(always)]
             |kernel, batch, items| {
-                let sweep = PackedSweep::new(swept, &query.path(batch[0].item.index), kernel, items);
+                let sweep = PackedSweep::new(swept, &query.path(batch[0].item.index), |pair| query.closing_time(pair), kernel, items);
                 let gap = Gap {
                     distance: gather_scalars(
                         batch,
@@ -308,7 +324,8 @@ impl<R: Real> CollisionSearch<R> {
                 let touch = sweep.find_touch(gap, used, tolerance);
                 for packed_lane in each_of(touch.lanes.bits()) {
                     let (candidate, lane) = (&mut pairs[batch[packed_lane].candidate], batch[packed_lane].item.lane);
-                    candidate.store_touch_in_lane(&touch, packed_lane, query.error, lane);
+                    let error = query.error * query.closing_time(candidate.pair);
+                    candidate.store_touch_in_lane(&touch, packed_lane, error, lane);
                 }
             },
         );
@@ -319,7 +336,7 @@ impl<R: Real> CollisionSearch<R> {
         }
         let earliest_only = several.and_not(query.finds_all);
         if earliest_only.any() {
-            let window = problem.closing_time * R::of(SIMULTANEOUS_FRACTION);
+            let window = query.times.h() * R::of(SIMULTANEOUS_FRACTION);
             self.narrow_times(query, earliest_only, window);
             self.keep_earliest(compiled, earliest_only, window);
         }
@@ -354,7 +371,7 @@ impl<R: Real> CollisionSearch<R> {
                 packed,
                 #[inline(always)]
                 |kernel, batch, items| {
-                    let sweep = PackedSweep::new(swept, &query.path(batch[0].item.index), kernel, items);
+                    let sweep = PackedSweep::new(swept, &query.path(batch[0].item.index), |pair| query.closing_time(pair), kernel, items);
                     let time = gather_scalars(
                         batch,
                         #[inline(always)]
@@ -465,7 +482,7 @@ fn farthest_closing_gap<R: Real>(query: &CollisionQuery<'_, R>, rates: &[(R, R::
         for (pair, lanes) in query.contacts.pairs(contact.slot, closes.and(candidate.lanes).bits()) {
             if pair == candidate.pair {
                 let distance = query.contacts.data[contact.slot].point.distance;
-                let end = distance + problem.closing_time * rate;
+                let end = distance + query.closing_time(pair) * rate;
                 let here = R::Mask::from_bits(lanes).and(end.lt(farthest));
                 farthest = R::select(here, end, farthest);
                 gap = Gap { distance: R::select(here, distance, gap.distance), rate: R::select(here, rate, gap.rate) };
@@ -494,7 +511,7 @@ fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, candidate: &Candidate
 /// resting contact, or the rounding error of positions if that is larger.
 #[inline(always)]
 fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, slot: usize) -> R {
-    (query.problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
+    (query.closing_time_of_slot(slot) * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
 }
 
 /// Whether the pairs of geoms with the indices `first` and `second` both have a body of the same kinematic tree.

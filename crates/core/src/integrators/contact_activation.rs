@@ -47,7 +47,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     #[inline(always)]
     pub(crate) fn activate_colliding(&mut self, motion: SweptMotion<R>) -> R::Mask {
         let StepContext { input: StepInput { compiled, options, alive: lanes, .. }, evaluation } = self.context;
-        let Evaluation { kinematics, contacts, collision, .. } = evaluation;
+        let Evaluation { kinematics, contacts, collision, times, .. } = evaluation;
         let Self { free, problem, velocity, collisions, .. } = self;
         if problem.deferred_lanes(lanes).none() {
             return R::Mask::splat(false);
@@ -56,12 +56,23 @@ impl<R: Real> VelocityLoop<'_, R> {
         let (overlap_fraction, error, finds_all) = match motion {
             SweptMotion::Predicted => {
                 let residual = kernel!(R, || residual(&problem.rows, &velocity.impulses));
-                (PREDICTED_MARGIN, residual * problem.closing_time * R::of(PREDICTED_ERROR_RATIO), R::Mask::splat(false))
+                (PREDICTED_MARGIN, residual * R::of(PREDICTED_ERROR_RATIO), R::Mask::splat(false))
             }
             SweptMotion::Solved { finds_all } => (0.0, R::zero(), finds_all),
         };
-        let query =
-            CollisionQuery { problem, compiled, kinematics, collision, contacts, options, lanes, overlap_fraction, error, finds_all };
+        let query = CollisionQuery {
+            problem,
+            compiled,
+            kinematics,
+            collision,
+            contacts,
+            options,
+            times,
+            lanes,
+            overlap_fraction,
+            error,
+            finds_all,
+        };
         if !collisions.list_candidates(&query, &velocity.impulses.w) {
             return R::Mask::splat(false);
         }

@@ -1,10 +1,11 @@
 //! Evaluation of a step at its evaluation point, with poses and contacts.
 
-use stepper_real::{Mask, Real};
+use stepper_real::Real;
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::CollisionWorkspace;
 use crate::compile::LaneModel;
+use crate::constraints::evaluation_times::EvaluationTimes;
 use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::dynamics::kinematics::Kinematics;
 use crate::integrators::scheme::Scheme;
@@ -15,11 +16,10 @@ use crate::options::StepSettings;
 /// poses and contacts at this time.
 #[derive(Clone, Debug)]
 pub(crate) struct Evaluation<R: Real> {
-    /// Scheme of the step, with the evaluation time of each lane.
+    /// Integration scheme of the step.
     pub(crate) scheme: Scheme<R>,
-    /// Lanes that are evaluated at the beginning of the step despite the midpoint rule, because their bodies are very fast. If such a lane
-    /// is also in `impact_lanes`, it is evaluated at the time of its impact.
-    pub(crate) at_start: R::Mask,
+    /// Evaluation time of each mechanism.
+    pub(crate) times: EvaluationTimes<R>,
     /// Configuration at the evaluation point, nq.
     pub(crate) q: Vec<R>,
     /// Configuration at which springs and servos are evaluated, nq. Only the implicit rule uses it, because it evaluates springs and servos
@@ -33,9 +33,6 @@ pub(crate) struct Evaluation<R: Real> {
     pub(crate) collision: CollisionWorkspace<R>,
     /// Contacts at `q`.
     pub(crate) contacts: Contacts<R>,
-    /// Lanes in which the search for impacts found one. Their evaluation point is the time of an impact, up to a tolerance, or the
-    /// beginning of the step for a contact that touched earlier.
-    pub(crate) impact_lanes: R::Mask,
     /// Spatial velocities of the links, with which the step predicts impacts: before the step, and after it without constraints.
     pub(super) link_velocities: [Vec<V6<R>>; 2],
     /// Overlaps in the solution of the step that is being differentiated; `None` in a normal step.
@@ -48,14 +45,13 @@ impl<R: Real> Evaluation<R> {
         let zeros = |n: usize| vec![R::zero(); n];
         Self {
             scheme: Scheme::new(options),
-            at_start: R::Mask::splat(false),
+            times: EvaluationTimes::new(compiled),
             q: zeros(compiled.nq),
             q_ahead: zeros(compiled.nq),
             act: zeros(compiled.na),
             kinematics: Kinematics::new(compiled),
             collision: CollisionWorkspace::new(compiled),
             contacts,
-            impact_lanes: R::Mask::splat(false),
             link_velocities: std::array::from_fn(|_| vec![zero(); compiled.links.len()]),
             solved_overlaps: None,
         }

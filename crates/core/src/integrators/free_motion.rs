@@ -6,8 +6,10 @@ use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::evaluation::Evaluation;
+use crate::integrators::impact::Jump;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
+use crate::integrators::step_resolution::MechanismMotion;
 use crate::probe::{Counter, Probe, span};
 use crate::stages::s01_actuate::{actuate, advance_activation};
 use crate::stages::s02_smooth::Smooth;
@@ -28,15 +30,17 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) v_expected: Vec<R>,
     /// Generalized impulse of the constraints in this step, nv.
     pub(crate) constraint_impulse: Vec<R>,
-    /// Lanes whose motion is too fast for the time step, so that the step leaves out inertial forces or limits the velocity.
-    pub(crate) unresolved: R::Mask,
+    /// Lanes in which the motion of each mechanism is too fast for the time step, so that the step leaves out its inertial forces or limits its
+    /// velocity.
+    pub(crate) unresolved: Vec<R::Mask>,
     /// Lanes whose motion is so fast that the error of the integration rule may add energy.
     pub(crate) may_gain: R::Mask,
     /// Buffers of the functions that compute the free motion.
     pub(crate) scratch: Scratch<R>,
 }
 
-/// Scratch buffers of the free motion, each named after its usual content and of length nv. A function fills a buffer before it reads it.
+/// Scratch buffers of the free motion, each named after its usual content and, unless stated otherwise, of length nv. A function fills a
+/// buffer before it reads it.
 #[derive(Clone, Debug)]
 pub(crate) struct Scratch<R: Real> {
     /// Change of the velocity by constraint impulses.
@@ -63,11 +67,17 @@ pub(crate) struct Scratch<R: Real> {
     /// Change of the free velocity in rows of impacts, in addition to `free_change`. In the first correction it is `v_free_early` minus
     /// the corrected free velocity, in later ones minus `free_change`.
     pub(crate) early_extra_change: Vec<R>,
+    /// Largest velocities of each mechanism.
+    pub(crate) motions: Vec<MechanismMotion<R>>,
+    /// Largest velocities of each mechanism in the search for impacts.
+    pub(crate) jumps: Vec<Jump<R>>,
+    /// Lanes in which the inertial forces of each mechanism are recomputed, because an impact changed its velocity.
+    pub(crate) impacts: Vec<R::Mask>,
 }
 
 impl<R: Real> Scratch<R> {
-    /// Buffers of length `nv`.
-    fn new(nv: usize) -> Self {
+    /// Buffers for `nv` degrees of freedom and a number of mechanisms.
+    fn new(nv: usize, mechanisms: usize) -> Self {
         let v = || vec![R::zero(); nv];
         Self {
             velocity_by_impulses: v(),
@@ -80,6 +90,9 @@ impl<R: Real> Scratch<R> {
             v_half: v(),
             v_free_early: v(),
             early_extra_change: v(),
+            motions: vec![MechanismMotion::default(); mechanisms],
+            jumps: vec![Jump::default(); mechanisms],
+            impacts: vec![R::Mask::splat(false); mechanisms],
         }
     }
 
@@ -103,6 +116,7 @@ impl<R: Real> FreeMotion<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
         let (v, none) = (|| vec![R::zero(); compiled.nv], R::Mask::splat(false));
+        let mechanisms = compiled.mechanisms.count;
         Self {
             smooth: Smooth::new(compiled),
             actuator_forces: ActuatorForces::new(compiled),
@@ -110,9 +124,9 @@ impl<R: Real> FreeMotion<R> {
             v: v(),
             v_expected: v(),
             constraint_impulse: v(),
-            unresolved: none,
+            unresolved: vec![none; mechanisms],
             may_gain: none,
-            scratch: Scratch::new(compiled.nv),
+            scratch: Scratch::new(compiled.nv, mechanisms),
         }
     }
 
@@ -121,6 +135,12 @@ impl<R: Real> FreeMotion<R> {
         let Self { applied, v, v_expected, constraint_impulse, scratch, .. } = self;
         [applied, v, v_expected, constraint_impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
         scratch.poison();
+    }
+
+    /// Lanes in which the motion of any mechanism is too fast for the time step.
+    #[inline(always)]
+    pub(crate) fn unresolved_lanes(&self) -> R::Mask {
+        self.unresolved.iter().fold(R::Mask::splat(false), |lanes, &mechanism| lanes.or(mechanism))
     }
 
     /// Computes the acceleration by all forces (see [`Smooth::acceleration`]). `v` is the velocity before the step, `v_inertial` the

@@ -9,6 +9,7 @@ use stepper_solve::Iterate;
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
+use crate::constraints::evaluation_times::for_each_connection;
 use crate::constraints::impact_time::{Flight, ImpactPrediction};
 use crate::constraints::restitution::ImpactStep;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
@@ -23,45 +24,41 @@ use crate::tuning::{
     MAX_IMPACT_RESIDUAL, MAX_RESOLVED_MOTION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
 };
 
-/// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
+/// Moves the evaluation point of each mechanism with an impact to the time of its first impact. Returns whether any point moved, so that the
+/// step must be evaluated again.
 ///
 /// An evaluation point within `PLACEMENT_TOLERANCE` of the impact does not move. `v_free` is the velocity after the step without
 /// constraints. `first` is true in the first call of a step. A contact that overlaps beyond the slop (the overlap that position correction
-/// leaves) while its surfaces separate must have touched earlier. In the first call, its lane moves to the beginning of the step.
-pub(crate) fn move_to_first_impacts<R: Real>(
-    input: StepInput<'_, R>,
-    evaluation: &mut Evaluation<R>,
-    v_free: &[R],
-    first: bool,
-) -> R::Mask {
+/// leaves) while its surfaces separate must have touched earlier. In the first call, its mechanisms move to the beginning of the step.
+pub(crate) fn move_to_first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, v_free: &[R], first: bool) -> bool {
     let StepInput { compiled, options, state, alive, .. } = input;
-    let Evaluation { scheme, kinematics, contacts, impact_lanes: lanes, link_velocities, .. } = evaluation;
+    let Evaluation { scheme, times, kinematics, contacts, link_velocities, .. } = evaluation;
     kernel!(R, || {
         let [before, free] = link_velocities;
         kinematics.velocities(compiled, &state.v, before);
         kinematics.velocities(compiled, v_free, free);
         let gravity = norm(compiled.params.gravity());
-        let (mut collides, mut time) = (R::Mask::splat(false), scheme.h);
+        times.begin_impact_search();
         for k in 0..contacts.slots() {
             let elastic = contacts.elastic(k).and(alive);
             if elastic.none() {
                 continue;
             }
             let slot = &contacts.data[k];
-            let (gap, time_before, h) = (slot.point.distance, scheme.time_before, scheme.h);
+            let (gap, h) = (slot.point.distance, scheme.h);
+            let time_before = times.of_slot(compiled, contacts, k, elastic.bits()).before;
             let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
-            let ImpactPrediction { collides: here, time: at, .. } =
+            let ImpactPrediction { collides, time, .. } =
                 Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
             let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
             let passed = if first { passed } else { R::Mask::splat(false) };
-            time = R::select(here, time.min(at), time);
-            time = R::select(passed, R::zero(), time);
-            collides = collides.or(here).or(passed);
+            let (lanes, time) = (collides.or(passed), R::select(passed, R::zero(), time));
+            for (pair, pair_lanes) in contacts.pairs(k, lanes.bits()) {
+                let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
+                times.note_impact(compiled, geoms, R::Mask::from_bits(pair_lanes), time);
+            }
         }
-        let moved = collides.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
-        scheme.move_to(time, moved);
-        *lanes = lanes.or(collides);
-        moved
+        times.move_to_impacts(compiled, contacts, scheme.h * R::of(PLACEMENT_TOLERANCE))
     })
 }
 
@@ -102,7 +99,7 @@ fn normal_velocities<R: Real>(
 /// `impulses`, those of the velocity solution. It adds two terms to the free velocity of the position solve:
 ///
 /// * (1 + (time_before - t) / h) dv for each impact: dv, and the missing displacement (time_before - t) dv divided by h.
-/// * (time_before / h - 1/2) times the velocity change by smooth forces, because the step was not evaluated in its middle.
+/// * (time_before / h - 1/2) times the velocity change by smooth forces, because the mechanism was not evaluated in its middle.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
     context: StepContext<'_, R>,
@@ -111,11 +108,9 @@ pub(crate) fn prepare_position_solve<R: Real>(
     impulses: &mut Iterate<R>,
     position: &mut PositionSolution<R>,
 ) -> R::Mask {
-    let StepContext {
-        input: StepInput { compiled, options, state, alive, .. },
-        evaluation: Evaluation { scheme, contacts, impact_lanes, .. },
-    } = context;
-    let lanes = impact_lanes.or(problem.midpoint_impact_lanes()).and(alive);
+    let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, times, contacts, .. } } =
+        context;
+    let lanes = times.latest_impact().0.or(problem.midpoint_impact_lanes()).and(alive);
     if problem.needs_position_solve.or(lanes).none() {
         return lanes;
     }
@@ -124,21 +119,11 @@ pub(crate) fn prepare_position_solve<R: Real>(
     if lanes.none() {
         return lanes;
     }
-    let step = ImpactStep {
-        problem,
-        mass: &free.smooth.mass,
-        contacts,
-        free: &free.v,
-        slop: options.slop,
-        h: scheme.h,
-        time_before: scheme.time_before,
-        time_after: scheme.time_after,
-        lanes,
-    };
+    let step = ImpactStep { problem, mass: &free.smooth.mass, contacts, free: &free.v, slop: options.slop, h: scheme.h, times, lanes };
     position.remove_impacts(compiled, impulses, &step);
     kernel!(R, || {
-        let late = scheme.time_before / scheme.h - R::of(0.5);
         for i in 0..compiled.nv {
+            let late = times.before(compiled.mechanism_of(i)) / scheme.h - R::of(0.5);
             let moved = position.impact_displacement[i] + (free.v[i] - state.v[i]) * late;
             position.impact_displacement[i] = R::select(lanes, moved, R::zero());
             position.v_free[i] = R::select(lanes, free.v[i] + moved, free.v[i]);
@@ -175,8 +160,8 @@ impl<R: Real> VelocityLoop<'_, R> {
         lanes
     }
 
-    /// Recomputes the free velocity in lanes in which contacts made the velocity jump, by elastic or inelastic impacts. Returns these
-    /// lanes, which must be solved again.
+    /// Recomputes the free velocity of mechanisms in which contacts made the velocity jump, by elastic or inelastic impacts. Returns the lanes
+    /// with such a mechanism, which must be solved again.
     ///
     /// The midpoint rule moves bodies for half of the step at the velocity before the step, and for half at the velocity after it. Inertial
     /// forces should therefore be the mean of the inertial forces at the two velocities. The first solution evaluates them at the mean
@@ -184,96 +169,209 @@ impl<R: Real> VelocityLoop<'_, R> {
     /// `checked`. For those in `first`, it is the first check in this step.
     #[inline(always)]
     pub(crate) fn correct_impact_forces(&mut self, checked: R::Mask, first: R::Mask) -> R::Mask {
-        let lanes = if checked.any() { self.lanes_with_impacts(first).and(checked) } else { checked };
+        let lanes = if checked.any() { self.find_impacts(checked, first) } else { checked };
         if lanes.any() {
             self.compute_inertial_forces();
-            self.update_free_velocity(lanes, first);
+            self.update_free_velocity(first);
         }
         lanes
     }
 
-    /// Lanes with an impact whose inertial forces must be recomputed, because they were computed with another velocity than the solved one.
+    /// Finds the lanes of `checked` in which the inertial forces of each mechanism must be recomputed, because they were computed with another
+    /// velocity than the solved one, and those of all mechanisms in contact with such a mechanism. Returns the lanes with such a mechanism.
     ///
     /// In the lanes `first`, the inertial forces were evaluated at the mean of the velocities before and after the step. They should be the
-    /// mean of the forces at these two velocities. If the two results differ enough, such a lane counts too.
-    fn lanes_with_impacts(&self, first: R::Mask) -> R::Mask {
-        let StepContext { input: StepInput { state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
+    /// mean of the forces at these two velocities. If the two results differ enough, such a mechanism counts too.
+    fn find_impacts(&mut self, checked: R::Mask, first: R::Mask) -> R::Mask {
+        let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation } = self.context;
+        let Evaluation { scheme, contacts, .. } = evaluation;
         let Self { free, problem, velocity, .. } = self;
+        let FreeMotion { v: v_free, v_expected, unresolved, scratch: Scratch { jumps, impacts, .. }, .. } = &mut **free;
         kernel!(R, || {
-            let (mut jump, mut fastest, mut pushed, mut smooth) = (R::zero(), R::zero(), R::zero(), R::zero());
-            for (((&v, &free), &next), &expected) in state.v.iter().zip(&free.v).zip(&velocity.v).zip(&free.v_expected) {
-                pushed = pushed.max((next - free).abs());
-                smooth = smooth.max((free - v).abs());
-                jump = jump.max((next - expected).abs());
-                fastest = fastest.max(v.abs()).max(next.abs());
+            jumps.fill(Jump::default());
+            let mut all = Jump::default();
+            for i in 0..compiled.nv {
+                let (v, free, next, expected) = (state.v[i], v_free[i], velocity.v[i], v_expected[i]);
+                let jump = Jump {
+                    error: (next - expected).abs(),
+                    fastest: v.abs().max(next.abs()),
+                    pushed: (next - free).abs(),
+                    smooth: (free - v).abs(),
+                    touches: R::zero(),
+                };
+                let mechanism = &mut jumps[compiled.mechanism_of(i)];
+                *mechanism = mechanism.max(&jump);
+                all = all.max(&jump);
             }
-            let apart = R::select(first, pushed * pushed * R::of(0.25), R::zero());
-            let change = jump.max(pushed);
-            let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_MOTION)));
-            let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
-            // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
-            let mut touching = R::Mask::splat(false);
-            for (_, lanes) in problem.slots() {
-                touching = touching.or(lanes);
+            let matters = |jump: &Jump<R>| (scheme.h * jump.velocity_error(first)).gt(R::of(MIN_VELOCITY_ERROR));
+            let checked = checked.and(alive).and(matters(&all));
+            if checked.none() {
+                return checked;
             }
-            touching.and(alive).and_not(free.unresolved).and(matters)
+            for (k, lanes) in problem.slots() {
+                for (pair, lanes) in contacts.pairs(k, lanes.bits()) {
+                    let geoms = compiled.pair_geoms(pair).expect("a pair index of this compiled model");
+                    for m in geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)) {
+                        jumps[m].touches = R::select(R::Mask::from_bits(lanes), R::one(), jumps[m].touches);
+                    }
+                }
+            }
+            spread_jumps(compiled, contacts, jumps);
+            let mut any = R::Mask::splat(false);
+            for ((impact, jump), &unresolved) in impacts.iter_mut().zip(&*jumps).zip(&*unresolved) {
+                let change = jump.error.max(jump.pushed);
+                let is_impact = change.gt(jump.smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_MOTION)));
+                // Equalities near singular configurations change the velocity just as suddenly, but without an impact.
+                let touches = jump.touches.gt(R::zero());
+                *impact = checked.and_not(unresolved).and(is_impact).and(matters(jump)).and(touches);
+                any = any.or(*impact);
+            }
+            any
         })
     }
 
     /// Computes the free velocity with inertial forces at the velocity before the step and at the velocity after it, into
     /// `v_free_corrected`.
     ///
-    /// In lanes with an impact, the forces at the first velocity act until the impact, and those at the second velocity after it. In the
-    /// other lanes, each acts for half of the step. Only inertial forces are recomputed. The forces of stage 1 do not change.
+    /// In mechanisms with an elastic impact, the forces at the first velocity act until the impact, and those at the second velocity after
+    /// it. In the others, each acts for half of the step. Only inertial forces are recomputed. The forces of stage 1 do not change.
     fn compute_inertial_forces(&mut self) {
         let StepContext { input: StepInput { compiled, state, .. }, evaluation } = self.context;
-        let Evaluation { scheme, kinematics, impact_lanes, .. } = evaluation;
+        let Evaluation { scheme, times, kinematics, .. } = evaluation;
         let Self { free, problem, velocity, .. } = self;
-        let times = kernel!(R, || {
-            let half = scheme.h * R::of(0.5);
-            [R::select(*impact_lanes, scheme.time_before, half), R::select(*impact_lanes, scheme.time_after, half)]
-        });
+        // Times from the beginning of the step to the impact, and from there to the end.
+        let times_of = |dof: usize| {
+            let mechanism = compiled.mechanism_of(dof);
+            let (lanes, [before, after], half) = (times.impact_lanes_of(mechanism), times.around(mechanism), scheme.h * R::of(0.5));
+            [R::select(lanes, before, half), R::select(lanes, after, half)]
+        };
         free.accelerate(compiled, kinematics, &state.v, &state.v);
-        advance(&state.v, &free.smooth.acc, times[0], &mut free.scratch.v_half);
+        let FreeMotion { smooth, scratch, .. } = &mut **free;
+        kernel!(R, || {
+            for dof in 0..compiled.nv {
+                scratch.v_half[dof] = state.v[dof] + smooth.acc[dof] * times_of(dof)[0];
+            }
+        });
         if problem.resolves_impacts {
-            advance(&state.v, &free.smooth.acc, scheme.h, &mut free.scratch.v_free_early);
+            advance(&state.v, &smooth.acc, scheme.h, &mut scratch.v_free_early);
         }
         free.accelerate(compiled, kinematics, &state.v, &velocity.v);
         let FreeMotion { smooth, scratch, .. } = &mut **free;
-        advance(&scratch.v_half, &smooth.acc, times[1], &mut scratch.v_free_corrected);
+        kernel!(R, || {
+            for dof in 0..compiled.nv {
+                scratch.v_free_corrected[dof] = scratch.v_half[dof] + smooth.acc[dof] * times_of(dof)[1];
+            }
+        });
         if !compiled.spinners.is_empty() {
             gyroscopic::correct_spin(
                 compiled,
                 kinematics,
                 &smooth.mass,
-                [[scheme.time_before, scheme.time_after], times],
+                |dof| [times.around(compiled.mechanism_of(dof)), times_of(dof)],
                 [&state.v, &velocity.v],
                 &mut scratch.v_free_corrected,
             );
         }
     }
 
-    /// Replaces the free velocity in the lanes `lanes` by the recomputed one, and shifts the offsets of the rows by the change.
+    /// Replaces the free velocity of mechanisms with an impact by the recomputed one, and shifts the offsets of the rows by the change.
     ///
     /// The rows of impacts depend on the velocity before the impact. In the lanes `first`, this velocity is recomputed, with inertial
     /// forces at the velocity before the step. In later corrections it stays: `early_extra_change` cancels `free_change`.
-    fn update_free_velocity(&mut self, lanes: R::Mask, first: R::Mask) {
+    fn update_free_velocity(&mut self, first: R::Mask) {
         let compiled = self.context.input.compiled;
         let Self { free, problem, velocity, .. } = self;
         let FreeMotion { v, v_expected, smooth, scratch, .. } = &mut **free;
-        let Scratch { v_free_corrected, free_change, v_free_early, early_extra_change, .. } = scratch;
+        let Scratch { v_free_corrected, free_change, v_free_early, early_extra_change, impacts, .. } = scratch;
         kernel!(R, || {
             for i in 0..compiled.nv {
+                let lanes = impacts[compiled.mechanism_of(i)];
                 let new = R::select(lanes, v_free_corrected[i], v[i]);
                 free_change[i] = new - v[i];
                 v[i] = new;
                 v_expected[i] = R::select(lanes, velocity.v[i], v_expected[i]);
                 if problem.resolves_impacts {
-                    early_extra_change[i] = R::select(first, v_free_early[i] - new, -free_change[i]);
+                    let extra = R::select(first, v_free_early[i] - new, -free_change[i]);
+                    early_extra_change[i] = R::select(lanes, extra, R::zero());
                 }
             }
         });
         let early_extra_change = problem.resolves_impacts.then_some(&mut early_extra_change[..]);
-        problem.shift(compiled, &smooth.mass, free_change, early_extra_change, lanes);
+        problem.shift(compiled, &smooth.mass, free_change, early_extra_change, R::Mask::splat(true));
+    }
+}
+
+/// Largest velocities of a mechanism and of those in contact with it, in the search for impacts, m/s or rad/s.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Jump<R> {
+    /// Error of the predicted velocity.
+    error: R,
+    /// Speed of the fastest degree of freedom.
+    fastest: R,
+    /// Change of a velocity by impulses.
+    pushed: R,
+    /// Change of a velocity by other forces.
+    smooth: R,
+    /// 1 in lanes with a contact, otherwise 0.
+    touches: R,
+}
+
+impl<R: Real> Default for Jump<R> {
+    fn default() -> Self {
+        let zero = R::zero();
+        Self { error: zero, fastest: zero, pushed: zero, smooth: zero, touches: zero }
+    }
+}
+
+impl<R: Real> Jump<R> {
+    /// Larger of each velocity of two jumps.
+    #[inline(always)]
+    fn max(&self, other: &Self) -> Self {
+        Self {
+            error: self.error.max(other.error),
+            fastest: self.fastest.max(other.fastest),
+            pushed: self.pushed.max(other.pushed),
+            smooth: self.smooth.max(other.smooth),
+            touches: self.touches.max(other.touches),
+        }
+    }
+
+    /// All values.
+    #[inline(always)]
+    fn values(&self) -> [R; 5] {
+        [self.error, self.fastest, self.pushed, self.smooth, self.touches]
+    }
+
+    /// References to all values.
+    #[inline(always)]
+    fn values_mut(&mut self) -> [&mut R; 5] {
+        [&mut self.error, &mut self.fastest, &mut self.pushed, &mut self.smooth, &mut self.touches]
+    }
+
+    /// Error of inertial forces, divided by an inertia, 1/s^2. In the lanes `first`, they were evaluated at the mean of two velocities.
+    #[inline(always)]
+    fn velocity_error(&self, first: R::Mask) -> R {
+        let apart = R::select(first, self.pushed * self.pushed * R::of(0.25), R::zero());
+        (self.error * self.fastest).max(apart)
+    }
+}
+
+/// Raises the jumps of mechanisms that `contacts` connect to the largest of both.
+fn spread_jumps<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, jumps: &mut [Jump<R>]) {
+    loop {
+        let mut spreads = R::Mask::splat(false);
+        for_each_connection(compiled, contacts, |[a, b], lanes| {
+            let both = jumps[a].max(&jumps[b]);
+            for m in [a, b] {
+                for (here, both) in jumps[m].values_mut().into_iter().zip(both.values()) {
+                    let raised = lanes.and(both.gt(*here));
+                    spreads = spreads.or(raised);
+                    *here = R::select(raised, both, *here);
+                }
+            }
+        });
+        if spreads.none() {
+            return;
+        }
     }
 }

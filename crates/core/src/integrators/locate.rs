@@ -1,5 +1,5 @@
-//! Search for the evaluation point of a step, and computation of stages 1 to 3 at this point. The evaluation point is the time in the step
-//! at which forces, contacts and rows are evaluated.
+//! Search for the evaluation point of each mechanism, and computation of stages 1 to 3 there. The evaluation point is the time in the step at
+//! which forces, contacts and rows are evaluated.
 
 use stepper_real::{Mask, Real};
 
@@ -15,41 +15,44 @@ use crate::probe::{Probe, span};
 use crate::stages::s03_detect::detect;
 use crate::tuning::MAX_EVALUATION_MOVES;
 
-/// Finds the evaluation point of the step (a time within the step), and computes stages 1 to 3 at it: forces, free velocity and contacts.
+/// Finds the evaluation point of each mechanism (a time within the step), and computes stages 1 to 3 there: forces, free velocity and
+/// contacts.
 ///
 /// With Euler's rule and the implicit rule, the point is the beginning of the step, with the midpoint rule its middle. The midpoint rule
-/// has two exceptions. A very fast body could pass through a thin geom before the middle, so its lane is evaluated at the beginning. A lane
-/// with an elastic impact is evaluated at the time of its first impact.
+/// has two exceptions. A very fast body could pass through a thin geom before the middle, so its mechanism is evaluated at the beginning.
+/// A mechanism with an elastic impact is evaluated at the time of its first impact. Mechanisms in contact with such a mechanism are
+/// evaluated with it, the others are not affected.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.scheme = Scheme::new(input.options);
-    evaluation.at_start = R::Mask::splat(false);
-    evaluation.impact_lanes = R::Mask::splat(false);
-    let unreliable = evaluate(input, evaluation, free, probe);
-    // A very fast body may be beyond a thin geom in the middle of the step. At the beginning, the geom is still ahead.
-    if unreliable.any() {
-        evaluation.at_start = unreliable;
-        evaluation.scheme.move_to(R::zero(), unreliable);
-        evaluate(input, evaluation, free, probe);
-    }
-    if !evaluation.scheme.in_the_middle {
-        return;
-    }
-    // Newton's method for the time of the first elastic impact: each move of the evaluation point requires new forces and contacts.
-    for pass in 0..MAX_EVALUATION_MOVES {
-        if !any_elastic(&evaluation.contacts) {
+    evaluation.times.reset(evaluation.scheme.h, evaluation.scheme.time_before);
+    let mut impact_moves = 0;
+    let mut searches_impacts = true;
+    loop {
+        let unreliable = evaluate(input, evaluation, free, probe);
+        if !evaluation.scheme.in_the_middle {
             return;
         }
-        let moved = span!(probe, ImpactTimes, || move_to_first_impacts(input, evaluation, &free.v, pass == 0));
-        if moved.none() {
+        // A very fast body may be beyond a thin geom in the middle of the step. At the beginning, the geom is still ahead.
+        let Evaluation { times, collision, contacts, .. } = &mut *evaluation;
+        if (unreliable.any() || times.any_moved()) && times.move_to_start(input.compiled, contacts, &collision.unreliable) {
+            continue;
+        }
+        // Newton's method for the time of the first elastic impact: each move of the evaluation point requires new forces and contacts.
+        searches_impacts &= impact_moves < MAX_EVALUATION_MOVES && any_elastic(&evaluation.contacts);
+        if searches_impacts {
+            searches_impacts = span!(probe, ImpactTimes, || move_to_first_impacts(input, evaluation, &free.v, impact_moves == 0));
+        }
+        if searches_impacts {
+            impact_moves += 1;
+        } else if !evaluation.times.any_moved() || !evaluation.times.connect(input.compiled, &evaluation.contacts) {
             return;
         }
-        evaluate(input, evaluation, free, probe);
     }
 }
 
-/// Computes stages 1 to 3 (forces, free velocity, contacts) at the current evaluation point. Returns the lanes whose contacts are
-/// unreliable, because geoms may have passed through each other before this point.
+/// Computes stages 1 to 3 (forces, free velocity, contacts) at the current evaluation points. Returns the lanes whose contacts are
+/// unreliable, because geoms may have passed through each other before their evaluation point.
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
     place_bodies(input, evaluation, free, probe);
@@ -64,27 +67,28 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, collision, contacts, probe)
 }
 
-/// Computes configuration, activations, poses, and moment arms of actuators at the evaluation point. With the implicit rule, also computes
+/// Computes configuration, activations, poses, and moment arms of actuators at the evaluation points. With the implicit rule, also computes
 /// the later configuration at which springs and servos are evaluated.
 #[inline(always)]
 fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepInput { compiled, state, inputs, .. } = input;
     span!(probe, Displace, || {
-        let scheme = evaluation.scheme;
         // Positions move at the velocity before the step.
-        if scheme.in_the_middle {
-            displace(compiled, &state.q, &state.v, scheme.time_before, &mut evaluation.q);
+        if evaluation.scheme.in_the_middle {
+            evaluation.times.displace_before(compiled, &state.q, &state.v, &mut evaluation.q);
         } else {
             evaluation.q.copy_from_slice(&state.q);
         }
         advance_activations(input, evaluation);
+        let scheme = evaluation.scheme;
         if scheme.looks_ahead() {
             displace(compiled, &evaluation.q, &state.v, scheme.time_ahead, &mut evaluation.q_ahead);
         }
     });
-    let Evaluation { scheme, q, kinematics, .. } = evaluation;
+    let Evaluation { scheme, times, q, kinematics, .. } = evaluation;
     span!(probe, Kinematics, || {
-        mocap::pose_bodies(compiled, &inputs.mocap_trajectories, R::of(state.elapsed) + scheme.time_before, kinematics);
+        let time_of = |mocap: usize| R::of(state.elapsed) + times.before(compiled.mechanisms.of_mocap[mocap]);
+        mocap::pose_bodies(compiled, &inputs.mocap_trajectories, time_of, kinematics);
         kinematics.update(compiled, q);
     });
     span!(probe, Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));

@@ -73,7 +73,7 @@ pub(crate) fn read_sensors<R: Real>(
 ) {
     let StepInput { compiled, options, state, inputs, .. } = input;
     let elapsed = R::of(state.elapsed);
-    mocap::pose_bodies(compiled, &inputs.mocap_trajectories, elapsed, kinematics);
+    mocap::pose_bodies(compiled, &inputs.mocap_trajectories, |_| elapsed, kinematics);
     if compiled.sensing.needs.actuators {
         read_actuator_forces(input, scalar_impulse, kinematics, &mut sensors.actuator_forces);
     }

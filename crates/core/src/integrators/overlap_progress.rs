@@ -35,13 +35,14 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,
     problem: &ConstraintProblem<R>,
+    islands: &mut Islands,
     position: &mut PositionSolution<R>,
     infeasible: R::Mask,
 ) {
     let StepInput { compiled, options, state, inputs, .. } = input;
-    let PositionSolution { q, q_corrected, kinematics, contacts, islands, rows, correction, .. } = position;
+    let PositionSolution { q, q_corrected, kinematics, contacts, rows, correction, .. } = position;
     let time = R::of(state.elapsed) + evaluation.scheme.time_before;
-    mocap::pose_bodies(compiled, &inputs.mocap_trajectories, time, kinematics);
+    mocap::pose_bodies(compiled, &inputs.mocap_trajectories, |_| time, kinematics);
     kinematics.update(compiled, q_corrected);
     // The buffer of the correction velocity is no longer needed.
     correction.fill(R::zero());

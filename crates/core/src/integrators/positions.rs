@@ -24,9 +24,9 @@ pub(crate) fn integrate_positions<R: Real>(
     position: &mut PositionSolution<R>,
     probe: impl Probe,
 ) {
-    let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, q, act, .. } } = context;
+    let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, times, q, act, .. } } = context;
     span!(probe, IntegratePosition, || {
-        integrate_position(compiled, q, &velocity.v, scheme.time_after, &mut position.q);
+        integrate_position(compiled, q, &velocity.v, times, &mut position.q);
         advance_activation(compiled, &state.act, act, &inputs.ctrl, scheme.h, &mut position.act);
     });
 }
@@ -78,7 +78,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     corrected: CorrectedLanes<R>,
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
-    let Evaluation { scheme, kinematics, collision, impact_lanes, .. } = evaluation;
+    let Evaluation { scheme, times, kinematics, collision, .. } = evaluation;
     let PositionSolution { tested_velocity, correction, .. } = position;
     // Without impulses and without a prediction, `velocity.v` is the free velocity with which stage 3 searched for contacts.
     let is_free = !outcome.impulses_act && !scheme.predicts();
@@ -87,8 +87,8 @@ pub(crate) fn find_tunnelling<R: Real>(
     let v = if rebounding.none() {
         &velocity.v
     } else {
-        let part = scheme.time_after / scheme.h;
-        for (tested, (&v, &correction)) in tested_velocity.iter_mut().zip(velocity.v.iter().zip(&*correction)) {
+        for (dof, (tested, (&v, &correction))) in tested_velocity.iter_mut().zip(velocity.v.iter().zip(&*correction)).enumerate() {
+            let part = times.after(input.compiled.mechanism_of(dof)) / scheme.h;
             *tested = R::select(rebounding, v * part + correction, v);
         }
         &*tested_velocity
@@ -97,11 +97,12 @@ pub(crate) fn find_tunnelling<R: Real>(
     let passed = may_have_passed(input.compiled, kinematics, motion, input.alive, collision);
     // Each step checks the path from its evaluation point to that of the next step. If an impact moved the evaluation point of this step,
     // the path from the beginning of the step to this point is checked here.
-    let moved = impact_lanes.and(input.alive).and(scheme.time_before.gt(R::zero()));
+    let (impact_lanes, latest) = times.latest_impact();
+    let moved = impact_lanes.and(input.alive).and(latest.gt(R::zero()));
     if moved.none() {
         return passed;
     }
-    let flight = TestedMotion { velocity: &input.state.v, is_free: false, time: scheme.time_before, contacts_at_end: true };
+    let flight = TestedMotion { velocity: &input.state.v, is_free: false, time: latest, contacts_at_end: true };
     passed.or(may_have_passed(input.compiled, kinematics, flight, moved, collision))
 }
 
@@ -112,6 +113,7 @@ pub(crate) fn accept_corrections<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,
     problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
     position: &mut PositionSolution<R>,
     corrected: CorrectedLanes<R>,
 ) {
@@ -122,7 +124,7 @@ pub(crate) fn accept_corrections<R: Real>(
     // Lanes with a rebound always keep their correction.
     let jammed = infeasible.and_not(rebounding);
     if jammed.any() {
-        revert_ineffective_corrections(input, evaluation, problem, position, jammed);
+        revert_ineffective_corrections(input, evaluation, problem, &mut velocity.islands, position, jammed);
     }
     kernel!(R, || {
         for (q, &corrected) in position.q.iter_mut().zip(&position.q_corrected) {

@@ -2,13 +2,13 @@
 
 use stepper_real::{Mask, Real, kernel};
 
+use crate::compile::LaneModel;
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend, difference};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch};
-use crate::integrators::scheme::Scheme;
 use crate::integrators::step_input::{StepContext, StepInput};
-use crate::integrators::step_resolution::assess_corrector;
+use crate::integrators::step_resolution::{MechanismMotion, assess_corrector};
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::probe::{Probe, span};
 use crate::stages::s01_actuate::actuate;
@@ -56,11 +56,12 @@ impl<R: Real> VelocityLoop<'_, R> {
     #[inline(always)]
     pub(crate) fn correct_free_velocity(&mut self, probe: impl Probe) {
         let Self { context, free, problem, velocity, .. } = self;
-        let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = *context;
-        let FreeMotion { smooth, actuator_forces, applied, v, v_expected, scratch, .. } = &mut **free;
-        let Scratch { velocity_by_impulses, force_velocity, v_free_corrected, free_change, .. } = scratch;
+        let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, times, kinematics, .. } } =
+            *context;
+        let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = &mut **free;
+        let Scratch { velocity_by_impulses, force_velocity, v_free_corrected, free_change, motions, .. } = scratch;
         velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
-        ignore_large_impacts(scheme, v, velocity_by_impulses);
+        ignore_large_impacts(compiled, scheme.h, v, velocity_by_impulses, motions);
         advance(v, velocity_by_impulses, R::one(), v_expected);
         blend(&state.v, v_expected, scheme.velocity_weight, force_velocity);
         // In stage 1 only forces of servos depend on the velocity.
@@ -77,15 +78,15 @@ impl<R: Real> VelocityLoop<'_, R> {
         // Spinners are single bodies on a free or ball joint. `correct` replaces their gyroscopic torque by one that keeps angular
         // momentum.
         if !compiled.spinners.is_empty() && scheme.in_the_middle {
-            let times = [scheme.time_before, scheme.time_after];
-            gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, force_velocity], v_free_corrected);
+            let times_of = |dof: usize| times.around(compiled.mechanism_of(dof));
+            gyroscopic::correct(compiled, kinematics, &smooth.mass, times_of, [&state.v, force_velocity], v_free_corrected);
         }
         difference(v_free_corrected, v, free_change);
         // This function is the corrector of the free velocity. If it changes the velocity too much, the time step is too long for the
         // motion.
-        let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);
-        [free.unresolved, free.may_gain] = lanes.map(|lanes| lanes.and(alive));
-        if free.unresolved.any() {
+        let (velocities, outputs) = ([&state.v[..], v_free_corrected, free_change], (&mut motions[..], &mut unresolved[..]));
+        free.may_gain = assess_corrector(compiled, alive, velocities, scheme.h, outputs);
+        if free.unresolved_lanes().any() {
             leave_out_inertial_forces(*context, free);
         }
         std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
@@ -93,40 +94,47 @@ impl<R: Real> VelocityLoop<'_, R> {
     }
 }
 
-/// Sets `change`, the velocity change by the predicted impulses, to zero in lanes in which this change is too large for the time step.
-/// There the change moves some degree of freedom by more than [`MAX_IMPACT_MOTION`] per step, and increases the speed of the fastest degree
-/// of freedom.
+/// Sets `change`, the velocity change by the predicted impulses, to zero in mechanisms for which this change is too large for the time step
+/// `h`, s. There the change moves some degree of freedom by more than [`MAX_IMPACT_MOTION`] per step, and increases the speed of the fastest
+/// degree of freedom. Overwrites `motions`.
 ///
 /// Inertial forces at the changed velocity would add energy to the motion.
-fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
+fn ignore_large_impacts<R: Real>(compiled: &LaneModel<R>, h: R, v_free: &[R], change: &mut [R], motions: &mut [MechanismMotion<R>]) {
     kernel!(R, || {
-        let (mut largest_change, mut fastest_free, mut fastest_with_impulses) = (R::zero(), R::zero(), R::zero());
-        for (&change, &v) in change.iter().zip(v_free) {
+        let mut largest_change = R::zero();
+        for &change in &*change {
             largest_change = largest_change.max(change.abs());
-            fastest_free = fastest_free.max(v.abs());
-            fastest_with_impulses = fastest_with_impulses.max((v + change).abs());
         }
-        let large = (scheme.h * largest_change).gt(R::of(MAX_IMPACT_MOTION)).and(fastest_with_impulses.gt(fastest_free));
-        if large.any() {
-            for change in change {
-                *change = R::select(large, R::zero(), *change);
-            }
+        if (h * largest_change).gt(R::of(MAX_IMPACT_MOTION)).none() {
+            return;
+        }
+        motions.fill(MechanismMotion::default());
+        for (dof, (&change, &v)) in change.iter().zip(v_free).enumerate() {
+            let motion = &mut motions[compiled.mechanism_of(dof)];
+            motion.change = motion.change.max(change.abs());
+            motion.speed = motion.speed.max(v.abs());
+            motion.changed_speed = motion.changed_speed.max((v + change).abs());
+        }
+        for (dof, change) in change.iter_mut().enumerate() {
+            let motion = &motions[compiled.mechanism_of(dof)];
+            let large = (h * motion.change).gt(R::of(MAX_IMPACT_MOTION)).and(motion.changed_speed.gt(motion.speed));
+            *change = R::select(large, R::zero(), *change);
         }
     })
 }
 
-/// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) in the lanes whose motion is
-/// too fast for the time step. There servos use the velocity before the step.
+/// Recomputes the free velocity without velocity-dependent inertial forces (Coriolis, centrifugal, gyroscopic) of the mechanisms whose motion
+/// is too fast for the time step. There servos use the velocity before the step.
 fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut FreeMotion<R>) {
     let StepContext { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
     let Scratch { force_velocity: zero_velocity, actuator_velocity, v_free_corrected, free_change, .. } = scratch;
-    // In the other lanes, actuator forces must keep all bits, because later solves of the step read them. There `actuate` evaluates them
+    // In the other mechanisms, actuator forces must keep all bits, because later solves of the step read them. There `actuate` evaluates them
     // again at the same velocity.
     kernel!(R, || {
         for i in 0..compiled.nv {
             let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;
-            actuator_velocity[i] = R::select(*unresolved, state.v[i], mean);
+            actuator_velocity[i] = R::select(unresolved[compiled.mechanism_of(i)], state.v[i], mean);
         }
     });
     actuate(compiled, &context.forces_at(actuator_velocity), Some(scheme.implicit_servos_at_prediction()), actuator_forces);
@@ -135,8 +143,9 @@ fn leave_out_inertial_forces<R: Real>(context: StepContext<'_, R>, free: &mut Fr
     kernel!(R, || {
         for i in 0..compiled.nv {
             let v_without_inertial_forces = state.v[i] + smooth.acc[i] * scheme.h;
-            v_free_corrected[i] = R::select(*unresolved, v_without_inertial_forces, v_free_corrected[i]);
-            free_change[i] = R::select(*unresolved, v_without_inertial_forces - v[i], free_change[i]);
+            let lanes = unresolved[compiled.mechanism_of(i)];
+            v_free_corrected[i] = R::select(lanes, v_without_inertial_forces, v_free_corrected[i]);
+            free_change[i] = R::select(lanes, v_without_inertial_forces - v[i], free_change[i]);
         }
     })
 }

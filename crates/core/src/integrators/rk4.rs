@@ -1,14 +1,16 @@
 //! Runge-Kutta-Munthe-Kaas method of order 4 for smooth motion (integrator `rk4` with hard contact).
 
-use stepper_real::{Real, kernel};
+use stepper_real::{Mask, Real, kernel};
+use stepper_solve::System;
 
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::{PositionSolution, VelocitySolution};
+use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::evaluation::Evaluation;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::step_input::{StepContext, StepInput};
+use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
@@ -35,6 +37,10 @@ pub(crate) struct Rk4<R: Real> {
     rate: [Vec<R>; 3],
     /// Weighted sums of the rates of the stages.
     sum: [Vec<R>; 3],
+    /// Lanes in which each kinematic tree has smooth motion: no constraint acts on it, and its motion is not too fast for the time step.
+    smooth_trees: Vec<R::Mask>,
+    /// Kinematic tree of each configuration coordinate.
+    tree_of_q: Vec<usize>,
 }
 
 impl<R: Real> Rk4<R> {
@@ -53,6 +59,8 @@ impl<R: Real> Rk4<R> {
             rotation: zeros(compiled.nv),
             rate: sizes.map(zeros),
             sum: sizes.map(zeros),
+            smooth_trees: vec![R::Mask::splat(false); compiled.ntree],
+            tree_of_q: compiled.tree_of_q(),
         }
     }
 
@@ -110,16 +118,33 @@ impl<R: Real> Rk4<R> {
         })
     }
 
-    /// Replaces the midpoint step by a Runge-Kutta step in the lanes `lanes`, which have no active constraint.
+    /// Finds the kinematic trees with smooth motion. `unresolved` has the lanes in which each mechanism is too fast for the time step.
+    pub(crate) fn find_smooth_trees(&mut self, input: StepInput<'_, R>, problem: &ConstraintProblem<R>, unresolved: &[R::Mask]) {
+        let StepInput { compiled, alive, .. } = input;
+        for (smooth, &mechanism) in self.smooth_trees.iter_mut().zip(&compiled.mechanisms.of_tree) {
+            *smooth = alive.and_not(unresolved[mechanism]);
+        }
+        for lane in each_of(problem.constrained.and(alive).bits()) {
+            let own = R::Mask::from_bits(1 << lane);
+            System::from(&problem.rows).for_each_column_set(lane, |dofs| {
+                for d in dofs {
+                    let smooth = &mut self.smooth_trees[compiled.dofs[d as usize].tree];
+                    *smooth = smooth.and_not(own);
+                }
+            });
+        }
+    }
+
+    /// Replaces the midpoint step by a Runge-Kutta step in trees with smooth motion ([`Rk4::find_smooth_trees`]).
     #[inline(always)]
     pub(crate) fn replace_step(
         &mut self,
         context: StepContext<'_, R>,
-        lanes: R::Mask,
         velocity: &mut VelocitySolution<R>,
         position: &mut PositionSolution<R>,
     ) {
-        let StepContext { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = context;
+        let StepContext { input, evaluation: Evaluation { scheme, kinematics, .. } } = context;
+        let StepInput { compiled, state, inputs, .. } = input;
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
             self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
@@ -140,11 +165,14 @@ impl<R: Real> Rk4<R> {
         std::mem::swap(&mut self.sum, &mut self.rate);
         self.set_state(compiled, state, scheme.h * R::of(1.0 / 6.0));
         kernel!(R, || {
-            let results = [(&mut position.q, &self.q), (&mut velocity.v, &self.v), (&mut position.act, &self.act)];
-            for (out, new) in results {
-                for (out, &new) in out.iter_mut().zip(new) {
-                    *out = R::select(lanes, new, *out);
-                }
+            for ((out, &new), &tree) in position.q.iter_mut().zip(&self.q).zip(&self.tree_of_q) {
+                *out = R::select(self.smooth_trees[tree], new, *out);
+            }
+            for ((out, &new), dof) in velocity.v.iter_mut().zip(&self.v).zip(&compiled.dofs) {
+                *out = R::select(self.smooth_trees[dof.tree], new, *out);
+            }
+            for ((out, &new), &tree) in position.act.iter_mut().zip(&self.act).zip(&compiled.tree_of_act) {
+                *out = R::select(tree.map_or(input.alive, |tree| self.smooth_trees[tree]), new, *out);
             }
         })
     }

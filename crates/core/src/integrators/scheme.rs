@@ -10,7 +10,7 @@
 //!   velocity after the step. First order, and L-stable in springs and dampers (backward Euler): it dissipates the energy of motions that
 //!   it cannot resolve.
 
-use stepper_real::{Mask, Real, kernel};
+use stepper_real::Real;
 
 use crate::actuation::forces::ImplicitServos;
 use crate::compile::LaneModel;
@@ -22,10 +22,9 @@ use crate::options::{Integrator, StepSettings};
 pub(crate) struct Scheme<R> {
     /// Time step, s.
     pub(crate) h: R,
-    /// Time from the configuration before the step to the evaluation point, s.
+    /// Time from the configuration before the step to the evaluation point, s. Single mechanisms may have another evaluation point
+    /// (`EvaluationTimes`).
     pub(crate) time_before: R,
-    /// Time from the evaluation point to the configuration after the step, s.
-    pub(crate) time_after: R,
     /// Time from the evaluation point to the time at which springs and servos are evaluated, s. The part of their force that depends on the
     /// velocity change is implicit, in the mass matrix.
     pub(crate) time_ahead: R,
@@ -53,7 +52,6 @@ impl<R: Real> Scheme<R> {
         let euler = Self {
             h,
             time_before: none,
-            time_after: h,
             time_ahead: none,
             weights: ImplicitWeights { damping: h, stiffness: none, late_step: none },
             velocity_weight: none,
@@ -64,7 +62,6 @@ impl<R: Real> Scheme<R> {
             Integrator::Euler => euler,
             Integrator::Midpoint | Integrator::Rk4 => Self {
                 time_before: half,
-                time_after: half,
                 weights: ImplicitWeights { damping: half, stiffness: half * half, late_step: h },
                 velocity_weight: R::of(0.5),
                 in_the_middle: true,
@@ -86,21 +83,6 @@ impl<R: Real> Scheme<R> {
     /// The result equals `implicit_forces`.
     pub(crate) fn predicts(&self) -> bool {
         self.implicit_forces
-    }
-
-    /// Fraction of a contact gap that may close in a step.
-    ///
-    /// The fraction is h / T, where T is the time from the evaluation point of this step to the evaluation point of the next step. A body
-    /// that closes this fraction of its gap per time step h touches the surface exactly at the next evaluation point. T is normally h, so
-    /// that the fraction is 1. In the lanes `at_start` T is 1.5 h, from the beginning of this step to the middle of the next. In the
-    /// lanes `impacts` T is the rest of this step plus h / 2.
-    #[inline(always)]
-    pub(crate) fn closing_fraction(&self, at_start: R::Mask, impacts: R::Mask) -> R {
-        let whole = R::select(at_start, R::of(2.0 / 3.0), R::one());
-        if impacts.none() {
-            return whole;
-        }
-        kernel!(R, || R::select(impacts, self.h / (self.time_after + self.h * R::of(0.5)), whole))
     }
 
     /// Selection of the servos with implicit forces in stage 1: all servos if the field `implicit_forces` is true, otherwise only those of
@@ -125,12 +107,5 @@ impl<R: Real> Scheme<R> {
     /// Whether springs and servos are evaluated at a later point than the other forces.
     pub(crate) fn looks_ahead(&self) -> bool {
         self.implicit_forces && !self.in_the_middle
-    }
-
-    /// Moves the evaluation point of the lanes `lanes` to `time` seconds after the beginning of the step.
-    #[inline(always)]
-    pub(crate) fn move_to(&mut self, time: R, lanes: R::Mask) {
-        self.time_before = R::select(lanes, time, self.time_before);
-        self.time_after = R::select(lanes, self.h - time, self.time_after);
     }
 }

@@ -3,6 +3,7 @@
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
 
+use crate::constraints::islands::IslandLoad;
 use crate::constraints::{ConstraintProblem, PositionSolution};
 use crate::dynamics::kinematics::difference;
 use crate::integrators::contact_activation::SweptMotion;
@@ -10,7 +11,7 @@ use crate::integrators::evaluation::Evaluation;
 use crate::integrators::free_motion::{FreeMotion, Scratch, compute_free_motion, has_bounded_servos};
 use crate::integrators::step_input::{StepContext, StepInput};
 use crate::integrators::step_outcome::StepOutcome;
-use crate::integrators::step_resolution::{diverging, limit_joint_rates};
+use crate::integrators::step_resolution::{StepResolution, find_diverging};
 use crate::integrators::velocity_loop::VelocityLoop;
 use crate::probe::{Counter, Probe, span};
 use crate::stages::s05_solve::solve;
@@ -117,24 +118,21 @@ impl<R: Real> VelocityLoop<'_, R> {
             .and(alive)
     }
 
-    /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without curvature
-    /// terms, if the iteration limit is at least [`MIN_NEWTON_STEPS_FOR_RETRY`].
+    /// Solves the constraint problem in the lanes `lanes`. Lanes that Newton's method leaves unsolved are solved again without the curvature
+    /// terms of their unsolved islands, if the iteration limit is at least [`MIN_NEWTON_STEPS_FOR_RETRY`].
     ///
     /// Curvature terms shift the target velocities of friction rows. If contacts hold a body from several sides (a jam), the body may not
     /// be able to reach these velocities, and the impulses of the first solve diverge. The second solve therefore does not start from these
     /// impulses, but from the result of [`ROUGH_ITERATIONS`] Gauss-Seidel iterations from zero.
     #[inline(always)]
     fn solve_lanes(&mut self, lanes: R::Mask) -> Outcome<R> {
-        let StepContext { input: StepInput { options, state, .. }, evaluation: Evaluation { contacts, .. } } = self.context;
+        let StepContext { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { contacts, .. } } = self.context;
         let Self { problem, velocity, .. } = self;
         let mut outcome = solve(options, &state.v, lanes, problem, velocity, contacts);
         let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
         let [_, newton_steps] = options.iteration_limits();
-        if newton_steps >= MIN_NEWTON_STEPS_FOR_RETRY && unsolved.any() {
-            let mut changed = R::Mask::splat(false);
-            for i in 0..problem.curvature_terms.len() {
-                changed = changed.or(problem.remove_curvature(i, unsolved));
-            }
+        if newton_steps >= MIN_NEWTON_STEPS_FOR_RETRY && unsolved.any() && !problem.curvature_terms.is_empty() {
+            let changed = problem.remove_unsolved_curvature(compiled, contacts, velocity, unsolved, options.tolerance);
             if changed.any() {
                 stepper_solve::gauss_seidel::sweep_from_zero(&problem.rows, &mut velocity.impulses, ROUGH_ITERATIONS, changed);
                 outcome.replace(&solve(options, &state.v, changed, problem, velocity, contacts), changed);
@@ -149,6 +147,7 @@ impl<R: Real> VelocityLoop<'_, R> {
     pub(crate) fn bound_velocities(
         &mut self,
         position: &mut PositionSolution<R>,
+        resolution: &mut StepResolution<R>,
         mut outcome: Outcome<R>,
         probe: impl Probe,
     ) -> StepOutcome<R> {
@@ -158,26 +157,31 @@ impl<R: Real> VelocityLoop<'_, R> {
         let (lanes, rebounding) = (problem.needs_position_solve, problem.rebounding_at_step_end);
         let rows = PositionInput { compiled, options, problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
         let infeasible = span!(probe, Stabilise, || limit_baumgarte(&rows, &free.v, velocity, position, &mut outcome));
-        let [ambiguous, limited] = span!(probe, GuardEnergy, || self.limit_speed(outcome.residual));
+        let [ambiguous, limited] = span!(probe, GuardEnergy, || self.limit_speed(resolution, outcome.residual));
         let none = R::Mask::splat(false);
         StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, energy_unresolved: none }
     }
 
-    /// Limits joint speeds in lanes whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with
+    /// Limits joint speeds of islands whose motion is too fast for the time step or whose energy is ambiguous. Returns the lanes with
     /// ambiguous energy, and all limited lanes.
     ///
-    /// [`limit_energy`](crate::integrators::step_resolution::StepResolution::limit_energy) limits the energy of these lanes after stage 8.
+    /// [`limit_energy`](crate::integrators::step_resolution::StepResolution::limit_energy) limits the energy of these islands after stage 8.
     #[inline(always)]
-    fn limit_speed(&mut self, residual: R) -> [R::Mask; 2] {
-        let StepContext { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
+    fn limit_speed(&mut self, resolution: &mut StepResolution<R>, residual: R) -> [R::Mask; 2] {
+        let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = self.context;
         let ambiguous = self.ambiguous(residual);
         let Self { free, problem, velocity, .. } = self;
         if scheme.predicts() && problem.constrained.any() {
-            free.unresolved = free.unresolved.or(alive.and(diverging(compiled, [&state.v, &free.v], &velocity.v, scheme.h)));
+            let FreeMotion { v, unresolved, scratch, .. } = &mut **free;
+            find_diverging(compiled, alive, [&state.v, v, &velocity.v], scheme.h, (&mut scratch.motions, unresolved));
         }
-        let limited = free.unresolved.or(ambiguous);
+        let limited = free.unresolved_lanes().or(ambiguous);
         if limited.any() {
-            limit_joint_rates(compiled, limited, scheme.h, &mut velocity.v);
+            let (tolerance, negligible) = (options.tolerance, free.smooth.mass.energy_at(R::of(options.tolerance)));
+            let is_ambiguous = |lane: usize, load: IslandLoad| load.is_ambiguous(tolerance, negligible.lane(lane).to_f64());
+            let masks = [limited, ambiguous];
+            resolution.find_limited(compiled, problem, velocity, &free.unresolved, masks, is_ambiguous);
+            resolution.limit_joint_rates(compiled, problem, velocity, limited, scheme.h);
         }
         [ambiguous, limited]
     }

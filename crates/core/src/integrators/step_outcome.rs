@@ -67,7 +67,7 @@ pub(crate) fn record<R: Real>(
             (Status::NOT_CONVERGED, unsolved.and(finite).bits()),
             (Status::NON_FINITE, alive.and_not(finite).bits()),
             (Status::CONTACTS_FULL, state.contacts.full),
-            (Status::UNRESOLVED, free.unresolved.or(outcome.energy_unresolved).bits()),
+            (Status::UNRESOLVED, free.unresolved_lanes().or(outcome.energy_unresolved).bits()),
             (Status::TUNNELLED, outcome.tunnelled.bits()),
             (Status::INFEASIBLE, alive.and(finite).and(outcome.infeasible).bits()),
             (Status::DEEP, alive.and(depth.gt(R::of(DEEP))).bits()),

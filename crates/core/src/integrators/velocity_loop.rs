@@ -1,7 +1,7 @@
 //! Loop that solves for the velocity after a step with hard contact: the values that it reads and writes, and the assembly of its
 //! constraint problem (stage 4).
 
-use stepper_real::{Mask, Real};
+use stepper_real::Real;
 
 use crate::constraints::assembler::{Assembler, RowInput};
 use crate::constraints::row_builder::RowBuilder;
@@ -37,9 +37,8 @@ impl<R: Real> VelocityLoop<'_, R> {
     #[inline(always)]
     pub(crate) fn assemble_problem(&mut self, probe: impl Probe) {
         let StepContext { input: StepInput { compiled, options, state, alive, .. }, evaluation } = self.context;
-        let Evaluation { scheme, at_start, q, kinematics, contacts, impact_lanes, solved_overlaps, .. } = evaluation;
+        let Evaluation { scheme, times, q, kinematics, contacts, solved_overlaps, .. } = evaluation;
         let Self { free, problem, velocity, builder, .. } = self;
-        let at_start = at_start.and_not(*impact_lanes);
         let input = RowInput {
             compiled,
             options,
@@ -51,10 +50,8 @@ impl<R: Real> VelocityLoop<'_, R> {
             v_free: &free.v,
             losses: &free.actuator_forces.losses,
             h: scheme.h,
-            time_before: scheme.time_before,
+            times,
             in_the_middle: scheme.in_the_middle,
-            closing_fraction: scheme.closing_fraction(at_start, *impact_lanes),
-            at_start,
             solved_overlaps: solved_overlaps.as_deref(),
             alive,
         };

@@ -1,5 +1,6 @@
 //! Mathematics: vectors, rotations and spatial algebra over lanes, interleaved values, and random numbers.
 
+pub(crate) mod disjoint_sets;
 pub(crate) mod lane_arrays;
 pub mod lanes;
 pub mod precision;

@@ -3,13 +3,13 @@
 //! Detection adds a contact if its gap may close before the evaluation point of the next step. The gap must be below the distance by which
 //! the free velocity closes it in two steps, plus the distance that gravity covers in one. Geoms need not overlap.
 //!
-//! The next evaluation point is up to 1.5 steps later (`ConstraintProblem::closing_time`). The rest of the two steps is a margin for
+//! The next evaluation point is up to 1.5 steps later (`SlotTimes::closing`). The rest of the two steps is a margin for
 //! impulses that make a body faster than its free velocity.
 //!
 //! A fast body can be beyond a thin wall in the middle of the step, where the midpoint rule detects contacts. [`detect`] therefore checks
 //! pairs that have moved farther than their tunnelling distance since the beginning of the step. It returns lanes in which the geoms of
 //! such a pair overlap or may have passed through each other. It also returns lanes in which one of the geoms hits a surface of triangles.
-//! The step evaluates these lanes again at its beginning. There the wall is still ahead of the body, and the contact with the wall stops
+//! The step evaluates the mechanisms of these geoms again at its beginning. There the wall is still ahead of the body, and the contact with the wall stops
 //! the body.
 //!
 //! Bodies can still pass through a geom if an impulse deflects them or makes them faster than the search assumed. They can also pass if
@@ -42,6 +42,7 @@ pub fn detect<R: Real>(
 ) -> R::Mask {
     contacts.clear();
     collision.narrow_phase.new_planes.clear();
+    collision.unreliable.fill(R::Mask::splat(false));
     if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
@@ -91,7 +92,7 @@ fn find_pairs<R: Real>(
 /// Narrow phase: finds the contacts of the pairs from [`find_pairs`].
 ///
 /// With `checks_passing`, returns the lanes whose contacts are unreliable, because geoms have moved too far since the beginning of the
-/// step. Otherwise returns no lanes.
+/// step, and sets `collision.unreliable` to these lanes of each mechanism. Otherwise returns no lanes.
 fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -101,7 +102,7 @@ fn find_contacts<R: Real>(
     collision: &mut CollisionWorkspace<R>,
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
-    let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, narrow_phase, .. } = collision;
+    let CollisionWorkspace { poses, slack, near, near_count, broad, dynamic, packed, narrow_phase, unreliable, .. } = collision;
     let (near, slack) = (&near[..*near_count], *slack);
     // A plane is infinite, so that nothing passes through it.
     let can_be_passed = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
@@ -131,14 +132,23 @@ fn find_contacts<R: Real>(
             }
         }
         scene.test_packed(packed);
-        let mut unreliable = R::Mask::splat(false);
+        let mut any = R::Mask::splat(false);
+        let mut mark = |geoms: [usize; 2], lanes: R::Mask| {
+            if checks_passing && lanes.any() {
+                any = any.or(lanes);
+                for m in geoms.into_iter().filter_map(|geom| compiled.mechanism_of_geom(geom)) {
+                    unreliable[m] = unreliable[m].or(lanes);
+                }
+            }
+        };
         for &(index, lanes) in near {
             let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-            unreliable = unreliable.or(scene.collide(index, &compiled.pairs[index], lanes, packed, narrow_phase, contacts));
+            let pair = &compiled.pairs[index];
+            mark(pair.geoms, scene.collide(index, pair, lanes, packed, narrow_phase, contacts));
         }
         for (index, lanes, pair) in &*dynamic {
-            unreliable = unreliable.or(scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts));
+            mark(pair.geoms, scene.collide(*index, pair, *lanes, packed, narrow_phase, contacts));
         }
-        unreliable
+        any
     })
 }

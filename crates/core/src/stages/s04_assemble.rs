@@ -5,7 +5,7 @@
 //! step, which for contacts is the normal velocity v_n+:
 //!
 //! ```text
-//! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `RowInput::closing_fraction`)
+//! apart (phi > 0):                v_n+ >= -c phi / h           at most c of the gap closes (c: `SlotTimes::closing_fraction`)
 //! touching, or overlapping:       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
 //! bouncing, e > 0:                v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
@@ -88,7 +88,6 @@ impl<R: Real> Assembler<'_, R> {
         problem.curvature_terms.clear();
         problem.deferred.clear();
         problem.impacts.clear();
-        problem.closing_time = input.h / input.closing_fraction;
         [problem.constrained, problem.needs_position_solve, problem.biased, problem.rebounding_at_step_end] = [none; 4];
         problem.may_have_immovable_rows = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
         problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();

@@ -3,10 +3,10 @@
 use stepper_real::Real;
 
 use crate::compile::LaneModel;
-use crate::dynamics::kinematics::displace;
+use crate::constraints::evaluation_times::EvaluationTimes;
 
-/// Computes q+ = q (+) time v into `out`. The operator (+) displaces a configuration; it rotates quaternions. `time` is the time from the
-/// configuration `q` to the end of the step, s.
-pub fn integrate_position<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], time: R, out: &mut [R]) {
-    displace(compiled, q, v, time, out);
+/// Computes q+ = q (+) t v into `out`, where t is the time from the evaluation of each mechanism to the end of the step. The operator (+)
+/// displaces a configuration; it rotates quaternions.
+pub(crate) fn integrate_position<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], times: &EvaluationTimes<R>, out: &mut [R]) {
+    times.displace_after(compiled, q, v, out);
 }

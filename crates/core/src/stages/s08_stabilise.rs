@@ -187,8 +187,8 @@ fn correct<R: Real>(input: &PositionInput<'_, R>, velocity: &mut VelocitySolutio
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
-    let VelocitySolution { impulses, v: v_next, newton, saved_impulses, .. } = velocity;
-    let PositionSolution { rows, reference, islands, v_free, correction: out, impact_displacement: scratch, .. } = position;
+    let VelocitySolution { impulses, v: v_next, newton, saved_impulses, islands, .. } = velocity;
+    let PositionSolution { rows, reference, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
     // The residual of a correction is not reported. The solve need not end with its evaluation, unless the tolerance is smaller than the
     // default.

@@ -43,7 +43,7 @@ bitflags! {
         /// The residual is above the tolerance. Or it is below, but the impulses cancel so strongly that they do not determine the energy
         /// (`stepper_solve::energy_is_ambiguous`).
         const NOT_CONVERGED = 1;
-        /// The step was not finite; the environment keeps its last finite state.
+        /// The next state of some bodies was not finite. These bodies, and those to which constraints connect them, keep their last state.
         const NON_FINITE = 2;
         /// The step found more contacts than the capacity, and left out those that it found last.
         const CONTACTS_FULL = 4;

@@ -608,6 +608,22 @@ impl<R: Real, T: Row<R>> ConstraintSet<R, T> {
         }
     }
 
+    /// Calls `f` for each active constraint of a lane, with its coordinates, its residual, m/s, and its normal impulse, N s.
+    pub(crate) fn for_each_load(
+        &self,
+        rows: &Rows<T>,
+        impulses: &[T::Impulse],
+        w: &[R],
+        lane: usize,
+        f: &mut impl FnMut(&mut dyn Iterator<Item = u32>, f64, f64),
+    ) {
+        for (row, &lambda) in rows.items.iter().zip(impulses).filter(|(row, _)| has_lane::<R>(row.active(), lane)) {
+            let v = self.velocity_under(row, rows.compliant, w, lambda);
+            let (residual, impulse) = (row.residual(v, lambda, self.eliminated > 0), T::normal_impulse(lambda));
+            f(&mut self.columns_in(row, lane), number_of(residual, lane), number_of(impulse, lane));
+        }
+    }
+
     /// Sum of `sum` and the magnitudes of all normal impulses, N s.
     #[inline(always)]
     pub(crate) fn sum_normal_impulses(&self, rows: &Rows<T>, impulses: &[T::Impulse], mut sum: R) -> R {

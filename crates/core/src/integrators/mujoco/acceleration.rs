@@ -62,7 +62,7 @@ impl<R: Real> Acceleration<'_, R> {
             self.evaluation.q.copy_from_slice(&stage.q);
             span!(probe, Kinematics, || {
                 let Evaluation { q, kinematics, .. } = &mut *self.evaluation;
-                mocap::pose_bodies(compiled, &inputs.mocap_trajectories, R::of(state.elapsed), kinematics);
+                mocap::pose_bodies(compiled, &inputs.mocap_trajectories, |_| R::of(state.elapsed), kinematics);
                 kinematics.update(compiled, q);
             });
         }
@@ -152,10 +152,8 @@ impl<R: Real> Acceleration<'_, R> {
             v_free: &stage.v,
             losses: &free.actuator_forces.losses,
             h: R::of(options.timestep),
-            time_before: R::zero(),
+            times: &evaluation.times,
             in_the_middle: false,
-            closing_fraction: R::one(),
-            at_start: R::Mask::splat(false),
             solved_overlaps: evaluation.solved_overlaps.as_deref(),
             alive,
         };

@@ -50,6 +50,7 @@ pub(crate) fn solve_step<R: Real>(
     let MujocoWorkspace { stage, runge_kutta: stages, unsymmetric, effective } = &mut s.mujoco;
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
+    evaluation.times.reset(R::of(options.timestep), R::zero());
     let mut acceleration = Acceleration { evaluation, free, problem, velocity, builder, effective };
     let solver = if let Some(stages) = stages {
         runge_kutta(input, (stage, stages), &mut acceleration, position, probe)
@@ -59,7 +60,7 @@ pub(crate) fn solve_step<R: Real>(
         solver
     };
     let none = R::Mask::splat(false);
-    free.unresolved = none;
+    free.unresolved.fill(none);
     let contacts_at_end = options.integrator == Integrator::Rk4;
     let motion = TestedMotion { velocity: &velocity.v, is_free: false, time: R::of(options.timestep), contacts_at_end };
     let Evaluation { kinematics, collision, .. } = evaluation;
@@ -80,13 +81,14 @@ fn advance<R: Real>(
 ) {
     let StepInput { compiled, options, state, inputs, .. } = input;
     let Acceleration { evaluation, free, problem, velocity, effective, .. } = acceleration;
-    let (h, kinematics, v_next) = (R::of(options.timestep), &evaluation.kinematics, &mut velocity.v);
+    let h = R::of(options.timestep);
+    let (kinematics, v_next) = (&evaluation.kinematics, &mut velocity.v);
     span!(probe, IntegrateVelocity, || match options.integrator {
         Integrator::Discrete => discrete::integrate_velocity(input, kinematics, free, problem, effective.as_ref(), v_next),
         _ => integrate_velocity(input, kinematics, free, problem, unsymmetric, v_next),
     });
     span!(probe, IntegratePosition, || {
-        integrate_position(compiled, &state.q, &velocity.v, h, &mut position.q);
+        integrate_position(compiled, &state.q, &velocity.v, &evaluation.times, &mut position.q);
         advance_activation(compiled, &state.act, &state.act, &inputs.ctrl, h, &mut position.act);
     });
 }
@@ -108,6 +110,7 @@ pub(crate) fn respond_step<R: Real>(
     let MujocoWorkspace { stage, unsymmetric, effective, .. } = &mut s.mujoco;
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
     stage.copy_from(state);
+    evaluation.times.reset(R::of(options.timestep), R::zero());
     let mut acceleration = Acceleration { evaluation, free, problem, velocity, builder, effective };
     acceleration.prepare(input, stage, recomputed, NoProbe);
     if let Some(system) = &mut acceleration.problem.soft {

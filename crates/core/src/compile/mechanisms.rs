@@ -1,0 +1,100 @@
+//! Mechanisms: sets of kinematic trees that the model couples.
+
+use stepper_real::Scalar;
+
+use crate::compile::actuators::CompiledActuator;
+use crate::compile::compiled_model::ModelStructure;
+use crate::compile::equality::{CompiledTendon, EqualityBlock, EqualityRows};
+use crate::compile::tree::{CompiledMocap, Dof};
+use crate::math::disjoint_sets::DisjointSets;
+
+/// Mechanisms of a model: sets of kinematic trees that equalities, tendons or actuators couple. Only contacts couple different mechanisms.
+///
+/// A mocap body belongs to the mechanism to which an equality attaches it. Without such an equality it is a mechanism without degrees of
+/// freedom.
+#[derive(Clone, Debug)]
+pub struct Mechanisms {
+    /// Number of mechanisms.
+    pub count: usize,
+    /// Mechanism of each kinematic tree.
+    pub of_tree: Vec<usize>,
+    /// Mechanism of each mocap body.
+    pub of_mocap: Vec<usize>,
+}
+
+/// Kinematic tree on which the actuator of each of `na` activations acts; `None` if it acts on no degree of freedom.
+pub(super) fn tree_of_act<S: Scalar>(na: usize, dofs: &[Dof], actuators: &[CompiledActuator<S>]) -> Vec<Option<usize>> {
+    let mut trees = vec![None; na];
+    for actuator in actuators {
+        let dof = match &actuator.site_wrench {
+            Some(wrench) => wrench.dofs.first().map(|&(dof, _)| dof),
+            None => actuator.moment.first().map(|&(_, dof, _)| dof),
+        };
+        if let Some(act) = actuator.act {
+            trees[act] = dof.map(|dof| dofs[dof].tree);
+        }
+    }
+    trees
+}
+
+/// A kinematic tree on which each scalar constraint row of a model acts, by the index of its impulse.
+pub(super) fn tree_of_scalar_impulse<S: Scalar>(structure: &ModelStructure<S>) -> Vec<Option<usize>> {
+    let ModelStructure { limits, frictions, ball_limits, equalities, tendons, dofs, .. } = structure;
+    let mut trees = vec![None; structure.scalar_impulses];
+    let single = limits.iter().map(|limit| limit.dof).chain(frictions.iter().map(|friction| friction.dof));
+    for (tree, dof) in trees.iter_mut().zip(single) {
+        *tree = Some(dofs[dof].tree);
+    }
+    for limit in ball_limits {
+        trees[limit.impulse_index] = Some(dofs[limit.dof].tree);
+    }
+    let first = |list: &[u32]| list.first().map(|&dof| dofs[dof as usize].tree);
+    for equality in equalities.iter().flat_map(|block| &block.equalities) {
+        trees[equality.impulses()].fill(first(&equality.dofs));
+    }
+    for tendon in tendons {
+        trees[tendon.impulse_index..tendon.impulse_index + 3].fill(first(&tendon.dofs));
+    }
+    trees
+}
+
+impl Mechanisms {
+    /// Finds the mechanisms of a model with `ntree` kinematic trees. Equalities that are not active count too.
+    pub(super) fn new<S: Scalar>(
+        ntree: usize,
+        dofs: &[Dof],
+        mocap: &[CompiledMocap<S>],
+        equalities: &[EqualityBlock<S>],
+        tendons: &[CompiledTendon<S>],
+        actuators: &[CompiledActuator<S>],
+    ) -> Self {
+        let mut sets = DisjointSets::new(ntree + mocap.len());
+        let tree = |dof: usize| dofs[dof].tree;
+        for equality in equalities.iter().flat_map(|block| &block.equalities) {
+            let attached = match &equality.rows {
+                EqualityRows::Points { paths, .. } => [paths[0].mocap, paths[1].mocap],
+                EqualityRows::Coupling { .. } => [None; 2],
+            };
+            let trees = equality.dofs.iter().map(|&d| tree(d as usize));
+            sets.join_all(trees.chain(attached.into_iter().flatten().map(|mocap| ntree + mocap)));
+        }
+        for tendon in tendons {
+            sets.join_all(tendon.dofs.iter().map(|&d| tree(d as usize)));
+        }
+        for actuator in actuators {
+            let wrench = actuator.site_wrench.iter().flat_map(|wrench| &wrench.dofs);
+            sets.join_all(actuator.moment.iter().map(|&(_, d, _)| tree(d)).chain(wrench.map(|&(d, _)| tree(d))));
+        }
+        let (mut count, mut of_set) = (0, vec![0; ntree + mocap.len()]);
+        for member in 0..of_set.len() {
+            let root = sets.root(member);
+            if root == member {
+                (of_set[member], count) = (count, count + 1);
+            } else {
+                of_set[member] = of_set[root];
+            }
+        }
+        let of_mocap = of_set.split_off(ntree);
+        Self { count, of_tree: of_set, of_mocap }
+    }
+}

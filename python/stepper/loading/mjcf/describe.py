@@ -17,17 +17,16 @@ from stepper.loading.mjcf.requested import requested
 from stepper.loading.mjcf.sensors import sensors, sites
 from stepper.loading.mjcf.softness import contact_softness, equality_softness, joint_softness, pair_softness, soft_settings, tendon_softness
 from stepper.loading.mjcf.source import (
-    BOX,
     CAPSULE,
     CONNECT,
     CYLINDER,
-    ELLIPSOID,
     HFIELD,
     JOINT,
     OBJ_BODY,
     PLANE,
     SPHERE,
     TENDON,
+    VOLUMES,
     WELD,
     Description,
     Source,
@@ -76,18 +75,18 @@ def describe(m: Any) -> Description:
 
 def _body(source: Source, i: int) -> Description:
     """Body as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
-    m = source.m
+    rows = source.rows
     return {
         "name": source.name("BODY", i),
-        "parent": int(m.body_parentid[i]),
-        "pos": m.body_pos[i].tolist(),
-        "quat": m.body_quat[i].tolist(),
-        "mass": float(m.body_mass[i]),
-        "ipos": m.body_ipos[i].tolist(),
-        "iquat": m.body_iquat[i].tolist(),
-        "inertia": m.body_inertia[i].tolist(),
-        "mocap": bool(m.body_mocapid[i] >= 0),
-        "gravcomp": 0.0 if source.skips_passive_forces else float(m.body_gravcomp[i]),
+        "parent": rows.body_parentid[i],
+        "pos": rows.body_pos[i],
+        "quat": rows.body_quat[i],
+        "mass": rows.body_mass[i],
+        "ipos": rows.body_ipos[i],
+        "iquat": rows.body_iquat[i],
+        "inertia": rows.body_inertia[i],
+        "mocap": rows.body_mocapid[i] >= 0,
+        "gravcomp": 0.0 if source.skips_passive_forces else rows.body_gravcomp[i],
     }
 
 
@@ -101,24 +100,24 @@ def _medium(source: Source) -> Description:
 
 def _joint(source: Source, i: int) -> Description:
     """Joint as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
-    m = source.m
+    rows = source.rows
     dof = source.dofs(i).start
     # Like MuJoCo, add rotor inertia and damping of the actuators, times gear^2, to those of the joint.
     # `min` keeps the square finite: a gear that is too large is reported as an error of the model elsewhere.
     gears = [(a, min(source.gear(a) * source.gear(a), sys.float_info.max)) for a in source.joint_actuators[i]]
-    damping = float(m.dof_damping[dof]) + sum(g * float(m.actuator_damping[a]) for a, g in gears)
+    damping = rows.dof_damping[dof] + sum(g * float(source.m.actuator_damping[a]) for a, g in gears)
     return {
         "name": source.name("JOINT", i),
-        "body": int(m.jnt_bodyid[i]),
-        "kind": ("Free", "Ball", "Slide", "Hinge")[int(m.jnt_type[i])],
-        "pos": m.jnt_pos[i].tolist(),
-        "axis": m.jnt_axis[i].tolist(),
-        "stiffness": 0.0 if source.off("spring") else float(m.jnt_stiffness[i]),
+        "body": rows.jnt_bodyid[i],
+        "kind": ("Free", "Ball", "Slide", "Hinge")[rows.jnt_type[i]],
+        "pos": rows.jnt_pos[i],
+        "axis": rows.jnt_axis[i],
+        "stiffness": 0.0 if source.off("spring") else rows.jnt_stiffness[i],
         "damping": 0.0 if source.off("damper") else damping,
-        "armature": float(m.dof_armature[dof]) + sum(g * float(m.actuator_armature[a]) for a, g in gears),
-        "frictionloss": 0.0 if source.off("frictionloss") else float(m.dof_frictionloss[dof]),
+        "armature": rows.dof_armature[dof] + sum(g * float(source.m.actuator_armature[a]) for a, g in gears),
+        "frictionloss": 0.0 if source.off("frictionloss") else rows.dof_frictionloss[dof],
         "range": _joint_range(source, i),
-        "actuator_force_range": m.jnt_actfrcrange[i].tolist() if m.jnt_actfrclimited[i] else None,
+        "actuator_force_range": rows.jnt_actfrcrange[i] if rows.jnt_actfrclimited[i] else None,
         **joint_softness(source, i),
     }
 
@@ -128,35 +127,35 @@ def _joint_range(source: Source, i: int) -> list[float] | None:
 
     Both limits are moved inwards by the joint's `margin`, because MuJoCo applies limit forces already at that distance from a limit.
     """
-    m = source.m
-    if not m.jnt_limited[i] or source.off("limit"):
+    rows = source.rows
+    if not rows.jnt_limited[i] or source.off("limit"):
         return None
-    low, high = m.jnt_range[i].tolist()
-    margin = float(m.jnt_margin[i])
+    low, high = rows.jnt_range[i]
+    margin = rows.jnt_margin[i]
     # A ball joint has only an upper limit, on its angle.
     return [low + margin if source.is_hinge_or_slide(i) else low, high - margin]
 
 
 def _geom(source: Source, i: int) -> Description:
     """Geom as a dictionary for the Rust library; `i` is the index in MuJoCo's model."""
-    m = source.m
+    opt, rows = source.m.opt, source.rows
     collides = not source.off("contact")
     return {
         "name": source.name("GEOM", i),
-        "body": int(m.geom_bodyid[i]),
+        "body": rows.geom_bodyid[i],
         "shape": _shape(source, i),
-        "pos": m.geom_pos[i].tolist(),
-        "quat": m.geom_quat[i].tolist(),
-        "contype": int(m.geom_contype[i]) & 0xFFFFFFFF if collides else 0,
-        "conaffinity": int(m.geom_conaffinity[i]) & 0xFFFFFFFF if collides else 0,
-        "condim": int(m.geom_condim[i]),
-        "priority": int(m.geom_priority[i]),
-        "friction": (m.opt.o_friction[[0, 2, 3]] if source.overrides else m.geom_friction[i]).tolist(),
+        "pos": rows.geom_pos[i],
+        "quat": rows.geom_quat[i],
+        "contype": rows.geom_contype[i] & 0xFFFFFFFF if collides else 0,
+        "conaffinity": rows.geom_conaffinity[i] & 0xFFFFFFFF if collides else 0,
+        "condim": rows.geom_condim[i],
+        "priority": rows.geom_priority[i],
+        "friction": opt.o_friction[[0, 2, 3]].tolist() if source.overrides else rows.geom_friction[i],
         "restitution": 0.0,  # MJCF has no restitution: its contacts are springs and dampers
         # The margin of a contact is the sum of the margins of its two geoms.
-        "margin": float(m.opt.o_margin / 2 if source.overrides else m.geom_margin[i]),
-        "gap": float(m.geom_gap[i]),
-        "surface_velocity": m.geom_surfacevel[i].tolist(),
+        "margin": float(opt.o_margin / 2) if source.overrides else rows.geom_margin[i],
+        "gap": rows.geom_gap[i],
+        "surface_velocity": rows.geom_surfacevel[i],
         "fluid": _ellipsoid(source, i),
         **contact_softness(source, i),
     }
@@ -164,7 +163,7 @@ def _geom(source: Source, i: int) -> Description:
 
 def _ellipsoid(source: Source, i: int) -> Description | None:
     """Coefficients of MuJoCo's ellipsoid fluid model for a geom, in the order of `geom_fluid`; None if the geom does not use that model."""
-    x, kind, (a, b, c) = source.m.geom_fluid[i].tolist(), int(source.m.geom_type[i]), source.m.geom_size[i].tolist()
+    x, kind, (a, b, c) = source.rows.geom_fluid[i], source.rows.geom_type[i], source.rows.geom_size[i]
     if x[0] <= 0:
         return None
     axes = {SPHERE: [a, a, a], CAPSULE: [a, a, b + a], CYLINDER: [a, a, b]}.get(kind, [a, b, c])
@@ -174,19 +173,12 @@ def _ellipsoid(source: Source, i: int) -> Description | None:
 
 def _shape(source: Source, i: int) -> str | Description:
     """Shape of a geom as a name or dictionary for the Rust library; `i` is the geom's index in MuJoCo's model."""
-    m = source.m
-    x, y, z = m.geom_size[i].tolist()
-    kind, asset = int(m.geom_type[i]), int(m.geom_dataid[i])
-    simple: dict[int, str | Description] = {
-        PLANE: "Plane",
-        SPHERE: {"Sphere": {"radius": x}},
-        CAPSULE: {"Capsule": {"radius": x, "half_length": y}},
-        CYLINDER: {"Cylinder": {"radius": x, "half_length": y}},
-        ELLIPSOID: {"Ellipsoid": {"radii": [x, y, z]}},
-        BOX: {"Box": {"half": [x, y, z]}},
-    }
-    if kind in simple:
-        return simple[kind]
+    rows = source.rows
+    kind, asset = rows.geom_type[i], rows.geom_dataid[i]
+    if kind == PLANE:
+        return "Plane"
+    if kind in VOLUMES:
+        return VOLUMES[kind](*rows.geom_size[i])
     if kind == HFIELD:
         return {"HeightField": {"asset": source.label("HFIELD", asset)}}
     return {"Mesh": {"asset": source.label("MESH", asset), "concave": False}}

@@ -146,7 +146,15 @@ def _matters(source: Source, flag: str) -> bool:
 def _joints(source: Source) -> None:
     """Appends to `source.omitted` the properties of joints that stepper does not simulate."""
     m = source.m
-    for i in range(m.njnt):
+    if not m.njnt:
+        return
+    first, fields = m.jnt_dofadr, ("damping", "armature", "frictionloss")
+    special = np.logical_or.reduceat(m.dof_dampingpoly.any(axis=1), first) | m.jnt_stiffnesspoly.any(axis=1)
+    for field in fields:
+        values = getattr(m, f"dof_{field}")
+        special |= np.minimum.reduceat(values, first) != np.maximum.reduceat(values, first)
+    special |= (m.jnt_actgravcomp != 0) | (m.jnt_springyield != 0) | (m.jnt_margin != 0)
+    for i in np.flatnonzero(special).tolist():
         name, dofs = source.label("JOINT", i), source.dofs(i)
         if np.any(m.jnt_stiffnesspoly[i]) and not source.off("spring"):
             source.leave_out("joint spring polynomial", name, "stiffness that grows with deflection is not simulated; the linear part is")
@@ -160,7 +168,7 @@ def _joints(source: Source) -> None:
             source.leave_out("joint spring yield", name, "plastic yielding of springs is not simulated; the spring stays elastic")
         if np.any(m.dof_dampingpoly[dofs]) and not source.off("damper"):
             source.leave_out("joint damping polynomial", name, "damping that grows with speed is not simulated; the linear part is")
-        for field in ("damping", "armature", "frictionloss"):
+        for field in fields:
             values = getattr(m, f"dof_{field}")[dofs]
             if np.any(values != values[0]):
                 source.leave_out(

@@ -45,8 +45,8 @@ def _soft(source: Source) -> list[str]:
     """Texts on constraints whose softness is not MuJoCo's default, one for each kind of constraint: the number and the first names."""
     m = source.m
     solid = ((m.geom_contype != 0) | (m.geom_conaffinity != 0)) & source.collides
-    lossy = np.array([bool(np.any(m.dof_frictionloss[source.dofs(j)])) for j in range(m.njnt)], bool)
-    friction = lossy & np.array([_differs(m.dof_solref[source.dofs(j)], m.dof_solimp[source.dofs(j)]).any() for j in range(m.njnt)], bool)
+    lossy, differs = m.dof_frictionloss != 0, _differs(m.dof_solref, m.dof_solimp)
+    friction = np.array([lossy[dofs].any() and differs[dofs].any() for dofs in map(source.dofs, range(m.njnt))], bool)
     limits, losses = not source.off("limit"), not source.off("frictionloss")
     kinds = {
         ("GEOM", "geoms"): solid & _differs(m.geom_solref, m.geom_solimp),
@@ -59,10 +59,10 @@ def _soft(source: Source) -> list[str]:
     }
     found = []
     for (kind, word), chosen in kinds.items():
-        names = [source.label(kind, int(i)) for i in np.flatnonzero(chosen)]
-        if names:
-            more = ", ..." if len(names) > _MOST_NAMES else ""
-            found.append(f"{len(names)} {word} ({', '.join(names[:_MOST_NAMES])}{more})")
+        indices = np.flatnonzero(chosen).tolist()
+        if indices:
+            names, more = [source.label(kind, i) for i in indices[:_MOST_NAMES]], ", ..." if len(indices) > _MOST_NAMES else ""
+            found.append(f"{len(indices)} {word} ({', '.join(names)}{more})")
     return found
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from stepper.loading.mjcf.actuators import CUBIC, PREVIOUS, delay_in_buffer, is_whole
-from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SDF, SPHERE, Description, Source
+from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SDF, SPHERE, VOLUMES, Description, Source
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
 RAY_FIELDS = ("Distance", "Direction", "Origin", "Point")
@@ -40,30 +40,17 @@ def kind_of(source: Source, i: int) -> str:
 
 def sites(source: Source) -> list[Description]:
     """Descriptions of all sites as dictionaries for the Rust library, in the order of MuJoCo's model."""
-    m = source.m
+    rows = source.rows
     return [
         {
             "name": source.name("SITE", i),
-            "body": int(m.site_bodyid[i]),
-            "pos": m.site_pos[i].tolist(),
-            "quat": m.site_quat[i].tolist(),
-            "shape": _volume(int(m.site_type[i]), m.site_size[i].tolist()),
+            "body": rows.site_bodyid[i],
+            "pos": rows.site_pos[i],
+            "quat": rows.site_quat[i],
+            "shape": VOLUMES[rows.site_type[i]](*rows.site_size[i]),
         }
-        for i in range(m.nsite)
+        for i in range(source.m.nsite)
     ]
-
-
-def _volume(kind: int, size: list[float]) -> Description:
-    """Shape of a site as a dictionary for the Rust library, from MuJoCo's `site_type` and `site_size` (m)."""
-    x, y, z = size
-    volumes: dict[int, Description] = {
-        SPHERE: {"Sphere": {"radius": x}},
-        CAPSULE: {"Capsule": {"radius": x, "half_length": y}},
-        ELLIPSOID: {"Ellipsoid": {"radii": [x, y, z]}},
-        CYLINDER: {"Cylinder": {"radius": x, "half_length": y}},
-        BOX: {"Box": {"half": [x, y, z]}},
-    }
-    return volumes[kind]
 
 
 def sensors(source: Source) -> Iterator[Description]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from stepper.loading.mjcf.source import Description, Source
 
 CONES = ("Pyramidal", "Elliptic")
@@ -31,10 +29,10 @@ def soft_settings(source: Source) -> Description:
 
 def joint_softness(source: Source, i: int) -> Description:
     """Softness (solref and solimp) of a joint's limit and of its dry friction, as a dictionary; `i` is the index in MuJoCo's model."""
-    m, dof = source.m, source.dofs(i).start
+    rows, dof = source.rows, source.dofs(i).start
     return {
-        "limit_softness": _softness(m.jnt_solref[i], m.jnt_solimp[i]),
-        "friction_softness": _softness(m.dof_solref[dof], m.dof_solimp[dof]),
+        "limit_softness": _softness(rows.jnt_solref[i], rows.jnt_solimp[i]),
+        "friction_softness": _softness(rows.dof_solref[dof], rows.dof_solimp[dof]),
     }
 
 
@@ -45,8 +43,8 @@ def contact_softness(source: Source, i: int) -> Description:
         source: The compiled model.
         i: Index of the geom in MuJoCo's model.
     """
-    m = source.m
-    return {"softness": _contact(source, m.geom_solref[i], m.geom_solimp[i]), "solmix": float(m.geom_solmix[i])}
+    rows = source.rows
+    return {"softness": _contact(source, rows.geom_solref[i], rows.geom_solimp[i]), "solmix": rows.geom_solmix[i]}
 
 
 def pair_softness(source: Source, i: int) -> Description:
@@ -63,7 +61,7 @@ def pair_softness(source: Source, i: int) -> Description:
     slide, other_slide, _, roll, other_roll = (m.opt.o_friction if source.overrides else m.pair_friction[i]).tolist()
     ratio = [b / a if a > 0 else 1.0 for a, b in ((slide, other_slide), (roll, other_roll))]
     return {
-        "softness": _contact(source, m.pair_solref[i], m.pair_solimp[i]),
+        "softness": _contact(source, source.rows.pair_solref[i], source.rows.pair_solimp[i]),
         "solref_friction": m.pair_solreffriction[i].tolist(),
         "anisotropy": ratio,
     }
@@ -71,25 +69,25 @@ def pair_softness(source: Source, i: int) -> Description:
 
 def tendon_softness(source: Source, i: int) -> Description:
     """Softness (solref and solimp) of a tendon's limit and of its dry friction, as a dictionary; `i` is the index in MuJoCo's model."""
-    m = source.m
+    rows = source.rows
     return {
-        "limit_softness": _softness(m.tendon_solref_lim[i], m.tendon_solimp_lim[i]),
-        "friction_softness": _softness(m.tendon_solref_fri[i], m.tendon_solimp_fri[i]),
+        "limit_softness": _softness(rows.tendon_solref_lim[i], rows.tendon_solimp_lim[i]),
+        "friction_softness": _softness(rows.tendon_solref_fri[i], rows.tendon_solimp_fri[i]),
     }
 
 
 def equality_softness(source: Source, i: int) -> Description:
     """Softness (solref and solimp) of an equality constraint, as a dictionary; `i` is the index in MuJoCo's model."""
-    m = source.m
-    return {"softness": _softness(m.eq_solref[i], m.eq_solimp[i])}
+    rows = source.rows
+    return {"softness": _softness(rows.eq_solref[i], rows.eq_solimp[i])}
 
 
-def _contact(source: Source, solref: Any, solimp: Any) -> Description:
+def _contact(source: Source, solref: list[float], solimp: list[float]) -> Description:
     """Softness of a contact as a dictionary, from its solref and solimp, or from the options if `option/flag override` is enabled."""
     opt = source.m.opt
-    return _softness(opt.o_solref, opt.o_solimp) if source.overrides else _softness(solref, solimp)
+    return _softness(opt.o_solref.tolist(), opt.o_solimp.tolist()) if source.overrides else _softness(solref, solimp)
 
 
-def _softness(solref: Any, solimp: Any) -> Description:
-    """Dictionary for the Rust library of a softness, from arrays solref (2,) and solimp (5,)."""
-    return {"solref": solref.tolist(), "solimp": solimp.tolist()}
+def _softness(solref: list[float], solimp: list[float]) -> Description:
+    """Dictionary for the Rust library of a softness, from solref (2 numbers) and solimp (5 numbers)."""
+    return {"solref": solref, "solimp": solimp}

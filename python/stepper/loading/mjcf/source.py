@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -16,6 +17,14 @@ Description = dict[str, Any]
 # MuJoCo's numbers, which do not change (mjtype.h); the tests compare them with the installed version's.
 FREE, BALL, SLIDE, HINGE = range(4)
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, SDF = range(9)
+VOLUMES: dict[int, Callable[[float, float, float], Description]] = {
+    SPHERE: lambda x, _y, _z: {"Sphere": {"radius": x}},
+    CAPSULE: lambda x, y, _z: {"Capsule": {"radius": x, "half_length": y}},
+    ELLIPSOID: lambda x, y, z: {"Ellipsoid": {"radii": [x, y, z]}},
+    CYLINDER: lambda x, y, _z: {"Cylinder": {"radius": x, "half_length": y}},
+    BOX: lambda x, y, z: {"Box": {"half": [x, y, z]}},
+}
+"""Shape of a geom or site as a dictionary for the Rust library, from its three sizes (m), by MuJoCo's number of the shape."""
 WRAP_JOINT = 1
 CONNECT, WELD, JOINT, TENDON = range(4)
 OBJ_BODY = 1
@@ -40,6 +49,22 @@ _CONSTRAINTS = ("contact", "limit", "frictionloss", "equality")
 """Features that the flag "constraint" disables too."""
 
 
+class Rows:
+    """Arrays of a compiled `mujoco.MjModel` as Python lists, by name. A list is made at its first use.
+
+    Reading an entry of a list takes a tenth of the time that reading an entry of an array takes. Scenes can have a hundred thousand geoms.
+    """
+
+    def __init__(self, m: Any):
+        self._m = m
+
+    def __getattr__(self, name: str) -> Any:
+        """List with the entries of an array of the model."""
+        rows = getattr(self._m, name).tolist()
+        setattr(self, name, rows)
+        return rows
+
+
 @dataclass
 class Source:
     """Compiled `mujoco.MjModel`, with the list of its elements that the conversion to stepper leaves out.
@@ -57,18 +82,34 @@ class Source:
         """The Python module `mujoco`."""
         return import_module("mujoco")
 
+    @cached_property
+    def rows(self) -> Rows:
+        """Arrays of the model as lists."""
+        return Rows(self.m)
+
+    @cached_property
+    def _kinds(self) -> dict[str, int]:
+        """Numbers of the kinds of elements, by name without the prefix "mjOBJ_"."""
+        return {name.removeprefix("mjOBJ_"): int(kind) for name, kind in self.mujoco.mjtObj.__members__.items()}
+
     def name(self, kind: str, index: int) -> str:
         """Name of an element, for example `name("JOINT", 3)`; an empty string if the element has no name."""
-        return str(self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index) or "")
+        return str(self.mujoco.mj_id2name(self.m, self._kinds[kind], index) or "")
 
     def label(self, kind: str, index: int) -> str:
         """Name of an element, or its index in the form "#3" if it has no name."""
         return self.name(kind, index) or f"#{index}"
 
+    @cached_property
+    def _disabled(self) -> frozenset[str]:
+        """Features that the model's flags disable."""
+        flags = int(self.m.opt.disableflags)
+        disabled = {feature for feature, bit in DISABLE.items() if flags & bit}
+        return frozenset(disabled | set(_CONSTRAINTS if "constraint" in disabled else ()))
+
     def off(self, feature: str) -> bool:
         """Whether the model's flags disable a feature, which is one of the keys of `DISABLE`."""
-        flags = int(self.m.opt.disableflags)
-        return bool(flags & DISABLE[feature]) or (feature in _CONSTRAINTS and bool(flags & DISABLE["constraint"]))
+        return feature in self._disabled
 
     def leave_out(self, kind: str, name: str, reason: str, *, changes_motion: bool = True) -> None:
         """Adds an element to the list `omitted` of elements that stepper does not simulate.
@@ -81,7 +122,7 @@ class Source:
         """
         self.omitted.append({"kind": kind, "name": name, "reason": reason, "changes_motion": changes_motion})
 
-    @property
+    @cached_property
     def overrides(self) -> bool:
         """Whether `option/flag override` is enabled: friction, margin and softness of the options then apply to all contacts."""
         return bool(int(self.m.opt.enableflags) & ENABLE["override"])
@@ -99,12 +140,12 @@ class Source:
 
     def dofs(self, joint: int) -> slice:
         """Indices of the degrees of freedom of a joint, as a slice of `qvel`."""
-        start = int(self.m.jnt_dofadr[joint])
-        return slice(start, start + (6, 3, 1, 1)[int(self.m.jnt_type[joint])])
+        start = self.rows.jnt_dofadr[joint]
+        return slice(start, start + (6, 3, 1, 1)[self.rows.jnt_type[joint]])
 
     def is_hinge_or_slide(self, joint: int) -> bool:
         """Whether a joint is a hinge or slide, with one degree of freedom."""
-        return int(self.m.jnt_type[joint]) in (SLIDE, HINGE)
+        return self.rows.jnt_type[joint] in (SLIDE, HINGE)
 
     def is_fixed(self, tendon: int) -> bool:
         """Whether a tendon is fixed, a linear combination of joint positions; other tendons are spatial."""

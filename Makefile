@@ -7,7 +7,7 @@ MJBATCH := .venv-mjbatch
 DOCS := .venv-docs
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench kernels loading many-contacts terrains floors docs atlas corpus adapters identify studies study-libraries fuzz properties training gymnasium viewer check advisories build format clean
+.PHONY: demo test wheel bench kernels loading many-contacts terrains floors docs crate-docs atlas corpus adapters identify studies study-libraries fuzz properties training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo. It compiles the CPU level of this machine alone, in less than half the time of all levels.
 demo: export STEPPER_ONE_LEVEL := native
@@ -85,10 +85,13 @@ atlas: build $(VENV)/atlas.stamp
 	PYTHONPATH=benches $(BIN)/python -m atlas $(ATLAS)
 	PROPTEST_CASES=20000 cargo test --release -p stepper-geometry --test suite sampling::
 
-# The documentation: a site in out/site, and the pages of the crates in target/doc. It needs no network once its environment is there.
+# The documentation: a site in out/site. It needs no network once its environment is there, and no Rust. `make crate-docs` adds the crates' pages.
 docs: $(DOCS)/setup.stamp
 	$(DOCS)/bin/codespell README.md ARCHITECTURE.md docs examples/README.md benches/README.md
 	NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict
+
+# Pages of the Rust crates, in target/doc.
+crate-docs:
 	cargo doc --quiet --no-deps -p stepper-core --features stepper-core/nalgebra
 
 # Every robot of twenty packages, in stepper and in MuJoCo: docs/benchmarks/corpus.md, which CORPUS=--update-docs

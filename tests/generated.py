@@ -7,6 +7,7 @@ Usage:
 
 from pathlib import Path
 
+import api_names
 import command_line
 import field_table
 import study_keys
@@ -17,6 +18,7 @@ SECTIONS = {
     "commands": (REFERENCE / "command_line.md", command_line.table),
     "fields": (REFERENCE / "what_can_vary.md", lambda: f"{field_table.table()}\n{field_table.others()}"),
     "keys": (REFERENCE / "studies.md", study_keys.table),
+    **api_names.sections(),
 }
 """Page and text of each section, by its name."""
 

@@ -136,16 +136,20 @@ def test_signatures_of_constructors_are_shown():
     assert re.search(r"^ +merge_init_into_class: true$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
 
 
-def test_figures_of_the_readme_are_those_of_the_result_files():
+def test_figures_of_pages_are_those_of_the_result_files():
     module = figures()
-    table = (ROOT / "README.md").read_text().partition(module.BEGIN)[2].partition(module.END)[0]
-    assert table.strip() == module.readme_table().strip(), "python docs/hooks/figures.py --update-docs writes it"
+    values = module.figures()
+    for page in module.pages():
+        text = page.read_text()
+        assert module.with_figures(text, values, str(page)) == text, "python docs/hooks/figures.py --update-docs writes it"
+        assert not re.search(r"\{\{ [\w.]+ \}\}", text), f"{named(page)} has a figure that the repository shows as a name"
 
 
-def test_figures_of_pages_have_names_that_exist():
-    known = figures().figures()
-    used = {name for page in PAGES for name in re.findall(r"\{\{ ([\w.]+) \}\}", page.read_text())}
-    assert used <= known.keys()
+def test_figures_have_names_that_exist():
+    module = figures()
+    with pytest.raises(KeyError, match="page has the figure no, which docs/hooks/figures"):
+        module.with_figures("<!-- figure no -->1<!-- end -->", {}, "page")
+    assert module.with_figures("a <!-- figure x.y -->1<!-- end --> b", {"x.y": "2"}, "page") == "a <!-- figure x.y -->2<!-- end --> b"
 
 
 def test_the_readme_is_short():
@@ -195,3 +199,31 @@ def test_only_update_docs_writes_documentation():
 def test_the_site_links_to_the_repository():
     repository = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
     assert f"\nrepo_url: {repository}\n" in (ROOT / "mkdocs.yml").read_text()
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "\n::: " in page.read_text()], ids=named)
+def test_entries_of_the_reference_are_comments_in_the_repository(page):
+    """They precede no text: a list of the names stands before each block."""
+    visible = re.sub(r"<!--.*?-->", "", page.read_text(), flags=re.DOTALL)
+    assert ":::" not in visible
+    for entry in re.findall(r"^::: stepper\.(?:\w+\.)*(\w+)$", page.read_text(), re.MULTILINE):
+        assert f"{entry}`" in visible or page.name in ("status.md", "options.md", "model.md", "stepper_class.md"), entry
+
+
+def test_names_that_pages_import_are_documented():
+    """Tutorials and guides import functions and classes that the Python reference has."""
+    documented = set(re.findall(r"^::: (stepper[\w.]+)$", "\n".join(page.read_text() for page in PAGES), re.MULTILINE))
+    headings = set(re.findall(r"heading: (stepper[\w.]+)$", "\n".join(page.read_text() for page in PAGES), re.MULTILINE))
+    lasts = {name.rpartition(".")[2] for name in documented | headings}
+    missing = {}
+    for page in PAGES:
+        if page.parent.name in ("tutorials", "how-to"):
+            for module, names in re.findall(r"^from stepper\.(\w+) import ([\w, ]+)$", page.read_text(), re.MULTILINE):
+                missing |= {name: named(page) for name in names.split(", ") if name not in lasts and module != "adapters"}
+    assert missing == {}
+
+
+def test_the_documentation_needs_no_rust():
+    makefile = (ROOT / "Makefile").read_text()
+    recipe = re.search(r"^docs: .*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1]
+    assert "cargo" not in recipe

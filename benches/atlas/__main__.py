@@ -1,4 +1,4 @@
-"""Sweep of the failure atlas: `python -m atlas` writes atlas.md, atlas.png and atlas.csv into out/atlas.
+"""Sweep of the failure atlas: `python -m atlas` writes atlas.md with the pages of its groups, atlas.png and atlas.csv into out/atlas.
 
 A sweep runs scenes in engines. With --update-docs, a sweep of all scenes and engines replaces the page in docs/benchmarks. With --add too,
 a sweep of some scenes or engines replaces only their rows in that page.
@@ -56,7 +56,11 @@ def main() -> None:
         if args.add:
             rows, notes = _added(rows, notes, data)
         write_csv(data, rows, notes)
-    write_markdown(out / "atlas.md", scenes.ALL, rows, notes)
+    groups = {
+        name: (title, [s for s in scenes.ALL if any(s in topic.SCENES for topic in topics)])
+        for name, (title, topics) in scenes.GROUPS.items()
+    }
+    write_markdown(out, groups, rows, notes)
     draw(out / "atlas.png", rows)
 
 

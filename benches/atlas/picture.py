@@ -1,4 +1,4 @@
-"""Figure of the atlas: a row for each scene, a column for each engine, time steps within a cell; colour is error over tolerance."""
+"""Figure of the atlas: shares of the runs of each engine that hold, fail, are not finite, or are not possible."""
 
 from __future__ import annotations
 
@@ -6,69 +6,41 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
 
-from atlas.run import CANNOT, Row
+from atlas.run import CANNOT, HELD, Row
 
-DECADES = 4.0
-"""Range of the colour scale on each side of the tolerance, in powers of ten."""
-HOLDS, LIMIT_IN, LIMIT_OUT, FAILS = "#0b5d3b", "#bfe5c8", "#ffd9c2", "#a3150f"
-COLOURS = LinearSegmentedColormap.from_list("atlas", [(0.0, HOLDS), (0.5, LIMIT_IN), (0.5, LIMIT_OUT), (1.0, FAILS)])
-DIVERGED, ABSENT = "#1a1a1a", "#d9d9d9"
+_KINDS = {"holds": "#0b5d3b", "fails": "#e08a72", "not finite": "#1a1a1a", "cannot run": "#d9d9d9"}
+"""Colour of each kind of result, in the order of the bars."""
 
 
-def _colour(row: Row) -> str | tuple[float, float, float, float]:
-    """Colour of a result in the figure.
-
-    The colour shows the ratio of error to tolerance on a logarithmic scale. Runs that diverged or were not possible have fixed colours.
-    """
+def _kind(row: Row) -> str:
+    """Kind of a result."""
     if row.outcome == CANNOT:
-        return ABSENT
-    if not math.isfinite(row.error):
-        return DIVERGED
-    held = row.error <= row.tolerance
-    ratio = math.log10(max(row.error, 1e-300) / row.tolerance) if row.tolerance > 0 else (-DECADES if held else DECADES)
-    # Avoid exactly 0, where the colour map jumps.
-    value = min(max(ratio / DECADES, -1.0), -1e-3) if held else max(min(ratio / DECADES, 1.0), 1e-3)
-    return COLOURS(0.5 + 0.5 * value)
+        return "cannot run"
+    if row.outcome == HELD:
+        return "holds"
+    return "fails" if math.isfinite(row.error) else "not finite"
 
 
 def draw(path: Path, rows: Sequence[Row]) -> None:
-    """Draw the results of all scenes, engines and time steps as a figure, and write it to a PNG file."""
-    titles = list(dict.fromkeys(f"{r.number}  {r.name}" for r in rows))
-    engines = list(dict.fromkeys(r.engine for r in rows))
-    figure = Figure(figsize=(5.2 + 1.0 * len(engines), 2.0 + 0.2 * len(titles)), dpi=110)
-    axes = figure.add_axes((0.3, 0.03, 0.68, 0.87))
-    for row in rows:
-        y, x = titles.index(f"{row.number}  {row.name}"), engines.index(row.engine)
-        dts = sorted({r.dt for r in rows if (r.number, r.name) == (row.number, row.name)})
-        width = 0.92 / len(dts)
-        axes.add_patch(_cell(x + 0.04 + dts.index(row.dt) * width, y + 0.06, width, row))
-    axes.set_xlim(0, len(engines))
-    axes.set_ylim(len(titles), 0)
-    axes.set_yticks(np.arange(len(titles)) + 0.5, titles, fontsize=7)
-    axes.set_xticks(np.arange(len(engines)) + 0.5, [e.replace(" ", "\n", 1) for e in engines], fontsize=8)
-    axes.xaxis.tick_top()
-    axes.tick_params(length=0)
-    for side in axes.spines.values():
-        side.set_visible(False)
-    colours = (HOLDS, LIMIT_IN, LIMIT_OUT, FAILS, DIVERGED, ABSENT)
-    labels = ("holds, 4 decades inside", "just holds", "just fails", "fails by 4 decades", "not finite", "cannot run")
-    key = [Patch(color=c, label=label) for c, label in zip(colours, labels, strict=True)]
-    figure.legend(handles=key, loc="upper left", ncols=2, fontsize=8, frameon=False, title="within a cell: time steps, small to large")
+    """Draw the results of all engines as horizontal bars, and write the figure to a PNG file."""
+    engines = list(dict.fromkeys(row.engine for row in rows))
+    counts = {engine: [sum(row.engine == engine and _kind(row) == kind for row in rows) for kind in _KINDS] for engine in engines}
+    engines.sort(key=lambda engine: counts[engine][0])
+    figure = Figure(figsize=(8.0, 1.0 + 0.32 * len(engines)), dpi=110, layout="constrained")
+    axes = figure.subplots()
+    left = [0.0] * len(engines)
+    for k, (kind, colour) in enumerate(_KINDS.items()):
+        widths = [100 * counts[engine][k] / sum(counts[engine]) for engine in engines]
+        axes.barh(engines, widths, left=left, color=colour, label=kind, height=0.75)
+        left = [a + b for a, b in zip(left, widths, strict=True)]
+    for y, engine in enumerate(engines):
+        share = 100 * counts[engine][0] / sum(counts[engine])
+        axes.text(share / 2, y, f"{share:.0f} %", ha="center", va="center", color="white", fontsize=9)
+    axes.set_xlim(0, 100)
+    axes.set_xlabel("% of all scenes and time steps")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=len(_KINDS), frameon=False, fontsize=9)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
     figure.savefig(path)
-
-
-def _cell(x: float, y: float, width: float, row: Row) -> Rectangle:
-    """Rectangle of a cell of the figure.
-
-    Args:
-        x: Left end.
-        y: Upper end; y points down in the figure.
-        width: Width.
-        row: Result whose ratio of error to tolerance gives the colour.
-    """
-    return Rectangle((x, y), width, 0.88, facecolor=_colour(row), linewidth=0)

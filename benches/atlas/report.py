@@ -1,4 +1,4 @@
-"""Report of a sweep: docs/benchmarks/atlas.md and atlas.csv."""
+"""Report of a sweep: docs/benchmarks/atlas.md with a page for each group of scenes in docs/benchmarks/atlas/, and atlas.csv."""
 
 from __future__ import annotations
 
@@ -16,14 +16,18 @@ from atlas.scene import Scene
 USUAL = 2e-3
 """Time step of the atlas's summary, s. The summary has the error of each scene at the scene's time step that is nearest to this value."""
 
+MAIN = ("stepper", "stepper f32", "MuJoCo", "MuJoCo tuned", "rapier")
+"""Engines of the summary, which the pages of the groups compare with all others."""
+
 HEAD = """# The failure atlas
 
 Scenes with known answers where methods fail: 44 numbered scenes, and the seven public tests of SimBenchmark (S1 to S7) with its
 parameters. Every right answer is a closed form, statics or a conservation law, never another simulator. A scene *holds* at a time step
 if the error of the engine is within the tolerance of the scene.
-`make atlas` runs all scenes and writes this page, [atlas.csv](atlas.csv) and the figure; `tests/failure/` runs a shorter sweep.
+`make atlas` runs all scenes and writes this page, the pages of the groups, [atlas.csv](atlas.csv) and the figure; `tests/failure/` runs a
+shorter sweep.
 
-![scenes by engines and time steps](atlas.png)
+![Share of the runs that hold, by engine](atlas.png)
 
 Engines:
 
@@ -33,6 +37,12 @@ Engines:
   impratio 10 with discrete, solref of two steps (with restitution, the direct format). MuJoCo has no coefficient of restitution, so its
   default cannot reproduce a bounce.
 * **rapier** is the Python wheel with its defaults, in 32 bits.
+
+Tables have the number of time steps at which a scene holds, and the error at the step nearest to 2 ms.
+
+## Pages of the groups
+
+Each group of scenes has a page with all engines, the reasons of stepper's failures, right answers and all runs.
 
 """
 
@@ -58,20 +68,34 @@ def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
     return rows, notes
 
 
-def write_markdown(path: Path, scenes: Sequence[Scene], rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """Write the atlas as a Markdown page: summary, reasons of stepper's failures, right answers, and results of all runs.
+def write_markdown(
+    folder: Path, groups: Mapping[str, tuple[str, Sequence[Scene]]], rows: Sequence[Row], provenance: Mapping[str, object]
+) -> None:
+    """Write atlas.md, a summary of all scenes, and atlas/GROUP.md for each group: all engines, stepper's failures, right answers, all runs.
 
     Args:
-        path: File of the page.
-        scenes: Scenes of the atlas, in the order of the tables.
+        folder: Folder of the pages.
+        groups: Title and scenes of each group, by name.
         rows: Results of all runs.
         provenance: Machine, versions and time of the measurement, by name.
     """
     engines = list(dict.fromkeys(row.engine for row in rows))
     by = {(r.number, r.name, r.dt, r.engine): r for r in rows}
-    shown = [s for s in scenes if any((s.number, s.name) == (r.number, r.name) for r in rows)]
-    parts = [HEAD, _summary(shown, engines, by), _reasons(shown, by), _answers(shown), _all(shown, engines, by), _provenance(provenance)]
-    path.write_text("\n".join(parts), encoding="utf-8")
+    known = {(r.number, r.name) for r in rows}
+    (folder / "atlas").mkdir(exist_ok=True)
+    parts = [HEAD, *(f"* [{title}](atlas/{name}.md)\n" for name, (title, _) in groups.items())]
+    for name, (title, scenes) in groups.items():
+        shown = [scene for scene in scenes if (scene.number, scene.name) in known]
+        if not shown:
+            continue
+        main = [engine for engine in MAIN if engine in engines] or engines
+        parts.append(f"\n## {title}\n\n{_summary(shown, main, by)}")
+        text = f"# {title}\n\nScenes of the [failure atlas](../atlas.md), which describes the engines.\n\n"
+        text += "## Number of time steps at which each scene holds, and the error at the step nearest to 2 ms\n\n"
+        text += _summary(shown, engines, by)
+        text += "\n".join([_reasons(shown, by), _answers(shown), _all(shown, engines, by)])
+        (folder / f"atlas/{name}.md").write_text(text, encoding="utf-8")
+    (folder / "atlas.md").write_text("".join([*parts, _provenance(provenance)]), encoding="utf-8")
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -89,15 +113,14 @@ def _number(x: float) -> str:
 
 
 def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    """Section with the number of passed time steps and the error, by scene and engine.
+    """Table with the number of passed time steps and the error, by scene and engine.
 
     Args:
         scenes: Scenes, one for each row of the table.
         engines: Names of the engines, one for each column.
         by: Results by number and name of the scene, time step (s) and engine.
     """
-    text = "## Number of time steps at which each scene holds, and the error at the step nearest to 2 ms\n\n"
-    text += _line(["scene", "unit", *engines]) + _line(["---"] * (len(engines) + 2))
+    text = _line(["scene", "unit", *engines]) + _line(["---"] * (len(engines) + 2))
     totals = dict.fromkeys(engines, 0)
     for scene in scenes:
         usual = min(scene.dts, key=lambda dt: abs(math.log(dt / USUAL)))

@@ -1,10 +1,10 @@
 """Figures of the documentation, computed from the result files in docs/benchmarks.
 
     python docs/hooks/figures.py            # names and values
-    python docs/hooks/figures.py --update-docs   # write the table of the README
+    python docs/hooks/figures.py --update-docs   # write them into the README and the pages
 
-Pages contain `{{ NAME }}`; the build of the site replaces it (pages.py). The README has no build: this command writes its table, and
-tests/test_documents.py compares it.
+Pages have each figure between `<!-- figure NAME -->` and `<!-- end -->`, so that they read well in the repository and on the site.
+tests/test_documents.py compares them with the result files.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from typing import Any
 
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = ROOT / "docs/benchmarks"
-BEGIN, END = "<!-- speed: written by `python docs/hooks/figures.py --update-docs` -->\n", "<!-- end of speed -->"
+FIGURE = re.compile(r"(<!-- figure ([a-z][\w.]*) -->).*?(<!-- end -->)", re.DOTALL)
+"""Mark of a figure on a page, the figure, and the end mark."""
 SHOWN = ("gymnasium humanoid", "gymnasium half_cheetah", "dm_control humanoid", "dm_control quadruped", "robosuite panda")
 """Robots of the README's table; the mean is of all."""
 CREEP = (
@@ -52,6 +53,7 @@ def figures() -> dict[str, str]:
     atlas = read_csv("atlas.csv")
     found["atlas.scenes"] = str(len({row["number"] for row in atlas}))
     found["atlas.creep"] = atlas_table(atlas, CREEP, "0.002")
+    found["readme.table"] = readme_table(found)
     return found
 
 
@@ -116,9 +118,12 @@ def speed_table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def readme_table() -> str:
-    """Table of the README: some robots, the mean of all, and the scenes with many contacts."""
-    found = figures()
+def readme_table(found: dict[str, str]) -> str:
+    """Table of the README: some robots, the mean of all, and the scenes with many contacts.
+
+    Args:
+        found: Values of the other figures by name.
+    """
     lines = found["speed.table"].splitlines()
     kept = [*lines[:2], *(line for name in SHOWN for line in lines if line.startswith(f"| {name} |")), lines[-1]]
     kept.append(f"| 17 scenes with many contacts, mean | | | | {found['many.mean.f64']} | {found['many.mean.f32']} | | | |")
@@ -126,17 +131,43 @@ def readme_table() -> str:
     kept.append("")
     kept.append(f"{found['speed.machine']}: `python benches/comparison/{found['speed.command']}`.")
     kept.append(f"Scenes with many contacts: {found['many.machine']}, `make many-contacts`.")
-    return "\n".join(kept) + "\n"
+    return "\n".join(kept)
+
+
+def with_figures(text: str, values: dict[str, str], place: str) -> str:
+    """Text of a page with the present values of its figures.
+
+    Args:
+        text: Text of the page.
+        values: Values by name.
+        place: Path of the page, for messages.
+
+    Raises:
+        KeyError: A name is unknown.
+    """
+
+    def figure(match: re.Match[str]) -> str:
+        if match[2] not in values:
+            raise KeyError(f"{place} has the figure {match[2]}, which docs/hooks/figures.py does not have; it lists its names")
+        value = values[match[2]]
+        return match[1] + (f"\n\n{value}\n\n" if "\n" in value else value) + match[3]
+
+    return FIGURE.sub(figure, text)
+
+
+def pages() -> list[Path]:
+    """Files that may have figures."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def main() -> None:
-    """Prints all figures, or writes the README's table."""
+    """Print all figures, or write them into the pages."""
+    values = figures()
     if "--update-docs" in sys.argv:
-        readme = ROOT / "README.md"
-        before, _, rest = readme.read_text().partition(BEGIN)
-        readme.write_text(before + BEGIN + "\n" + readme_table() + "\n" + END + rest.partition(END)[2])
+        for page in pages():
+            page.write_text(with_figures(page.read_text(), values, str(page)))
         return
-    for name, value in figures().items():
+    for name, value in values.items():
         print(f"{name}: {value}")
 
 

@@ -11,21 +11,19 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import docstrings
-import figures
 
-NAME = re.compile(r"\{\{ ([a-z][\w.]*) \}\}")
+ENTRIES = re.compile(r"^<!-- api\n(.*?)^-->\n", re.MULTILINE | re.DOTALL)
+"""Entries of mkdocstrings, which are comments in the repository."""
 LINK = re.compile(r"\[([^\]]*)\]\((\.\./[^)#\s]+)(#[^)\s]*)?\)")
 TEST = re.compile(r"^[ \t]*<!-- test: .*? -->\n", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Text of a page with its figures, and with links to files outside of docs/ as file names or, with `repo_url`, as links."""
-    values = figures.figures()
+    """Text of a page for the site.
 
-    def figure(match: re.Match[str]) -> str:
-        if match[1] not in values:
-            raise KeyError(f"{page.file.src_uri} has {{{{ {match[1]} }}}}, which docs/hooks/figures.py does not have; it lists its names")
-        return values[match[1]]
+    Entries of API pages appear, which comments hide in the repository. Links to files outside of docs/ become file names or, with
+    `repo_url`, links to the repository.
+    """
 
     def link(match: re.Match[str]) -> str:
         text, target = match[1], match[2]
@@ -36,7 +34,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
             return f"[{text}]({config.repo_url.rstrip('/')}/blob/main/{path})"
         return f"`{path}`" if posixpath.basename(path) in text or text in path else f"{text} (`{path}`)"
 
-    return docstrings.without_links(LINK.sub(link, NAME.sub(figure, TEST.sub("", markdown))))
+    return docstrings.without_links(LINK.sub(link, ENTRIES.sub(r"\1", TEST.sub("", markdown))))
 
 
 CELL = re.compile(r"(<td[^>]*>)(.*?)</td>", re.DOTALL)

@@ -155,7 +155,7 @@ def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], R
                 found.setdefault(why, []).append(
                     f"{scene.title} ({row.engine.removeprefix('stepper').strip() or 'default'}, {row.dt * 1e3:g} ms)"
                 )
-    text = "\n## Failures of stepper and their reasons\n\n"
+    text = "\n## Failures of stepper and their reasons\n\n" + ("" if found else "None.\n")
     for why, where in found.items():
         text += f"* {why}\n" + "".join(f"    * {line}\n" for line in _grouped(where))
     return text

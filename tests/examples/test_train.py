@@ -55,6 +55,14 @@ def test_a_run_that_was_stopped_goes_on_to_the_same_curve(env, tmp_path, monkeyp
     np.testing.assert_array_equal(parts.policy()(observation), whole.policy()(observation))
 
 
+def test_the_first_line_says_that_no_episode_has_ended(tmp_path, capsys):
+    """Episodes of the Reacher have 50 steps, and the first update sees 16 of each."""
+    train.train(train.Settings(env="stepper/Reacher-v5", steps=PER_ITERATION, **SMALL), tmp_path)
+    printed = capsys.readouterr().out
+    assert "no episode has ended yet" in printed
+    assert "nan" not in printed
+
+
 def test_another_run_in_the_folder_is_an_error(tmp_path):
     settings = {"env": "stepper/Reacher-v5", "steps": PER_ITERATION, **SMALL}
     train.train(train.Settings(**settings), tmp_path, quiet=True)

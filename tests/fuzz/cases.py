@@ -182,9 +182,7 @@ def _change_arrays(rng: Random, arrays: dict[str, np.ndarray]) -> None:
             array.flat[int(rng.integers(array.size))] = rng.choice(NUMBERS)
             arrays[name] = array
         case 2 if array.size and array.dtype.kind in "ui":
-            # As many steps as a number holds would be made, and never end.
-            most = 9 if name == "nstep" else np.iinfo(array.dtype).max
-            array.flat[int(rng.integers(array.size))] = rng.choice([0, 1, 9, most])
+            array.flat[int(rng.integers(array.size))] = rng.choice([0, 1, 9, np.iinfo(array.dtype).max])
             arrays[name] = array
         case 3:
             arrays[name] = array[..., :-1] if array.ndim else np.array([array, array])

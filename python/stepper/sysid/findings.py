@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from stepper.sysid.inertia import Array
-from stepper.sysid.parameters import Block
+from stepper.sysid.nullspace import Point
+from stepper.sysid.parameters import Block, natural
 from stepper.sysid.residuals import Residuals
 from stepper.sysid.uncertainty import Uncertainty
 
@@ -47,49 +48,40 @@ def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarra
 
 
 def warnings_of(
-    residuals: Residuals,
-    x: Array,
-    sure: Uncertainty,
-    *,
-    reach: Array,
-    roughness: Array,
-    searches: Sequence[Any],
-    converged: bool,
-    weights: Array,
+    residuals: Residuals, found: Any, sure: Uncertainty, *, slopes: Array, first: Point, converged: bool, weights: Array
 ) -> tuple[str, ...]:
     """Warnings about an estimate, the most serious first.
 
     Args:
         residuals: Residuals of the fit.
-        x: Estimate, (n + starts,), in units of the scales: parameters, then uncertain coordinates of initial states.
+        found: Identification without warnings.
         sure: Uncertainty of the estimate.
-        reach: Half widths of the bounds, in units of the scales, (n,).
-        roughness: Relative differences between derivatives with a finite-difference step and with twice that step, (n,).
-        searches: Ends of all searches: objects with the end point `x` and its `cost`.
+        slopes: Derivatives of the values with respect to the parameters in units of their scales, (n, n).
+        first: Estimate, with the effect of each parameter on the readings and the roughness of this effect.
         converged: Whether the best search converged.
         weights: Weight of each reading in the robust loss, (m,), 0 to 1.
     """
-    blocks, simulator, n = residuals.blocks, residuals.simulator, residuals.n
-    labels = [label for block in blocks for label in block.labels]
+    blocks, simulator = residuals.blocks, residuals.simulator
+    labels, known = found.labels, [int(j) for j in np.flatnonzero(found.determined)]
     hints = [block.hint for block in blocks for _ in block.labels]
-    std = np.sqrt(np.diag(sure.covariance))
-    open_ = undetermined(blocks, std, reach)
     out = []
-    for j in range(n):
-        if open_[j]:
-            # Derivatives that change completely with the finite-difference step are rounding errors.
-            idle = sure.effect[j] < 1e-3 or roughness[j] > 1
-            why = "no reading depends on it" if idle else "the readings hardly depend on it, or depend on it as on other parameters"
-            out.append(f"{labels[j]} is not determined by these data, {why}: {hints[j]}")
-    known: list[int] = [int(j) for j in np.flatnonzero(~open_)]
-    correlation = sure.covariance / np.outer(std, std)
+    # Derivatives that change completely with the finite-difference step are rounding errors.
+    idle = np.abs(slopes) @ ((first.effect >= 1e-3) & (first.roughness <= 1)) == 0
+    for j in np.flatnonzero(~found.determined):
+        why = "no reading depends on it" if idle[j] else "the readings hardly depend on it, or depend on it as on other parameters"
+        out.append(f"{labels[j]} is not determined by these data, {why}: {hints[j]}")
+    covariance = slopes @ (found.covariance / np.outer(found.scale, found.scale)) @ slopes.T
+    std = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(std, std)
+    relative = std / np.linalg.norm(slopes, axis=1)
     for a, i in enumerate(known):
         for j in known[a + 1 :]:
-            if abs(correlation[i, j]) > TWINS and max(std[i], std[j]) > LOOSE:
+            if abs(correlation[i, j]) > TWINS and max(relative[i], relative[j]) > LOOSE:
                 how = "ratio" if correlation[i, j] > 0 else "product"
                 out.append(
                     f"{labels[i]} and {labels[j]} are known only together (correlation {correlation[i, j]:.3f}, as for a {how}): {hints[j]}"
                 )
+    x = found.theta / found.scale
     for j in known:
         at = "lower" if x[j] - residuals.low[j] < residuals.step else "upper" if residuals.high[j] - x[j] < residuals.step else ""
         if at:
@@ -97,57 +89,45 @@ def warnings_of(
                 f"{labels[j]} is at its {at} bound: its interval ends there, and other estimates may be wrong; "
                 "widen the bound or check the data"
             )
-        if roughness[j] > ROUGH:
+        if first.roughness[j] > ROUGH:
             out.append(
-                f"{labels[j]}: finite differences with the step and with twice the step differ by {100 * roughness[j]:.0f} %, because "
+                f"{labels[j]}: finite differences with the step and with twice the step differ by {100 * first.roughness[j]:.0f} %, because "
                 f"contacts open or close nearby. The interval is rough: compare with step={residuals.step / 10:g}, or give shorter episodes"
             )
     if not converged:
         out.append("the search ran out of evaluations; raise max_evaluations")
-    out += _fit_warnings(residuals, x, sure, searches=searches, labels=labels, known=np.array(known, int), weights=weights)
+    out += _fit_warnings(residuals, found, sure, std=std, weights=weights)
     if simulator.untrusted > 0.001:
         out.append(f"{100 * simulator.untrusted:.2g} % of the steps were not solved, or left contacts out; see Stepper.status")
     return (*out, *dict.fromkeys(note for episode in simulator.episodes for note in episode.notes))
 
 
-def _fit_warnings(
-    residuals: Residuals,
-    x: Array,
-    sure: Uncertainty,
-    *,
-    searches: Sequence[Any],
-    labels: Sequence[str],
-    known: np.ndarray[Any, Any],
-    weights: Array,
-) -> list[str]:
+def _fit_warnings(residuals: Residuals, found: Any, sure: Uncertainty, *, std: Array, weights: Array) -> list[str]:
     """Warnings about an estimate whose residuals are large, or for which other searches ended at another point with a similar cost.
 
     Args:
         residuals: Residuals of the fit.
-        x: Estimate: parameters, then uncertain initial states, in units of the scales, (n + starts,).
+        found: Identification without warnings.
         sure: Uncertainty of the estimate.
-        searches: Ends of all searches: objects with the end point `x` and its `cost`.
-        labels: Labels of the parameters, (n,).
-        known: Indices of the parameters that the data determine.
+        std: Standard deviations of the values, (n,).
         weights: Weight of each reading in the robust loss, (m,), 0 to 1.
     """
     out = []
-    std = np.sqrt(np.diag(sure.covariance))
-    best = min(s.cost for s in searches)
-    count = residuals.count
-    for search in searches:
-        apart = np.abs(search.x[known] - x[known]) / np.maximum(std[known], 1e-12) if len(known) else np.zeros(0)
+    known = np.flatnonzero(found.determined)
+    best = min(s.cost for s in found.searches)
+    for search in found.searches:
+        apart = np.abs(natural(residuals.blocks, search.theta) - found.values)[known] / np.maximum(std[known], 1e-300)
         # Difference of the sums of squares, scaled so that the best search has 1 per reading. Noise alone can cause a difference of 4: a
         # search below this fits as well as the best.
-        excess = 2 * (search.cost - best) * count / max(2 * best, 1e-300)
+        excess = 2 * (search.cost - best) * residuals.count / max(2 * best, 1e-300)
         if len(apart) and apart.max() > 5 and excess < 4:
             j = int(known[int(apart.argmax())])
             out.append(
-                f"another estimate fits equally well, with {labels[j]} {apart.max():.0f} standard deviations away; "
+                f"another estimate fits equally well, with {found.labels[j]} {apart.max():.0f} standard deviations away; "
                 "more data can distinguish the two"
             )
             break
-    widest = float(sure.inflation[known].max()) if len(known) else 1.0
+    widest = float(sure.inflation.max()) if len(known) else 1.0
     if widest > 1.5:
         out.append(
             f"residuals are correlated in time or larger than the noise that was given: intervals are up to {widest:.1f} times as wide as "

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -21,15 +21,17 @@ from stepper.actuators import ActuatorModel
 from stepper.shared.arguments import check_mapping, check_number, check_whole
 from stepper.shared.machine import require
 from stepper.shared.progress import Tick, silent
+from stepper.sysid.combinations import combinations_of
 from stepper.sysid.data import Data, episodes_of
-from stepper.sysid.findings import warnings_of
+from stepper.sysid.findings import undetermined, warnings_of
 from stepper.sysid.inertia import Array
-from stepper.sysid.parameters import Block, FitParameter, bind, write
+from stepper.sysid.nullspace import FlatSet
+from stepper.sysid.parameters import Block, FitParameter, bind, natural, value_slopes, write
 from stepper.sysid.residuals import Linearized, Residuals, Together
-from stepper.sysid.result import Identification, Search
+from stepper.sysid.result import Identification, Search, t_quantile
 from stepper.sysid.shift import EARLY, FREED_STD, LATE, RATIO, finding_of_fit, suspicious
 from stepper.sysid.simulate import Simulator, noise_of, solved
-from stepper.sysid.uncertainty import uncertainty, weights_of
+from stepper.sysid.uncertainty import outside_null_space, weights_of
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 START_SPREAD = 1.5
@@ -361,27 +363,40 @@ def _concluded(
         seconds: Elapsed time, s.
     """
     n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
-    # Where derivatives from twice the step differ, the motion is not smooth.
-    (twice,) = residuals.linearize([best.x], 2 * residuals.step)
-    data = slice(None, best.at.data)
-    here, there = best.at.jacobian[data, :n], twice.jacobian[data, :n]
-    size = np.linalg.norm(here, axis=0)
-    roughness = np.where(size > 0, np.linalg.norm(here - there, axis=0) / np.where(size > 0, size, 1.0), 0.0)
+    weights = np.ones(len(best.at.residual))
+    weights[: best.at.data] = weights_of(loss, (best.at.residual[: best.at.data] / f_scale) ** 2)
+    flat = FlatSet(residuals, best.x, best.at, weights)
+    first = flat.points[0]
+    if first.x is not best.x:
+        best = replace(best, x=first.x, at=first.at, converged=True)
     span = (residuals.high - residuals.low)[:n] / 2
     reach = np.where(np.isfinite(span), span, 100.0)
-    sure = uncertainty(best.at.jacobian, best.at.residual, residuals.reading_indices(), reach, loss=loss, f_scale=f_scale)
-    weights = weights_of(loss, (best.at.residual[data] / f_scale) ** 2)
+    sure = outside_null_space(
+        best.at.jacobian, first.null, reach, best.at.residual, residuals.reading_indices(), loss=loss, f_scale=f_scale
+    )
+    theta, scale = best.x[:n] * residuals.scale, residuals.scale
+    covariance = (sure.covariance + flat.widening) * np.outer(scale, scale)
+    values = np.stack([natural(residuals.blocks, point.x[:n] * scale) for point in flat.points])
+    slopes = np.stack([value_slopes(residuals.blocks, point.x[:n] * scale) * scale for point in flat.points])
+    std = np.sqrt(np.einsum("ij,jk,ik->i", slopes[0], sure.covariance + flat.widening, slopes[0]))
+    known = ~(flat.undetermined(values, slopes, std) | undetermined(residuals.blocks, std / np.maximum(np.linalg.norm(slopes[0], axis=1), 1e-300), reach))
+    freedom = max(residuals.count - residuals.n, 1)
+    together = combinations_of(
+        residuals.blocks, model, flat, scale=scale, covariance=covariance, known=known, quantile=t_quantile(0.95, freedom)
+    )
     found = Identification(
         model=model,
         parameters=tuple(block.parameter for block in residuals.blocks),
-        theta=best.x[:n] * residuals.scale,
-        covariance=sure.covariance * np.outer(residuals.scale, residuals.scale),
-        information=sure.information / np.outer(residuals.scale, residuals.scale),
-        scale=residuals.scale,
-        freedom=max(residuals.count - residuals.n, 1),
+        theta=theta,
+        covariance=covariance,
+        information=sure.information / np.outer(scale, scale),
+        scale=scale,
+        determined=known,
+        combinations=together,
+        freedom=freedom,
         noise=_by_channel(simulator, residuals.sigma),
         residual=_by_channel(simulator, residuals.sigma * _rms(residuals, best.at)),
-        searches=tuple(Search(s.x[:n] * residuals.scale, s.cost, s.converged) for s in searches),
+        searches=tuple(Search(s.x[:n] * scale, s.cost, s.converged) for s in (best, *searches[1:])),
         evaluations=solver.evaluations,
         steps=simulator.steps,
         seconds=seconds,
@@ -389,7 +404,7 @@ def _concluded(
     )
     shifts = _shift_warnings(residuals, best, solver)
     others = warnings_of(
-        residuals, best.x, sure, reach=reach, roughness=roughness, searches=searches, converged=best.converged, weights=weights
+        residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged, weights=weights[: best.at.data]
     )
     return found.warned((*shifts, *others))
 

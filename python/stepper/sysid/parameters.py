@@ -7,7 +7,7 @@ inertia, or the value itself. `bind` finds the elements in a model, and returns 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -236,6 +236,11 @@ class Block:
         """Number n of entries of the parameter vector theta that belong to this parameter."""
         return len(self.start)
 
+    @property
+    def least(self) -> Array:
+        """Greatest lower bounds of the values for all theta, (n,): 0 for positive quantities, otherwise minus infinity."""
+        return np.full(self.size, 0.0 if self.kind.log else -math.inf)
+
     def _prepare(self, model: Model) -> None:
         """Sets labels, units, start and bounds of this parameter from the model. Subclasses for other kinds of parameters override it."""
         if check := _CHECKS.get(self.parameter.kind):
@@ -387,6 +392,10 @@ class _Inertia(_OfOneBody):
         reach = np.array([REACH / 2, *(REACH,) * 3, *(10.0,) * 6])
         self.low, self.high = -reach, reach
 
+    @property
+    def least(self) -> Array:
+        return np.array([0.0, *(-math.inf,) * 3, *(0.0,) * 3, *(-math.inf,) * 3])
+
     def _bodies(self, theta: Array) -> tuple[Array, Array, Array, Array]:
         mass, com, moments, axes = shape.bodies(theta, self.body.mass, np.asarray(self.body.inertia))
         return mass, np.asarray(self.body.ipos) + com @ self.R.T, moments, self.R @ axes
@@ -501,6 +510,23 @@ def split(blocks: Sequence[Block], theta: Array) -> list[Array]:
 def natural(blocks: Sequence[Block], theta: Array) -> Array:
     """Values of all parameters in their units, (..., n), from parameter vectors theta, (..., n)."""
     return np.concatenate([block.natural(piece) for block, piece in zip(blocks, split(blocks, theta), strict=True)], axis=-1)
+
+
+def derivatives(function: Callable[[Array], Array], theta: Array, scale: Array) -> Array:
+    """Derivatives of a function of the parameter vector, (p, n), by central differences.
+
+    Args:
+        function: Function of parameter vectors (count, n) that returns (count, p).
+        theta: Parameter vector, (n,).
+        scale: Scales of its numbers, (n,).
+    """
+    up, down = (function(theta + sign * np.diag(1e-6 * scale)) for sign in (1, -1))
+    return np.asarray((up - down).T / (2e-6 * scale))
+
+
+def value_slopes(blocks: Sequence[Block], theta: Array) -> Array:
+    """Derivatives of all values with respect to the parameter vector theta, (n, n)."""
+    return derivatives(lambda x: natural(blocks, x), theta, np.concatenate([block.scale for block in blocks]))
 
 
 def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,12 +17,13 @@ from stepper.shared.arguments import check_fraction, check_whole, path_of
 from stepper.shared.fields import RANDOMIZED
 from stepper.shared.files import explained, read_text, write_text
 from stepper.shared.machine import require
-from stepper.sysid.findings import undetermined
+from stepper.sysid.combinations import Combination
 from stepper.sysid.inertia import Array
-from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, write
+from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, value_slopes, write
 from stepper.sysid.roots import RIDGE, root_of
 
-FORMAT = 2
+Mask: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
+FORMAT = 3
 """Version of the file format of `Identification.save`."""
 
 
@@ -54,6 +55,8 @@ class Identification:
         covariance: Covariance of theta, (n, n). The variance of undetermined parameters follows from their bounds.
         information: Information matrix (inverse covariance) of the data and priors, without the bounds and for white noise, (n, n).
         scale: Size of a significant change of theta, (n,): 1 for logarithms.
+        determined: Whether the data determine each value, (n,).
+        combinations: Combinations of parameters that the data determine, although they do not determine each parameter.
         freedom: Degrees of freedom: number of readings minus number of parameters.
         noise: Standard deviations of the readings by channel, in the unit of the channel: given by the user, or estimated.
         residual: Root mean square of the residuals by channel, in its unit.
@@ -70,6 +73,8 @@ class Identification:
     covariance: Array
     information: Array
     scale: Array
+    determined: Mask
+    combinations: tuple[Combination, ...]
     freedom: int
     noise: Mapping[str, list[float]]
     residual: Mapping[str, list[float]]
@@ -105,36 +110,33 @@ class Identification:
 
     @property
     def std(self) -> Array:
-        """Standard deviations of the values in their units, (n,), to first order."""
-        G = self._slopes()
-        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", G, self.covariance, G)))
-
-    @property
-    def determined(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Whether the data determine each number of theta, (n,)."""
-        reach = np.concatenate([(block.high - block.low) / 2 for block in self.blocks]) / self.scale
-        reach = np.where(np.isfinite(reach), reach, 100.0)
-        return ~undetermined(self.blocks, np.sqrt(np.diag(self.covariance)) / self.scale, reach)
+        """Standard deviations of the values in their units, (n,), to first order; infinite for values that the data do not determine."""
+        G = value_slopes(self.blocks, self.theta)
+        return np.where(self.determined, np.sqrt(np.einsum("ij,jk,ik->i", G, self.covariance, G)), np.inf)
 
     def interval(self, confidence: float = 0.95) -> Array:
         """Returns the confidence intervals of the values, (n, 2).
 
-        For a positive quantity, the interval is symmetric in its logarithm. Intervals are clipped to the bounds.
+        For a positive quantity, the interval is symmetric in its logarithm. Intervals are clipped to the bounds. Of a value that the data do
+        not determine, the interval is infinite: from 0 for a positive quantity, otherwise from minus infinity. See `combinations`.
 
         Raises:
             ValueError: The confidence is not between 0 and 1.
         """
         check_fraction("confidence", confidence)
-        t = float(require("scipy.stats", "for intervals").t.ppf((1 + confidence) / 2, self.freedom))
+        t = t_quantile(confidence, self.freedom)
         spread = np.sqrt(np.diag(self.covariance))
-        pieces = zip(self.blocks, *(split(self.blocks, x) for x in (self.theta, spread, self.values, self.std)), strict=True)
+        pieces = zip(
+            self.blocks, *(split(self.blocks, x) for x in (self.theta, spread, self.values, self.std, self.determined)), strict=True
+        )
         out = []
-        for block, theta, of_theta, value, of_value in pieces:
+        for block, theta, of_theta, value, of_value, known in pieces:
             if block.parameter.kind in ("body_inertial", "body_inertia"):
-                out.append(np.stack([value - t * of_value, value + t * of_value], axis=1))
+                ends = [np.maximum(value - t * of_value, block.least), value + t * of_value]
             else:
-                ends = [np.clip(theta + sign * t * of_theta, block.low, block.high) for sign in (-1, 1)]
-                out.append(np.stack([block.natural(end) for end in ends], axis=1))
+                ends = [block.natural(np.clip(theta + sign * t * of_theta, block.low, block.high)) for sign in (-1, 1)]
+            open_ = block.least, np.full(block.size, np.inf)
+            out.append(np.stack([np.where(known, end, other) for end, other in zip(ends, open_, strict=True)], axis=1))
         return np.concatenate(out)
 
     def __getitem__(self, label: str) -> float:
@@ -234,7 +236,7 @@ class Identification:
 
     def __str__(self) -> str:
         left = ", ".join(f"{name} {' '.join(f'{x:.3g}' for x in values)}" for name, values in self.residual.items())
-        lines = [self.table(), f"residuals (root mean square): {left}", f"next: {self.advice()}"]
+        lines = [self.table(), *(f"determined together: {together}" for together in self.combinations), f"residuals (root mean square): {left}", f"next: {self.advice()}"]
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -247,7 +249,8 @@ class Identification:
             "values": dict(zip(self.labels, self.values.tolist(), strict=True)),
             "interval": dict(zip(self.labels, self.interval().tolist(), strict=True)),
         }
-        for name in ("theta", "covariance", "information", "scale"):
+        kept["combinations"] = [asdict(together) for together in self.combinations]
+        for name in ("theta", "covariance", "information", "scale", "determined"):
             kept[name] = getattr(self, name).tolist()
         for name in ("freedom", "noise", "residual", "evaluations", "steps", "seconds", "warnings"):
             kept[name] = getattr(self, name)
@@ -276,18 +279,23 @@ class Identification:
                 FitParameter(p["selector"], p["start"], *(None if p[name] is None else tuple(p[name]) for name in ("bounds", "prior")))
                 for p in kept["parameters"]
             )
-            numbers: dict[str, Any] = {name: np.array(kept[name]) for name in ("theta", "covariance", "information", "scale")}
+            numbers: dict[str, Any] = {name: np.array(kept[name]) for name in ("theta", "covariance", "information", "scale", "determined")}
             numbers |= {name: kept[name] for name in ("freedom", "noise", "residual", "evaluations", "steps", "seconds")}
             return cls(
                 model=model,
                 parameters=parameters,
                 searches=tuple(Search(np.array(s["theta"]), s["cost"], s["converged"]) for s in kept["searches"]),
+                combinations=tuple(Combination(**(c | {"interval": tuple(c["interval"])})) for c in kept["combinations"]),
                 warnings=tuple(kept["warnings"]),
                 **numbers,
             )
 
-    def _slopes(self) -> Array:
-        """Derivatives of the values with respect to theta, (n, n), by central differences."""
-        h = 1e-6 * self.scale
-        up, down = (natural(self.blocks, self.theta + sign * np.diag(h)) for sign in (1, -1))
-        return np.asarray((up - down).T / (2 * h))
+
+def t_quantile(confidence: float, freedom: int) -> float:
+    """Half width of an interval of Student's t distribution, in standard deviations.
+
+    Args:
+        confidence: Probability of the interval.
+        freedom: Degrees of freedom.
+    """
+    return float(require("scipy.stats", "for intervals").t.ppf((1 + confidence) / 2, freedom))

@@ -40,13 +40,11 @@ class Uncertainty:
         covariance: Covariance of x, (n, n). It is finite, because the bounds limit the variance of undetermined parameters.
         information: Information matrix H of the data and the priors, (n, n), without bounds.
         inflation: Ratios of the standard deviations to those for white noise, (n,).
-        effect: Norm of the derivatives of all readings with respect to each parameter, in standard deviations of their noise, (n,).
     """
 
     covariance: Array
     information: Array
     inflation: Array
-    effect: Array
 
 
 def weights_of(loss: str, z: Array) -> Array:
@@ -89,7 +87,6 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
     k = len(times)
     bread, weight = np.ones(len(r)), np.ones(len(r))
     bread[:k], weight[:k] = slopes_of(loss, r[:k] / f_scale), weights_of(loss, (r[:k] / f_scale) ** 2)
-    effect = np.sqrt((bread[:k, None] * J[:k, :n] ** 2).sum(axis=0))
     if J.shape[1] > n:
         own, other = J[:, :n], J[:, n:]
         coupling = np.linalg.lstsq(np.sqrt(bread)[:, None] * other, np.sqrt(bread)[:, None] * own, rcond=None)[0]
@@ -106,7 +103,27 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
     covariance = _at_least(np.asarray(inverse @ (coloured + known) @ inverse), plain)
     covariance = _at_least(covariance, np.asarray(inverse @ (_long_run(scores) + known) @ inverse))
     inflation = np.sqrt(np.diag(covariance) / np.diag(inverse))
-    return Uncertainty((covariance + covariance.T) / 2, H, inflation, effect)
+    return Uncertainty((covariance + covariance.T) / 2, H, inflation)
+
+
+def outside_null_space(J: Array, null: Array, reach: Array, *args: Any, **settings: Any) -> Uncertainty:
+    """Uncertainty whose covariance along a null space follows from the bounds alone, and is independent of that across the null space.
+
+    Args:
+        J: Jacobian of the residuals, (m, n + others).
+        null: Orthonormal basis of the null space of the parameters, (n, q).
+        reach: Half widths of the bounds, (n,).
+        args, settings: Other arguments of `uncertainty`.
+    """
+    n, q = null.shape
+    if not q:
+        return uncertainty(J, *args, reach, **settings)
+    basis = np.linalg.svd(null)[0]
+    along, across = basis[:, :q], basis[:, q:]
+    within = np.concatenate([J[:, :n] @ across, J[:, n:]], axis=1)
+    known = uncertainty(within, *args, (across.T**2 @ reach**-2.0) ** -0.5, **settings)
+    covariance = across @ known.covariance @ across.T + along @ np.linalg.inv((along.T * reach**-2.0) @ along) @ along.T
+    return Uncertainty(covariance, across @ known.information @ across.T, known.inflation)
 
 
 def _at_least(covariance: Array, other: Array) -> Array:

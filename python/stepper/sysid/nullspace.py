@@ -1,0 +1,244 @@
+"""Null space of the data: directions of the parameters along which the predicted readings stay the same.
+
+The null space of the Jacobian at an estimate is only the tangent of a curved set of equally good estimates. Of a pendulum, data determine
+the product of mass and distance, and mass and distance change in opposite directions. Where a moment of inertia vanishes, the tangent even
+lies along that moment alone, so that the mass seems to be determined. Therefore:
+
+- The estimate is moved along the set to the point that is nearest to the start values. Parameters that the data do not determine thus keep
+  their start values as far as the data allow.
+- Null spaces are computed there and at other points of the set, about one unit of the scales away.
+- A value is determined only if its derivative along all these null spaces is zero, within its own standard deviation.
+
+Weak directions, along which the standard deviation is large, are curved too. Each is followed to the points where the sum of squared
+residuals has risen by 4. If these points are farther than two standard deviations, the covariance is increased to reach them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stepper.sysid.inertia import Array
+from stepper.sysid.residuals import Linearized, Residuals
+
+FLAT_STD = 3.0
+"""Standard deviation along a direction, in units of the scales, above which the direction belongs to the null space.
+
+The 95 % interval of a positive parameter along it spans a factor of 400 up and down, of the 1000 that default bounds allow.
+"""
+FLAT_EXCESS = 1.0
+"""Largest increase of the sum of squared residuals, in units of the noise, at which a point explains the readings equally well."""
+OTHERS = 2
+"""Number of further points of the set of equally good estimates at which the null space is computed."""
+WALK = 16
+"""Largest number of steps of a walk along the set of equally good estimates."""
+CORRECTIONS = 4
+"""Largest number of Gauss-Newton steps that return to the set after a step along its tangent."""
+SHORTEST = 0.03
+"""Length of a step along the set below which a walk ends, in units of the scales."""
+WEAK_STD = 0.1
+"""Standard deviation along a direction, in units of the scales, above which the cost is followed along the direction."""
+END = 4.0
+"""Increase of the sum of squared residuals, in units of the noise, at the ends of a 95 % interval: two standard deviations."""
+FOLLOWED = 12
+"""Largest number of steps along a weak direction, of at most `STRIDE`. A direction without an end there is not determined."""
+STRIDE = 0.5
+"""Largest step along a weak direction, in units of the scales."""
+OUTSIDE = 3.0
+"""Distance of a value at another equally good estimate, in standard deviations, above which the value is not determined."""
+ROUNDING = 1e-6
+"""Change of a value along a null space that rounding may cause, relative to the change by one unit of a parameter's scale."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Point of the set of equally good estimates, with its null space.
+
+    Attributes:
+        x: Point, (n + starts,), in units of the scales.
+        at: Residuals and Jacobian at x.
+        null: Orthonormal basis of the null space, its n coordinates of the parameters, (n, q).
+        spurious: Norm of the difference between two finite-difference Jacobians along each null direction, (q,).
+        covariance: Covariance of the parameters for white noise with the coordinates along the null space fixed, (n, n).
+        effect: Norm of the derivatives of all readings with respect to each parameter, in standard deviations of their noise, (n,).
+        roughness: Relative differences between derivatives with a finite-difference step and with twice that step, (n,).
+    """
+
+    x: Array
+    at: Linearized
+    null: Array
+    spurious: Array
+    covariance: Array
+    effect: Array
+    roughness: Array
+
+
+class FlatSet:
+    """Set of estimates that explain the readings equally well as a given one.
+
+    Args:
+        residuals: Residuals of the fit.
+        x: Estimate, (n + starts,).
+        at: Residuals and Jacobian at the estimate.
+        weights: Weight of each residual in the loss, (m,).
+
+    Attributes:
+        points: Equally good estimates. The first one is nearest to the start values.
+        widening: Increase of the covariance of the parameters, in units of the scales, because weak directions are curved, (n, n).
+    """
+
+    def __init__(self, residuals: Residuals, x: Array, at: Linearized, weights: Array):
+        self._residuals, self._root = residuals, np.sqrt(weights)
+        self._least = self._cost(at)
+        self._unit = max(1.0, self._least / max(len(at.residual) - len(x), 1))
+        self.points: list[Point] = []
+        first = self._point(x, at)
+        if first.null.shape[1]:
+            first = self._polished(*self._walk(x, at, residuals.start[: residuals.n]))
+        self.points = [first]
+        rng = np.random.default_rng(0)
+        for _ in range(OTHERS if first.null.shape[1] else 0):
+            target = first.x[: residuals.n] + rng.choice([-1.0, 1.0], residuals.n) * rng.uniform(0.5, 1.5, residuals.n)
+            self.points.append(self._point(*self._walk(first.x, first.at, target)))
+        self.widening = self._follow_weak(first)
+
+    def undetermined(self, values: Array, slopes: Array, std: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Mask of p functions of the parameters that the data do not determine, (p,).
+
+        Args:
+            values: Values of the functions at the points, (points, p).
+            slopes: Derivatives with respect to x at the points, (points, p, n).
+            std: Standard deviations at the first point, (p,).
+        """
+        out = np.zeros(len(std), bool)
+        for point, value, slope in zip(self.points, values, slopes, strict=True):
+            rounding = ROUNDING * np.linalg.norm(slope, axis=1)
+            own = np.sqrt(np.einsum("ij,jk,ik->i", slope, point.covariance, slope))
+            along = np.abs(slope @ point.null) / np.maximum(1.0, point.spurious)
+            out |= (along > np.maximum(own, rounding)[:, None]).any(axis=1)
+            out |= np.abs(value - values[0]) > OUTSIDE * std + rounding
+        return out
+
+    def _follow_weak(self, first: Point) -> Array:
+        """Increase of the covariance of the parameters, (n, n), because weak directions are curved.
+
+        If a direction has no end, the last point that was reached along it is added to `points`.
+        """
+        n = self._residuals.n
+        squares, axes = np.linalg.eigh(first.covariance)
+        widening = np.zeros((n, n))
+        for std, axis in zip(np.sqrt(np.maximum(squares, 0.0)), axes.T, strict=True):
+            for sign in (-1.0, 1.0) if std > WEAK_STD else ():
+                end, point = self._end(first, sign * axis, std)
+                if point is not None:
+                    self.points.append(point)
+                    continue
+                farther = (end - first.x[:n]) / 2 - sign * std * axis
+                farther -= axis * min(0.0, sign * float(farther @ axis)) * sign
+                widening += np.outer(farther, farther)
+        return widening
+
+    def _end(self, first: Point, axis: Array, std: float) -> tuple[Array, Point | None]:
+        """Parameters, (n,), where the cost along a weak direction has risen by `END` or a bound is reached.
+
+        Without such a place, the last point along the direction is returned too.
+
+        Args:
+            first: Point at which the direction begins.
+            axis: Direction, (n,).
+            std: Standard deviation along it.
+        """
+        low, high = self._residuals.low, self._residuals.high
+        x, ahead, excess = first.x, np.concatenate([axis, np.zeros(len(first.x) - len(axis))]), 0.0
+        for _ in range(FOLLOWED):
+            other = x + min(STRIDE, std) * ahead
+            clipped = np.clip(other, low, high)
+            for left in range(CORRECTIONS, -1, -1):
+                (at,) = self._residuals.linearize([clipped])
+                if not np.isfinite(at.residual).all() or not np.isfinite(at.jacobian).all():
+                    return clipped[: len(axis)], None
+                step = self._split(at, across=ahead)[1]
+                if not left or np.abs(step).max() < 0.1 * SHORTEST:
+                    break
+                clipped = np.clip(clipped + step * min(1.0, STRIDE / max(float(np.abs(step).max()), 1e-300)), low, high)
+            risen = max((self._cost(at) - self._least) / self._unit, 0.0)
+            if risen > END:
+                share = (END**0.5 - excess**0.5) / (risen**0.5 - excess**0.5)
+                return (x + share * (clipped - x))[: len(axis)], None
+            moved = clipped - x
+            if float(np.linalg.norm(moved)) < SHORTEST * min(STRIDE, std):
+                return clipped[: len(axis)], None
+            x, ahead, excess = clipped, moved / np.linalg.norm(moved), risen
+        return x[: len(axis)], self._point(x, at)
+
+    def _cost(self, at: Linearized) -> float:
+        """Weighted sum of squared residuals."""
+        return float(((self._root * at.residual) ** 2).sum())
+
+    def _split(self, at: Linearized, change: Array | None = None, across: Array | None = None) -> tuple[Array, Array, Array, Array]:
+        """Null space of a Jacobian, (n + starts, q), the Gauss-Newton step orthogonal to it, and two more.
+
+        Args:
+            at: Residuals and Jacobian.
+            change: Difference of the Jacobian from one with another finite-difference step.
+            across: Direction, (n + starts,), along which the step has no component.
+
+        Returns:
+            Null space, Gauss-Newton step, norm of `change` along each null direction, and the root of the covariance orthogonal to the
+            null space, (n + starts, k).
+        """
+        J = at.jacobian if across is None else at.jacobian - np.outer(at.jacobian @ across, across)
+        U, S, Vt = np.linalg.svd(self._root[:, None] * J, full_matrices=False)
+        noise = np.zeros(len(S)) if change is None else np.linalg.norm(self._root[:, None] * (change @ Vt.T), axis=0)
+        flat = S < np.maximum(1 / FLAT_STD, noise)
+        root = Vt[~flat].T / S[~flat]
+        return Vt[flat].T, -root @ (U[:, ~flat].T @ (self._root * at.residual)), noise[flat], root
+
+    def _point(self, x: Array, at: Linearized) -> Point:
+        """Point of the set with its null space, from two finite-difference Jacobians."""
+        (twice,) = self._residuals.linearize([x], 2 * self._residuals.step)
+        change = at.jacobian - twice.jacobian
+        null, _, noise, root = self._split(at, change)
+        n = self._residuals.n
+        effect, differs = (np.linalg.norm((self._root[:, None] * J)[: at.data, :n], axis=0) for J in (at.jacobian, change))
+        return Point(x, at, null[:n], noise, self._unit * root[:n] @ root[:n].T, effect, differs / np.where(effect > 0, effect, 1.0))
+
+    def _walk(self, x: Array, at: Linearized, target: Array) -> tuple[Array, Linearized]:
+        """End of a walk along the set towards the parameters `target`, (n,), and the residuals there."""
+        length = 1.0
+        for _ in range(WALK):
+            null = self._split(at)[0]
+            along = null @ (null[: len(target)].T @ (target - x[: len(target)]))
+            size = float(np.abs(along).max(initial=0.0))
+            if size < SHORTEST or length < SHORTEST:
+                break
+            found = self._corrected(x + along * min(1.0, length / size))
+            length = min(1.0, 2 * length) if found else length / 4
+            x, at = found or (x, at)
+        return x, at
+
+    def _corrected(self, x: Array) -> tuple[Array, Linearized] | None:
+        """Point of the set near x, and the residuals there; None if Gauss-Newton steps find none."""
+        for _ in range(CORRECTIONS + 1):
+            x = np.clip(x, self._residuals.low, self._residuals.high)
+            (at,) = self._residuals.linearize([x])
+            if not np.isfinite(at.residual).all() or not np.isfinite(at.jacobian).all():
+                return None
+            if self._cost(at) - self._least < FLAT_EXCESS * self._unit:
+                return x, at
+            step = self._split(at)[1]
+            x = x + step * min(1.0, 1 / max(float(np.abs(step).max()), 1e-300))
+        return None
+
+    def _polished(self, x: Array, at: Linearized) -> Point:
+        """Point with the smallest cost near x, without a move along the null space."""
+        for _ in range(CORRECTIONS):
+            step = self._split(at)[1]
+            other = np.clip(x + step, self._residuals.low, self._residuals.high)
+            (there,) = self._residuals.linearize([other])
+            if not self._cost(there) < self._cost(at):
+                break
+            x, at = other, there
+        return self._point(x, at)

@@ -14,7 +14,7 @@ import stepper
 from sections import write_section
 from stepper.shared.machine import provenance
 
-from identification import online, strikes, sysid
+from identification import determined, online, strikes, sysid
 from identification.repetitions import HEAD, Kept, Row, Trial, repeated
 from identification.scenes import HARD, SCENES
 
@@ -101,8 +101,13 @@ def main() -> None:
     parser.add_argument("--count-peer", type=int, default=10, help="number of repetitions in the comparison with mujoco.sysid [10]")
     parser.add_argument("--count-online", type=int, default=25, help="number of online runs of each kind [25]")
     parser.add_argument("--count-impacts", type=int, default=200, help="number of online runs of each scene with impacts [200]")
+    parser.add_argument("--count-determined", type=int, default=20, help="number of runs of each scene that is determined in part [20]")
     parser.add_argument("--threads", type=int, default=0, help="number of threads of stepper; 0 uses all cores [0]")
-    parser.add_argument("--only", choices=["own", "coloured", "peer", "online", "impacts", "matched"], help="compute one table only [all]")
+    parser.add_argument(
+        "--only",
+        choices=["own", "coloured", "determined", "peer", "online", "updates", "impacts", "matched"],
+        help="compute one table only [all]",
+    )
     parser.add_argument("--resume", action="store_true", help=f"reuse the repetitions of an earlier run in {OUT}")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
     given = parser.parse_args()
@@ -113,8 +118,12 @@ def main() -> None:
         tables["own"] = _table("scene", _own(given.count, given.threads), Kept(OUT / "own.jsonl", given.resume))
     if given.only in (None, "coloured"):
         tables["coloured"] = _table("scene", _coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
+    if given.only in (None, "determined"):
+        tables["determined"] = determined.table(given.count_determined)
     if given.only in (None, "online"):
         tables["online"] = online.table(given.count_online)
+    if given.only in (None, "updates"):
+        online.update_table(given.count_online)
     if given.only in (None, "impacts"):
         tables["impacts"] = strikes.table(given.count_impacts)
     if given.only in (None, "matched"):

@@ -51,6 +51,8 @@ def followed(tracker: stepper.sysid.Tracker, ctrl: Array, readings: Mapping[str,
         if k + 1 in truths:
             truth, (low, high) = truths[k + 1], now.interval.T
             std = np.sqrt(np.diag(now.covariance))
-            kept.append((np.log(now.values / truth), std, (low <= truth) & (truth <= high), np.log(high / low) / 2, now.determined))
+            with np.errstate(divide="ignore"):  # Intervals of undetermined values begin at 0.
+                width = (np.log(high) - np.log(low)) / 2
+            kept.append((np.log(now.values / truth), std, (low <= truth) & (truth <= high), width, now.determined))
     error, std, covers, width, determined = (np.stack(column) for column in zip(*kept, strict=True))
     return Followed(error, std, covers, width, determined, np.array(seconds))

@@ -47,18 +47,20 @@ def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndar
     return by_sensor(model, np.stack(rows), NOISE)
 
 
-def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS) -> Followed:
+def follow(seed: int, changes: bool = False, marks: Sequence[float] = MARKS, *, wide: bool = False) -> Followed:
     """Run a tracker on the shaken box, and return its results at the times `marks`, s.
 
     Args:
         seed: Seed of the noise.
         changes: Whether the mass decreases by a quarter after 2.6 s.
         marks: Times at which estimates are compared with the truth, s.
+        wide: Whether mass and friction are drawn from wide ranges, so that some boxes slip at once, and fall.
     """
     rng = np.random.default_rng(seed)
     ctrl = controls()
     t = (1 + np.arange(len(ctrl))) * PERIOD
-    mass, friction = 0.8 * np.exp(rng.uniform(-0.1, 0.1)), 0.45 * np.exp(rng.uniform(-0.05, 0.05))
+    spread, low, high = (0.8, -0.3, 0.5) if wide else (0.1, -0.05, 0.05)
+    mass, friction = 0.8 * np.exp(rng.uniform(-spread, spread)), 0.45 * np.exp(rng.uniform(low, high))
     masses = np.where(changes & (t > 2.6), 0.75, 1.0) * mass
     clean = readings(masses, friction)
     noisy = {name: rows + NOISE[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
@@ -98,4 +100,21 @@ def table(count: int) -> str:
                 f"{1e3 * np.median(seconds):.0f} ms | {1e3 * np.percentile(seconds, 99):.0f} ms |"
             )
             print(lines[-1], flush=True)
+    return "\n".join(lines)
+
+
+def update_table(count: int) -> str:
+    """Markdown table of the duration of updates in `count` runs of two seconds with masses and frictions from wide ranges."""
+    lines = [
+        "| runs | median update | 99 % of updates | longest update | determined intervals | of them with the truth |",
+        "|" + "---|" * 6,
+    ]
+    runs = [follow(seed, marks=np.arange(0.1, 2.01, 0.1).tolist(), wide=True) for seed in range(count)]
+    seconds = np.concatenate([run.seconds for run in runs])
+    determined, covers = (np.concatenate([getattr(run, name).ravel() for run in runs]) for name in ("determined", "covers"))
+    lines.append(
+        f"| {count} | {1e3 * np.median(seconds):.0f} ms | {1e3 * np.percentile(seconds, 99):.0f} ms | {seconds.max():.1f} s | "
+        f"{determined.sum()} | {100 * covers[determined].mean():.0f} % |"
+    )
+    print("\n".join(lines), flush=True)
     return "\n".join(lines)

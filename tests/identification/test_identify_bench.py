@@ -40,7 +40,7 @@ def test_repetitions_of_another_version_are_refused(tmp_path):
     assert path.read_text() == '{"version": 0}\n'
 
 
-@pytest.mark.parametrize("name", ["online", "impacts", "matched", "own", "coloured", "peer"])
+@pytest.mark.parametrize("name", ["online", "impacts", "matched", "own", "coloured", "determined", "peer"])
 def test_tables_have_rows(name):
     """A heading, a rule and a row or more between the marks."""
     lines = section_of(PAGE, name).splitlines()

@@ -5,9 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 import stepper
+from identification.determined import scenes
 from identification.online import NOISE, PERIOD, controls, readings
 from identification.scenes import held, pushed
 from stepper.sysid import design
+from stepper.sysid.problem import MAX_PREDICTIONS, Problem
 from stepper.sysid.uncertainty import uncertainty
 
 SCENE = held()
@@ -62,6 +64,32 @@ def test_readings_that_are_absent_say_nothing():
     np.testing.assert_allclose(now.values, 0.5, rtol=1e-9)
     assert now.covariance[0, 0] == pytest.approx(1.0)
     assert not now.determined[0]
+    np.testing.assert_array_equal(now.interval, [[0.0, np.inf]])
+
+
+def test_a_box_that_falls_takes_a_bounded_number_of_predictions(monkeypatch):
+    """The box is too heavy for its friction. When it falls, trackers of shifted readings had doubled the work of an update."""
+    counts = []
+    predict = Problem.predict
+
+    def counted(*args):
+        counts[-1] += 1
+        return predict(*args)
+
+    monkeypatch.setattr(Problem, "predict", counted)
+    rng = np.random.default_rng(4)
+    mass, friction = 0.8 * np.exp(rng.uniform(-0.8, 0.8)), 0.45 * np.exp(rng.uniform(-0.3, 0.5))
+    clean = readings(np.full(200, mass), friction)
+    noisy = {name: rows + NOISE[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
+    tracker = stepper.sysid.Tracker(MODEL, list(SCENE.parameters), noise=NOISE, period=PERIOD)
+    for k, row in enumerate(controls()[:18]):
+        counts.append(0)
+        now = tracker.update(row, {name: rows[k] for name, rows in noisy.items()})
+        low, high = now.interval.T
+        assert (np.isinf(high) == ~now.determined).all()
+        assert ((low <= [mass, friction]) | now.determined).all()
+    # Of four hypotheses, the last three take a prediction each when none is left.
+    assert max(counts) <= MAX_PREDICTIONS + 3
 
 
 def test_surprise_is_that_of_columns_with_noise():
@@ -140,6 +168,18 @@ def test_what_to_measure_next():
     again = stepper.sysid.identify(model, [*first, episode(push, "push")], scene.parameters, starts=1, noise=scene.noise)
     # Within a third: slopes were those of draws around another estimate.
     np.testing.assert_allclose(np.sqrt(np.diag(again.covariance)), best.std, rtol=1 / 3)
+
+
+def test_an_experiment_that_shows_no_more_leaves_parameters_undetermined():
+    """Another swing of a pendulum determines the same combinations; its mass remains undetermined, and damping does not."""
+    scene = {scene.name: scene for scene in scenes()}["pendulum, three parts"]
+    parameters = ["body_mass[a]", "body_inertia[a]", "body_ipos[a]", "dof_damping[q]"]
+    found = stepper.sysid.identify(scene.model(), [scene.episode(0)], parameters, starts=1, threads=1)
+    (prospect,) = design(found, [stepper.sysid.Episode(-scene.ctrl, {}, 0.02, name="swing")], draws=2, threads=1)
+    assert np.isinf(prospect.std[[0, 4, 6]]).all()
+    assert (prospect.shrinks[[0, 4, 6]] == 1.0).all()
+    assert 0.3 < prospect.shrinks[-1] < 1.0
+    assert "body_mass[a] remains undetermined" in str(prospect)
 
 
 @pytest.mark.parametrize("value", [0.0, -0.3, np.nan, [0.3, 0.3], [0.3, 0.3, 0.0]])

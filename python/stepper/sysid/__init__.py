@@ -7,7 +7,9 @@ Identification from recordings:
 - `simulate`: predicted readings, from one batch of environments
 - `residuals`: differences between predicted and measured readings
 - `fit`: the least-squares search
-- `uncertainty`, `findings`: covariance of the estimate, and warnings about parameters that the data do not determine
+- `nullspace`: directions of the parameters that the data do not determine
+- `combinations`: combinations of parameters that the data determine nevertheless
+- `uncertainty`, `findings`: covariance of the estimate, and warnings about it
 - `result`: the estimate
 - `design`: ranking of experiments by the information that they would give
 - `shift`: detection of readings that are one sample early or late
@@ -25,6 +27,7 @@ Online identification, with an estimate after every sample:
 from typing import Any
 
 from stepper._hints import no_name
+from stepper.sysid.combinations import Combination
 from stepper.sysid.data import Episode, episodes_of
 from stepper.sysid.design import Prospect, design
 from stepper.sysid.fit import identify
@@ -34,6 +37,7 @@ from stepper.sysid.result import Identification, Search
 
 __all__ = [
     "KINDS",
+    "Combination",
     "Episode",
     "FitParameter",
     "Identification",

@@ -117,7 +117,7 @@ class _Found:
 
     def full(self) -> bool:
         """Whether no direction is left without a combination."""
-        return len(self._basis) >= self._certain.shape[1]
+        return len(self._basis) >= int(self._certain.shape[1])
 
     def add(self, slope: Array) -> bool:
         """Adds a derivative, (n,), unless the others have it already, and returns whether it is new."""
@@ -126,9 +126,10 @@ class _Found:
         for other in self._basis:
             unit = unit - other * (other @ unit)
         size = float(np.linalg.norm(unit))
-        if size > NEW:
-            self._basis.append(unit / size)
-        return size > NEW
+        if size <= NEW:
+            return False
+        self._basis.append(unit / size)
+        return True
 
     def rest(self, slopes: Array) -> list[Array]:
         """Coefficients of the values, (n,), for the directions without a combination, with as many zeros as possible.
@@ -188,9 +189,7 @@ class _Features:
     def _names(self) -> list[str]:
         labels = [label for block in self._blocks if block.kind.element != "body" or len(block.index) > 1 for label in block.labels]
         bodies = self._bodies()
-        labels += [
-            b.labels[0] for b in self._blocks if b.parameter.kind == "body_mass" and len(b.index) == 1 and b.index[0] not in bodies
-        ]
+        labels += [b.labels[0] for b in self._blocks if b.parameter.kind == "body_mass" and len(b.index) == 1 and b.index[0] not in bodies]
         for k in bodies:
             name = self._model.body_names[k] or f"#{k}"
             anchor, where = self._anchor(k)
@@ -233,7 +232,9 @@ class _Features:
     def _of_size(self, flat: FlatSet, size: int, *, product: bool) -> Iterator[_Candidate]:
         """Sums or products of so many features."""
         units = np.abs(self.values) if product else np.linalg.norm(self.slopes[:1], axis=2)
-        usable = (np.abs(self.values) > SMALL * np.linalg.norm(self.slopes, axis=2)).all(axis=0) if product else np.ones(len(self.labels), bool)
+        usable = (
+            (np.abs(self.values) > SMALL * np.linalg.norm(self.slopes, axis=2)).all(axis=0) if product else np.ones(len(self.labels), bool)
+        )
         usable &= (np.sign(self.values) == np.sign(self.values[0])).all(axis=0)
         along = np.concatenate(
             [(slope / np.maximum(unit, 1e-300)[:, None]) @ point.null for slope, unit, point in zip(
@@ -255,7 +256,8 @@ class _Features:
             if product:
                 power = part / np.abs(part).min() * np.sign(part[np.abs(part).argmin()])
                 if np.abs(power - np.round(power)).max() < INTEGER * np.abs(power).max() and np.abs(power).max() < 2.5:
-                    power = np.round(power) * (1 if power.sum() >= 0 else -1)
+                    power = np.round(power)
+                    power *= np.sign(power.sum() or power[0])
                     yield _Candidate(chosen[k], power, product=True)
                 continue
             factor = part / units[0, chosen[k]]

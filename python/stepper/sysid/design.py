@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +21,7 @@ from stepper.actuators import ActuatorModel
 from stepper.shared.arguments import check_kind, check_mapping, check_number, check_whole
 from stepper.sysid.data import Episode
 from stepper.sysid.inertia import Array
+from stepper.sysid.nullspace import FLAT_STD, ROUNDING
 from stepper.sysid.residuals import Residuals
 from stepper.sysid.result import Identification
 from stepper.sysid.simulate import Simulator, find_channels, noise_of, solved
@@ -32,8 +34,9 @@ class Prospect:
     Attributes:
         name: Name of the episode.
         gain: Information gain: half the logarithm of det(covariance before) / det(covariance after), mean over the samples.
-        std: Standard deviations of the parameter vector theta after the experiment, (n,), medians over the samples.
-        shrinks: Ratios of the standard deviations after the experiment to those before it, (n,).
+        std: Standard deviations of the parameter vector theta after the experiment, (n,), medians over the samples; infinite for numbers
+            that remain undetermined.
+        shrinks: Ratios of the standard deviations after the experiment to those before it, (n,); 1 for numbers that remain undetermined.
         labels: Labels of the numbers in theta, (n,).
     """
 
@@ -44,7 +47,10 @@ class Prospect:
     labels: tuple[str, ...]
 
     def __str__(self) -> str:
-        parts = ", ".join(f"{label} to {100 * ratio:.0f} %" for label, ratio in zip(self.labels, self.shrinks, strict=True))
+        parts = ", ".join(
+            f"{label} to {100 * ratio:.0f} %" if np.isfinite(std) else f"{label} remains undetermined"
+            for label, ratio, std in zip(self.labels, self.shrinks, self.std, strict=True)
+        )
         return f"{self.name}: gain {self.gain:.2f}; intervals shrink: {parts}"
 
 
@@ -106,14 +112,23 @@ def design(
         residuals = Residuals(Simulator(found.estimate, [episode], found.blocks, settings, threads=threads, actuators=actuators), step)
         residuals.sigma = np.concatenate([noise_of(channel, given[channel.name]) for channel in residuals.simulator.channels])
         gains, after = [], []
-        for at in residuals.linearize(points):
-            J = at.jacobian[: at.data, : residuals.n]
+        slopes = [at.jacobian[: at.data, : residuals.n] for at in residuals.linearize(points)]
+        for J in slopes:
             information = before + J.T @ J
             gains.append((np.linalg.slogdet(information)[1] - np.linalg.slogdet(before)[1]) / 2)
             after.append(np.sqrt(np.diag(np.linalg.inv(information))))
-        left = np.median(after, axis=0)
-        out.append(Prospect(episode.name, float(np.mean(gains)), left * found.scale, left / std, labels))
+        open_ = _undetermined(found.information * np.outer(found.scale, found.scale) + slopes[0].T @ slopes[0])
+        left = np.where(open_, np.inf, np.median(after, axis=0))
+        out.append(Prospect(episode.name, float(np.mean(gains)), left * found.scale, np.where(open_, 1.0, left / std), labels))
     return sorted(out, key=lambda prospect: -prospect.gain)
+
+
+def _undetermined(information: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Mask of the parameters that change along the null space of an information matrix by more than their standard deviation, (n,)."""
+    values, axes = np.linalg.eigh(information)
+    flat = values < FLAT_STD**-2
+    std = np.sqrt((axes[:, ~flat] ** 2) @ (1 / values[~flat]))
+    return np.asarray((np.abs(axes[:, flat]) > np.maximum(std, ROUNDING)[:, None]).any(axis=1))
 
 
 def _read(found: Identification, episode: Episode, names: list[str], options: Options, actuators: ActuatorModel | None) -> Episode:

@@ -67,7 +67,7 @@ def warnings_of(
     out = []
     # Derivatives that change completely with the finite-difference step are rounding errors.
     idle = np.abs(slopes) @ ((first.effect >= 1e-3) & (first.roughness <= 1)) == 0
-    for j in np.flatnonzero(~found.determined):
+    for j in map(int, np.flatnonzero(~found.determined)):
         why = "no reading depends on it" if idle[j] else "the readings hardly depend on it, or depend on it as on other parameters"
         out.append(f"{labels[j]} is not determined by these data, {why}: {hints[j]}")
     covariance = slopes @ (found.covariance / np.outer(found.scale, found.scale)) @ slopes.T
@@ -91,8 +91,9 @@ def warnings_of(
             )
         if first.roughness[j] > ROUGH:
             out.append(
-                f"{labels[j]}: finite differences with the step and with twice the step differ by {100 * first.roughness[j]:.0f} %, because "
-                f"contacts open or close nearby. The interval is rough: compare with step={residuals.step / 10:g}, or give shorter episodes"
+                f"{labels[j]}: finite differences with the step and with twice the step differ by {100 * first.roughness[j]:.0f} %, "
+                f"because contacts open or close nearby. The interval is rough: compare with step={residuals.step / 10:g}, or give shorter "
+                "episodes"
             )
     if not converged:
         out.append("the search ran out of evaluations; raise max_evaluations")

@@ -372,14 +372,17 @@ def _concluded(
     span = (residuals.high - residuals.low)[:n] / 2
     reach = np.where(np.isfinite(span), span, 100.0)
     sure = outside_null_space(
-        best.at.jacobian, first.null, reach, best.at.residual, residuals.reading_indices(), loss=loss, f_scale=f_scale
+        best.at.jacobian, best.at.residual, residuals.reading_indices(), reach, first.null, loss=loss, f_scale=f_scale
     )
     theta, scale = best.x[:n] * residuals.scale, residuals.scale
     covariance = (sure.covariance + flat.widening) * np.outer(scale, scale)
     values = np.stack([natural(residuals.blocks, point.x[:n] * scale) for point in flat.points])
     slopes = np.stack([value_slopes(residuals.blocks, point.x[:n] * scale) * scale for point in flat.points])
     std = np.sqrt(np.einsum("ij,jk,ik->i", slopes[0], sure.covariance + flat.widening, slopes[0]))
-    known = ~(flat.undetermined(values, slopes, std) | undetermined(residuals.blocks, std / np.maximum(np.linalg.norm(slopes[0], axis=1), 1e-300), reach))
+    known = ~(
+        flat.undetermined(values, slopes, std)
+        | undetermined(residuals.blocks, std / np.maximum(np.linalg.norm(slopes[0], axis=1), 1e-300), reach)
+    )
     freedom = max(residuals.count - residuals.n, 1)
     together = combinations_of(
         residuals.blocks, model, flat, scale=scale, covariance=covariance, known=known, quantile=t_quantile(0.95, freedom)
@@ -403,9 +406,7 @@ def _concluded(
         warnings=(),
     )
     shifts = _shift_warnings(residuals, best, solver)
-    others = warnings_of(
-        residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged, weights=weights[: best.at.data]
-    )
+    others = warnings_of(residuals, found, sure, slopes=slopes[0], first=first, converged=best.converged, weights=weights[: best.at.data])
     return found.warned((*shifts, *others))
 
 

@@ -339,9 +339,9 @@ class Horizon:
         """Improves the estimate by Gauss-Newton steps until a step is small compared with the standard deviations of the parameters.
 
         In smooth motion one step suffices. Where a contact begins, the derivatives and the covariance change with the estimate, so that
-        several steps are needed.
+        several steps are needed. Without a budget of predictions for another step, the estimate is not settled.
         """
-        n = self._problem.n
+        n, budget = self._problem.n, self._problem.budget
         best, self.rival = self._linear(), None
         self._expect(best)
         for _ in range(STEPS):
@@ -353,8 +353,10 @@ class Horizon:
                 self._move(best.points[0], step)
                 self.at, self.settled = best, True
                 return
+            if budget.left <= 0:
+                break
             share = 1.0
-            for _ in range(HALVINGS):
+            for _ in range(min(HALVINGS, budget.left)):
                 self._move(best.points[0], share * step)
                 shorter = self._linear()
                 if shorter.cost <= best.cost + COST_TOLERANCE:

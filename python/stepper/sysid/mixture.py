@@ -127,7 +127,8 @@ def weights_of(hypotheses: Sequence[Horizon]) -> Array:
 def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> list[Horizon]:
     """Hypotheses after a new sample, the most probable first.
 
-    A point with another friction that explains the readings starts a new hypothesis. Improbable hypotheses are dropped.
+    A point with another friction that explains the readings starts a new hypothesis, if predictions are left for it. Improbable hypotheses
+    are dropped.
 
     Args:
         hypotheses: Hypotheses before the sample.
@@ -138,6 +139,8 @@ def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> 
         hypothesis.take(sample)
     out = list(hypotheses)
     for hypothesis in hypotheses:
+        if problem.budget.left <= 0:
+            break
         if hypothesis.rival is None or any(_near(other, hypothesis.rival, problem) for other in out if other is not hypothesis):
             continue
         try:
@@ -147,15 +150,15 @@ def updated(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> 
             continue
         if not any(_alike(child, other, problem) for other in out):
             out.append(child)
-    return _likely(out + _held(out), problem)
+    return _likely(out + _held(out, problem), problem)
 
 
-def _held(hypotheses: Sequence[Horizon]) -> list[Horizon]:
+def _held(hypotheses: Sequence[Horizon], problem: Problem) -> list[Horizon]:
     """New hypotheses in which an object sticks, for frictions at which the object slips in all given hypotheses."""
     out: list[Horizon] = []
     for hypothesis in hypotheses:
         for j in hypothesis.worth_trying_held():
-            if any(other.holds(j) for other in (*hypotheses, *out)):
+            if problem.budget.left <= 0 or any(other.holds(j) for other in (*hypotheses, *out)):
                 continue
             try:
                 held = hypothesis.held(j)

@@ -192,7 +192,7 @@ class FlatSet:
         J = at.jacobian if across is None else at.jacobian - np.outer(at.jacobian @ across, across)
         U, S, Vt = np.linalg.svd(self._root[:, None] * J, full_matrices=False)
         noise = np.zeros(len(S)) if change is None else np.linalg.norm(self._root[:, None] * (change @ Vt.T), axis=0)
-        flat = S < np.maximum(1 / FLAT_STD, noise)
+        flat = np.maximum(1 / FLAT_STD, noise) > S
         root = Vt[~flat].T / S[~flat]
         return Vt[flat].T, -root @ (U[:, ~flat].T @ (self._root * at.residual)), noise[flat], root
 

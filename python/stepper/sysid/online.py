@@ -22,7 +22,7 @@ from stepper.sysid.horizon import POSITION_STEP, Horizon
 from stepper.sysid.inertia import Array
 from stepper.sysid.mixture import Mixture, mixture_of, updated
 from stepper.sysid.parameters import READING, Block, FitParameter, bind, natural, write
-from stepper.sysid.problem import Problem
+from stepper.sysid.problem import MAX_PREDICTIONS, Problem
 from stepper.sysid.rivals import KINKED, OTHERS_PER_FRICTION, TWO_SIDED
 from stepper.sysid.shift import Watch, finding
 from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
@@ -46,7 +46,8 @@ class Tracked:
         interval: 95 % intervals in the same units, (n, 2).
         determined: Whether the readings so far determine each parameter, (n,). All are False if the estimate has not converged, if
             readings are shifted (see `warnings`), or if recent readings are far from their prediction. The interval of an
-            undetermined friction begins at the largest value that the readings exclude, and ends at the upper end of the prior.
+            undetermined value is infinite: from 0 for a positive quantity, otherwise from minus infinity. That of an undetermined
+            friction begins at the largest value that the readings exclude.
         covariance: Covariance of the parameter vector theta, which has the logarithms of positive quantities, (n, n).
         surprise: Mean square of the prediction errors of this sample, each divided by its noise: about 1 for a correct model, much more
             for a wrong one.
@@ -217,24 +218,24 @@ class Tracker:
         read = self._checked(readings)
         if self._watch is not None:
             self._watch.begin(self)
-        self._now += self.period
-        self._hypotheses = updated(self._hypotheses, (given, read), self._problem)
+        self._problem.budget.left = MAX_PREDICTIONS
+        self._take(given, read)
         best, mixture = self._hypotheses[0], self._mixture()
         surprise = float((best.newest**2).mean()) if len(best.newest) else 0.0
         explained = self._watch is None or self._watch.add(given, read, best.normalized_innovation)
         shift = None if self._watch is None else self._watch.found
         settled = all(h.settled for h, weight in zip(self._hypotheses, mixture.weights, strict=True) if weight >= LEAST_WEIGHT)
         flagged = float(((best.at.made["status"].astype(np.int64) & int(UNTRUSTED)) != 0).mean())
-        for hypothesis in self._hypotheses:
-            hypothesis.leave()
+        self._leave()
         covariance = mixture.covariance()
         std = np.sqrt(np.diag(covariance)) / self._problem.scale
+        determined = ~undetermined(self.blocks, std, self._reach) & (settled and explained)
         return Tracked(
             time=self._now,
             labels=self.labels,
             values=natural(self.blocks, mixture.mean()),
-            interval=np.stack([natural(self.blocks, mixture.quantile(z)) for z in (-TWO_SIDED, TWO_SIDED)], axis=1),
-            determined=~undetermined(self.blocks, std, self._reach) & (settled and explained),
+            interval=self._interval(mixture, determined, trusted=settled and explained),
+            determined=determined,
             covariance=covariance,
             surprise=surprise,
             untrusted=flagged,
@@ -253,6 +254,30 @@ class Tracker:
             Arrays by field, (count, ...), in the field's unit.
         """
         return write(self.blocks, self._mixture().draw(count, seed), self.model).fields
+
+    def _take(self, ctrl: Array, readings: dict[str, Array]) -> None:
+        """Adds a sample to the windows of all hypotheses, and updates them."""
+        self._now += self.period
+        self._hypotheses = updated(self._hypotheses, (ctrl, readings), self._problem)
+
+    def _leave(self) -> None:
+        """Removes the oldest sample from full windows."""
+        for hypothesis in self._hypotheses:
+            hypothesis.leave()
+
+    def _interval(self, mixture: Mixture, determined: np.ndarray[Any, np.dtype[np.bool_]], *, trusted: bool) -> Array:
+        """95 % intervals of the values, (n, 2); infinite for values that are not determined.
+
+        Args:
+            mixture: Distribution of the parameters.
+            determined: Whether each value is determined, (n,).
+            trusted: Whether the estimate has converged and explains the readings, so that the bounds of frictions hold.
+        """
+        low, high = (natural(self.blocks, mixture.quantile(z)) for z in (-TWO_SIDED, TWO_SIDED))
+        least = np.concatenate([block.least for block in self.blocks])
+        bound = mixture.lows.min(axis=0)
+        excluded = np.where(trusted & (bound > self._problem.low), natural(self.blocks, bound), least)
+        return np.stack([np.where(determined, low, excluded), np.where(determined, high, np.inf)], axis=1)
 
     def _mixture(self) -> Mixture:
         """Current distribution of the parameters: the weighted sum of normal distributions of the tracker's hypotheses."""

@@ -117,8 +117,8 @@ class Identification:
     def interval(self, confidence: float = 0.95) -> Array:
         """Returns the confidence intervals of the values, (n, 2).
 
-        For a positive quantity, the interval is symmetric in its logarithm. Intervals are clipped to the bounds. Of a value that the data do
-        not determine, the interval is infinite: from 0 for a positive quantity, otherwise from minus infinity. See `combinations`.
+        For a positive quantity, the interval is symmetric in its logarithm. Intervals are clipped to the bounds. Intervals of values that
+        the data do not determine are infinite: from 0 for a positive quantity, otherwise from minus infinity. See `combinations`.
 
         Raises:
             ValueError: The confidence is not between 0 and 1.
@@ -126,18 +126,17 @@ class Identification:
         check_fraction("confidence", confidence)
         t = t_quantile(confidence, self.freedom)
         spread = np.sqrt(np.diag(self.covariance))
-        pieces = zip(
-            self.blocks, *(split(self.blocks, x) for x in (self.theta, spread, self.values, self.std, self.determined)), strict=True
-        )
-        out = []
-        for block, theta, of_theta, value, of_value, known in pieces:
+        std = np.where(self.determined, self.std, 0.0)
+        pieces = zip(self.blocks, *(split(self.blocks, x) for x in (self.theta, spread, self.values, std)), strict=True)
+        out, widest = [], []
+        for block, theta, of_theta, value, of_value in pieces:
             if block.parameter.kind in ("body_inertial", "body_inertia"):
                 ends = [np.maximum(value - t * of_value, block.least), value + t * of_value]
             else:
                 ends = [block.natural(np.clip(theta + sign * t * of_theta, block.low, block.high)) for sign in (-1, 1)]
-            open_ = block.least, np.full(block.size, np.inf)
-            out.append(np.stack([np.where(known, end, other) for end, other in zip(ends, open_, strict=True)], axis=1))
-        return np.concatenate(out)
+            out.append(np.stack(ends, axis=1))
+            widest.append(np.stack([block.least, np.full(block.size, np.inf)], axis=1))
+        return np.where(self.determined[:, None], np.concatenate(out), np.concatenate(widest))
 
     def __getitem__(self, label: str) -> float:
         """Estimate of a parameter by its label, in its unit: `result["body_mass[box]"]`."""
@@ -236,7 +235,12 @@ class Identification:
 
     def __str__(self) -> str:
         left = ", ".join(f"{name} {' '.join(f'{x:.3g}' for x in values)}" for name, values in self.residual.items())
-        lines = [self.table(), *(f"determined together: {together}" for together in self.combinations), f"residuals (root mean square): {left}", f"next: {self.advice()}"]
+        lines = [
+            self.table(),
+            *(f"determined together: {together}" for together in self.combinations),
+            f"residuals (root mean square): {left}",
+            f"next: {self.advice()}",
+        ]
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
 
     def save(self, path: str | os.PathLike[str]) -> None:

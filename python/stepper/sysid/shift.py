@@ -36,7 +36,10 @@ UNEXPLAINED = 3.0
 COPY_INTERVAL = 100
 """Number of samples after which a tracker's stored copy is replaced. Trackers of shifted readings start from this copy."""
 SAMPLES_PER_UPDATE = 2
-"""Number of past samples that a tracker of shifted readings processes per update, until it has reached the newest sample."""
+"""Number of past samples that a tracker of shifted readings processes per update, until it has reached the newest sample.
+
+It processes fewer if the update has no predictions left.
+"""
 FREED_STD = (0.1, 1.0)
 """Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) of an uncertain initial state.
 
@@ -194,8 +197,8 @@ class Watch:
         When the copies have processed all samples, the method compares them with the tracker. If a copy predicts the readings much better
         than the tracker, the method sets `found` to the shift of this copy.
         """
-        for twin in self._twins.values():
-            for _ in range(SAMPLES_PER_UPDATE):
+        for _ in range(SAMPLES_PER_UPDATE):
+            for twin in self._twins.values():
                 twin.take(self._samples)
         if not all(twin.done(self._samples) for twin in self._twins.values()):
             return
@@ -220,14 +223,15 @@ class _Twin:
 
     def take(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> None:
         """Processes the next stored sample that this copy of the tracker has not processed yet, if there is one."""
-        if self.done(samples):
+        if self.done(samples) or self._tracker._problem.budget.left <= 0:
             return
         k = self._at
         neighbour = k + self._shift
         absent = {name: np.full(np.shape(row), np.nan) for name, row in samples[k][1].items()}
         try:
-            self._tracker.update(samples[k][0], samples[neighbour][1] if neighbour >= 0 else absent)
+            self._tracker._take(samples[k][0], samples[neighbour][1] if neighbour >= 0 else absent)
             self._surprise.append(self._tracker._hypotheses[0].normalized_innovation)
+            self._tracker._leave()
         except (FloatingPointError, np.linalg.LinAlgError):
             self._surprise.append(np.inf)
         self._at += 1

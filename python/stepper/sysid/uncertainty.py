@@ -106,22 +106,27 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
     return Uncertainty((covariance + covariance.T) / 2, H, inflation)
 
 
-def outside_null_space(J: Array, null: Array, reach: Array, *args: Any, **settings: Any) -> Uncertainty:
-    """Uncertainty whose covariance along a null space follows from the bounds alone, and is independent of that across the null space.
+def outside_null_space(
+    J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, null: Array, *, loss: str, f_scale: float
+) -> Uncertainty:
+    """Uncertainty whose covariance along a null space follows from the bounds alone, independent of that across the null space.
 
     Args:
-        J: Jacobian of the residuals, (m, n + others).
-        null: Orthonormal basis of the null space of the parameters, (n, q).
+        J: Jacobian of the residuals, as for `uncertainty`.
+        r: Residuals.
+        times: Indices of the readings.
         reach: Half widths of the bounds, (n,).
-        args, settings: Other arguments of `uncertainty`.
+        null: Orthonormal basis of the null space of the parameters, (n, q).
+        loss: Loss function of `least_squares`.
+        f_scale: Residual above which a robust loss reduces the weight.
     """
     n, q = null.shape
     if not q:
-        return uncertainty(J, *args, reach, **settings)
+        return uncertainty(J, r, times, reach, loss=loss, f_scale=f_scale)
     basis = np.linalg.svd(null)[0]
     along, across = basis[:, :q], basis[:, q:]
     within = np.concatenate([J[:, :n] @ across, J[:, n:]], axis=1)
-    known = uncertainty(within, *args, (across.T**2 @ reach**-2.0) ** -0.5, **settings)
+    known = uncertainty(within, r, times, (across.T**2 @ reach**-2.0) ** -0.5, loss=loss, f_scale=f_scale)
     covariance = across @ known.covariance @ across.T + along @ np.linalg.inv((along.T * reach**-2.0) @ along) @ along.T
     return Uncertainty(covariance, across @ known.information @ across.T, known.inflation)
 

@@ -1,6 +1,6 @@
 """Scenes whose data determine only a part of the parameters, or only combinations of them.
 
-The equations of motion say which values and combinations are determined. `identify` must give finite intervals to no other values.
+The determined values and combinations follow from the equations of motion. `identify` must give finite intervals to no other values.
 """
 
 from __future__ import annotations

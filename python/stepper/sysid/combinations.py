@@ -1,8 +1,8 @@
 """Combinations of parameters that data determine where they do not determine the parameters: sums, products and ratios, with intervals.
 
-Candidates are sums and products of a few features. Features are the values of parameters and, for bodies, the mass, the first moments and
-the second moments of mass, in which the equations of motion are linear (Khalil and Dombre, "Modeling, Identification and Control of
-Robots", 2002, chapter 9). A candidate is determined if its derivative along the null space (nullspace.py) is zero.
+Candidates are sums and products of a few features. Features are values of parameters. For bodies they are mass, first moments and
+moments of inertia, in which the equations of motion are linear (Khalil and Dombre, "Modeling, Identification and Control of Robots",
+2002). A candidate is determined if its derivative along the null space (nullspace.py) is zero.
 """
 
 from __future__ import annotations
@@ -230,7 +230,7 @@ class _Features:
                 yield from self._of_size(flat, size, product=product)
 
     def _of_size(self, flat: FlatSet, size: int, *, product: bool) -> Iterator[_Candidate]:
-        """Sums or products of so many features."""
+        """Sums or products of `size` features."""
         units = np.abs(self.values) if product else np.linalg.norm(self.slopes[:1], axis=2)
         usable = (
             (np.abs(self.values) > SMALL * np.linalg.norm(self.slopes, axis=2)).all(axis=0) if product else np.ones(len(self.labels), bool)

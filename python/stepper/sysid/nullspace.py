@@ -7,7 +7,7 @@ lies along that moment alone, so that the mass seems to be determined. Therefore
 - The estimate is moved along the set to the point that is nearest to the start values. Parameters that the data do not determine thus keep
   their start values as far as the data allow.
 - Null spaces are computed there and at other points of the set, about one unit of the scales away.
-- A value is determined only if its derivative along all these null spaces is zero, within its own standard deviation.
+- A value is determined only if its derivative along all these null spaces is zero, within its standard deviation.
 
 Weak directions, along which the standard deviation is large, are curved too. Each is followed to the points where the sum of squared
 residuals has risen by 4. If these points are farther than two standard deviations, the covariance is increased to reach them.

@@ -5,7 +5,7 @@ use crate::common::cases;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stepper_real::{F64Lanes, Mask, Real, Scalar};
-use stepper_solve::soft::{Cone, Effort, LaneSolver, Metric, SoftProblem, SoftSolver};
+use stepper_solve::soft::{Cone, Effort, LaneSolver, Metric, SoftOutcome, SoftProblem, SoftSolver};
 
 /// Mass matrix of kinematic trees with `size` coordinates each, which is dense within each tree and the same in every lane.
 struct Dense<R> {
@@ -331,5 +331,72 @@ proptest! {
                 first += touches[lane].len();
             }
         }
+    }
+}
+
+/// Solution of a problem from the acceleration without constraints: the acceleration, and the outcome of the solve.
+fn solve_from_free(problem: &SoftProblem<f64>, mass: &DMatrix<f64>, free: &[f64], tolerance: f64) -> (Vec<f64>, SoftOutcome<f64>) {
+    let n = mass.nrows();
+    let mut a = free.to_vec();
+    let mut solver = SoftSolver::new(&(0..n as u32).collect::<Vec<_>>());
+    let outcome = solver.solve(problem, &Dense::new(mass, n), free, Effort { steps: 100, tolerance }, true, &mut a);
+    (a, outcome)
+}
+
+proptest! {
+    #![proptest_config(cases(300))]
+
+    /// Almost rigid rows, with a weight of 1e15, have the solution a0 + M^-1 J^T (J M^-1 J^T + R)^-1 (r - J a0). The inertia is 1e-6, so
+    /// that the sum of the mass matrix and the rows would lose it by rounding. A Newton step is exact, and further ones remove rounding.
+    #[test]
+    fn almost_rigid_rows_keep_the_inertia(case in case(), rows in 1usize..4) {
+        let (n, weight) = (case.n, 1e15);
+        let mass = case.mass() * 1e-6;
+        let mut problem = SoftProblem::new(Cone::Pyramidal, rows, rows * n, 0, n, false);
+        let columns: Vec<u32> = (0..n as u32).collect();
+        for r in 0..rows {
+            let bounds = [f64::NEG_INFINITY, f64::INFINITY];
+            problem.push_row(&columns, |d| case.entries[r][d], case.references[r], weight, bounds);
+        }
+        let (a, outcome) = solve_from_free(&problem, &mass, &case.free, 1e-6);
+        let jacobian = DMatrix::from_fn(rows, n, |r, d| case.entries[r][d]);
+        let response = mass.clone().try_inverse().unwrap() * jacobian.transpose();
+        let delassus = &jacobian * &response;
+        let values = delassus.clone().symmetric_eigen().eigenvalues;
+        let condition = values.max() / values.min();
+        prop_assume!(condition < 1e6);
+        let free = DVector::from_vec(case.free.clone());
+        let missing = DVector::from_column_slice(&case.references[..rows]) - &jacobian * &free;
+        let expected = free + response * (delassus + DMatrix::identity(rows, rows) / weight).try_inverse().unwrap() * missing;
+        // The forces are of the size of M a, and dependent rows multiply their rounding by the condition.
+        let tolerance = 1e-12 * (1.0 + expected.amax()) * condition * condition;
+        prop_assert!(outcome.steps <= 4.0 && outcome.residual < 1e-6 + tolerance, "{outcome:?}");
+        prop_assert!((DVector::from_vec(a.clone()) - &expected).amax() < 1e-6 + tolerance, "{a:?} {expected}");
+    }
+
+    /// A contact with a weight of 1e15 has the solution of one with a weight of 1e6, up to the ratio of the second one's regularisation to
+    /// its inverse inertia, 1e-6 times the inertia. The solver adds the first to the factors, and the second to the matrix.
+    #[test]
+    fn an_almost_rigid_contact_is_the_limit_of_stiff_ones(case in case()) {
+        let solutions = [1e-6, 1e-15].map(|softness| {
+            let case = Case { softness, ..case.clone() };
+            let mut problem = SoftProblem::new(if case.elliptic { Cone::Elliptic } else { Cone::Pyramidal }, 0, 0, 1, case.n, true);
+            let columns: Vec<u32> = (0..case.n as u32).collect();
+            if case.n.is_multiple_of(2) {
+                let (weight, scale) = case.law::<f64, 3>();
+                let reference = [case.references[0], case.references[1], case.references[2]];
+                problem.contacts.push(&columns, |d| std::array::from_fn(|i| case.entries[i][d]), reference, weight, scale);
+            } else {
+                let (weight, scale) = case.law::<f64, 6>();
+                let reference = std::array::from_fn(|i| case.references[i]);
+                problem.rolling_contacts.push(&columns, |d| std::array::from_fn(|i| case.entries[i][d]), reference, weight, scale);
+            }
+            solve_from_free(&problem, &case.mass(), &case.free, 1e-8)
+        });
+        let [(stiff, _), (rigid, outcome)] = &solutions;
+        prop_assert!(outcome.residual < 1e-7, "{outcome:?}");
+        let size = 1.0 + stiff.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
+        // Friction of coefficients down to 0.05 and nearly dependent rows of six multiply the difference by up to 1e3.
+        prop_assert!(stiff.iter().zip(rigid).all(|(a, b)| (a - b).abs() < 1e-2 * size), "{stiff:?} {rigid:?}");
     }
 }

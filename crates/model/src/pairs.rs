@@ -149,10 +149,31 @@ impl Filter {
         filter
     }
 
-    /// All pairs of geoms, each in the order of [`Filter::ordered`].
-    fn all(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        let count = self.tags.len();
-        (0..count).flat_map(move |a| (a + 1..count).map(move |b| self.ordered([a, b])))
+    /// Colliding pairs with at least one geom for which `is_chosen` is true, each in the order of [`Filter::ordered`] and once. Their order
+    /// is arbitrary.
+    ///
+    /// The search visits only pairs with a geom that moves, and the explicit pairs. A scene may have a hundred thousand fixed geoms.
+    pub fn colliding(&self, is_chosen: impl Fn(usize) -> bool) -> Vec<[usize; 2]> {
+        let has_masks = |&g: &usize| self.tags[g].masks != [0, 0];
+        let (chosen, others): (Vec<usize>, Vec<usize>) = (0..self.tags.len()).filter(has_masks).partition(|&g| is_chosen(g));
+        let [chosen, others] = [chosen, others].map(|geoms| geoms.into_iter().partition::<Vec<usize>, _>(|&g| self.tags[g].moves));
+        let mut colliding = Vec::new();
+        let mut visit = |first: &[usize], second: &[usize]| {
+            for &a in first {
+                let pairs = second.iter().map(|&b| self.ordered([a, b]));
+                colliding.extend(pairs.filter(|&geoms| self.verdict(geoms) == Verdict::Collides));
+            }
+        };
+        for k in 0..chosen.0.len() {
+            visit(&chosen.0[k..=k], &chosen.0[k + 1..]);
+        }
+        visit(&chosen.0, &chosen.1);
+        visit(&chosen.0, &others.0);
+        visit(&chosen.0, &others.1);
+        visit(&chosen.1, &others.0);
+        let explicit = self.explicit().filter(|geoms| geoms.iter().any(|&g| is_chosen(g)));
+        colliding.extend(explicit.filter(|&geoms| self.verdict(geoms) == Verdict::Explicit));
+        colliding
     }
 
     /// Sorts two geoms into the order in which a [`Pair`] lists them. The simpler shape comes first (plane, height field, sphere, capsule,
@@ -275,17 +296,30 @@ impl Description {
     /// pairs have the same geoms, the first one applies.
     pub fn collision_pairs(&self) -> Vec<Pair> {
         let filter = Filter::new(self);
-        let mut pairs: Vec<Pair> = filter.all().filter_map(|g| filter.pair(g)).collect();
-        pairs.sort_by_key(|p| p.geoms);
-        pairs
+        let mut geoms = filter.colliding(|_| true);
+        geoms.sort_unstable();
+        geoms.into_iter().filter_map(|geoms| filter.pair(geoms)).collect()
     }
 
     /// Number of geom pairs for each result of the filters.
     pub(super) fn pair_census(&self) -> BTreeMap<Verdict, usize> {
         let filter = Filter::new(self);
+        let (moving, still): (Vec<usize>, Vec<usize>) = (0..filter.tags.len()).partition(|&g| filter.tags[g].moves);
         let mut census = BTreeMap::new();
-        for geoms in filter.all() {
-            *census.entry(filter.verdict(geoms)).or_insert(0) += 1;
+        for (k, &a) in moving.iter().enumerate() {
+            for &b in moving[k + 1..].iter().chain(&still) {
+                *census.entry(filter.verdict(filter.ordered([a, b]))).or_insert(0) += 1;
+            }
+        }
+        let number_of_pairs = |n: usize| n * n.saturating_sub(1) / 2;
+        let mut groups = BTreeMap::new();
+        still.iter().for_each(|&g| *groups.entry(filter.tags[g].group).or_insert(0) += 1);
+        let of_one_group: usize = groups.into_values().map(number_of_pairs).sum();
+        let of_two_groups = number_of_pairs(still.len()) - of_one_group;
+        for (verdict, count) in [(Verdict::SameGroup, of_one_group), (Verdict::BothStill, of_two_groups)] {
+            if count > 0 {
+                *census.entry(verdict).or_insert(0) += count;
+            }
         }
         census
     }

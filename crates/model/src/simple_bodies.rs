@@ -1,6 +1,6 @@
 //! Simple bodies, for which MuJoCo stores only the diagonal of the mass matrix.
 
-use crate::{JointKind, Model};
+use crate::{JointKind, Model, weld_groups};
 
 /// Largest difference of the positions, m, or quaternions of two frames that count as equal: `kFrameEps` of MuJoCo's compiler.
 const FRAME_EPSILON: f64 = 1e-6;
@@ -14,8 +14,9 @@ const AXIS_EPSILON: f64 = 1e-14;
 /// body frame. Its joints are at the origin of this frame, along the axes of the frame. A joint that rotates the body must be the last
 /// joint of the body.
 pub fn simple_bodies(model: &Model) -> Vec<bool> {
+    let (_, moves) = weld_groups(model);
     let mut simple: Vec<bool> =
-        (0..model.bodies.len()).map(|b| b > 0 && has_principal_frame(model, b) && has_fixed_parent(model, b)).collect();
+        (0..model.bodies.len()).map(|b| b > 0 && has_principal_frame(model, b) && has_fixed_parent(model, &moves, b)).collect();
     for body in &model.bodies {
         simple[body.parent] = false;
     }
@@ -43,8 +44,9 @@ fn has_principal_frame(model: &Model, body: usize) -> bool {
     is_zero(body.ipos) && is_zero([x, y, z]) && (w.abs() - 1.0).abs() < FRAME_EPSILON
 }
 
-/// Whether the parent of a body is the world, or a body without joints that is a child of the world.
-fn has_fixed_parent(model: &Model, body: usize) -> bool {
+/// Whether the parent of a body is the world, or a body without joints that is a child of the world. `moves` is whether each body has
+/// joints.
+fn has_fixed_parent(model: &Model, moves: &[bool], body: usize) -> bool {
     let parent = model.bodies[body].parent;
-    parent == 0 || model.bodies[parent].parent == 0 && model.joints.iter().all(|joint| joint.body != parent)
+    parent == 0 || model.bodies[parent].parent == 0 && !moves[parent]
 }

@@ -3,6 +3,8 @@
 //! Bodies of models for soft contact often overlap at the reference pose. Hard contact pushes them apart, so that the robot moves without
 //! control, or jams. The report names the geoms and a remedy.
 
+use std::collections::BTreeMap;
+
 use stepper_real::{Mask, Real};
 
 use crate::analysis::quantities::kinematics_at;
@@ -19,6 +21,9 @@ const MIN_REPORTED_VIOLATION: f64 = 1e-4;
 /// Overlap above which the report lists a pair of geoms, and above which [`exclude`] disables the collision of their bodies, m. By default,
 /// position correction leaves an overlap of this size, see [`Options::slop`](crate::Options).
 const MIN_REPORTED_OVERLAP: f64 = 1e-5;
+
+/// Contact capacity of the first search for overlaps. The search doubles it until all contacts fit.
+const FIRST_CAPACITY: usize = 1024;
 
 /// Largest number of lines of each kind in the report.
 const SHOWN: usize = 12;
@@ -38,21 +43,27 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let kinematics = kinematics_at(&compiled, &model.qpos0, compiled.mocap.iter().map(|m| (m.pos, m.quat)));
     let mut collision = CollisionWorkspace::new(&compiled);
     collision.begin_step();
-    let mut contacts = Contacts::new(compiled.contact_points);
     let rest = vec![0.0; compiled.nv];
     let alive = <f64 as Real>::Mask::splat(true);
-    detect(&compiled, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut collision, &mut contacts, NoProbe);
-    let mut found: Vec<Overlap> = Vec::new();
+    let mut capacity = compiled.contact_points.min(FIRST_CAPACITY);
+    let contacts = loop {
+        let mut contacts = Contacts::new(capacity);
+        detect(&compiled, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut collision, &mut contacts, NoProbe);
+        if contacts.full == 0 || capacity == compiled.contact_points {
+            break contacts;
+        }
+        capacity = (2 * capacity).min(compiled.contact_points);
+    };
+    let mut depths: BTreeMap<[usize; 2], f64> = BTreeMap::new();
     for k in 0..contacts.count[0] {
         let depth = -contacts.data[k].point.distance;
         let geoms =
             compiled.pair_geoms(contacts.ids[k][0].pair()).expect("a pair index of this compiled model").map(|g| compiled.geoms[g].index);
-        match found.iter_mut().find(|o| o.geoms == geoms) {
-            Some(known) => known.depth = known.depth.max(depth),
-            None => found.push(Overlap { geoms, depth }),
-        }
+        let deepest = depths.entry(geoms).or_insert(depth);
+        *deepest = deepest.max(depth);
     }
-    found.retain(|o| o.depth > MIN_REPORTED_OVERLAP);
+    depths.retain(|_, depth| *depth > MIN_REPORTED_OVERLAP);
+    let mut found: Vec<Overlap> = depths.into_iter().map(|(geoms, depth)| Overlap { geoms, depth }).collect();
     found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.geoms.cmp(&b.geoms)));
     found
 }
@@ -89,9 +100,9 @@ impl Ground {
     fn of(model: &Description) -> Self {
         let (group, moves) = weld_groups(model);
         let mut free = vec![false; model.bodies.len()];
+        model.joints.iter().filter(|j| j.kind == JointKind::Free).for_each(|j| free[j.body] = true);
         for (i, body) in model.bodies.iter().enumerate().skip(1) {
-            let own = model.joints.iter().any(|j| j.body == i && j.kind == JointKind::Free);
-            free[i] = own || free[body.parent];
+            free[i] |= free[body.parent];
         }
         Self { fixed: group.iter().map(|&g| !moves[g]).collect(), free }
     }

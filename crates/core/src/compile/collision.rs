@@ -76,13 +76,49 @@ pub struct DynamicPairs<S> {
     pub moving: Vec<u32>,
     /// Largest sum of bounding radius and margin of a geom in `members`, m, with the sizes of the model.
     pub widest: f64,
-    /// Index of the first dynamic pair in the compiled model. Smaller indices belong to the pairs in the compiled model's list of pairs.
-    first: usize,
+    /// Indices of the dynamic pairs in the compiled model.
+    pub(super) table: PairTable,
     filter: Filter,
     /// Shapes of all geoms, by index of the geom in the model.
     shapes: Vec<Shape>,
     pub(super) has_rolling_friction: bool,
     scalar: PhantomData<S>,
+}
+
+/// Table whose entries are the dynamic pairs. Each entry has an index in the compiled model, row by row.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PairTable {
+    /// Index of the first dynamic pair in the compiled model. Smaller indices belong to the pairs in the compiled model's list of pairs.
+    first: usize,
+    /// Member of each row, as its index in [`DynamicPairs::members`]. All members have a column.
+    rows: Vec<u32>,
+    /// Row of each member; [`NO_ROW`] for a member without a row.
+    row_of: Vec<u32>,
+}
+
+impl PairTable {
+    /// Table in which all members have a row. Among many members only moving ones have, because an index has 32 bits.
+    fn new(first: usize, moves: Vec<bool>) -> Self {
+        let is_square = moves.len() < MAX_SQUARE;
+        let rows: Vec<u32> = (0..).zip(&moves).filter(|(_, moves)| is_square || **moves).map(|(i, _)| i).collect();
+        let mut row_of = vec![NO_ROW; moves.len()];
+        (0..).zip(&rows).for_each(|(row, &member)| row_of[member as usize] = row);
+        Self { first, rows, row_of }
+    }
+
+    /// Index in the compiled model of the dynamic pair of the members `i` and `j`, at least one of which moves.
+    #[inline(always)]
+    pub(super) fn index(&self, i: usize, j: usize) -> usize {
+        let (low, high) = (i.min(j), i.max(j));
+        let (row, column) = if self.row_of[low] == NO_ROW { (high, low) } else { (low, high) };
+        self.first + self.row_of[row] as usize * self.row_of.len() + column
+    }
+
+    /// The two members of the dynamic pair `index`; `None` if there is no such pair.
+    fn members_of(&self, index: usize) -> Option<[usize; 2]> {
+        let (columns, k) = (self.row_of.len(), index.checked_sub(self.first)?);
+        Some([*self.rows.get(k / columns)? as usize, k % columns])
+    }
 }
 
 /// Geom in the set that forms the dynamic pairs. Any two geoms of the set have the index of a dynamic pair. [`DynamicPairs::pair`] returns
@@ -98,16 +134,15 @@ pub struct Member {
 }
 
 impl<S: Scalar> DynamicPairs<S> {
-    /// Index in the compiled model of the dynamic pair that consists of `members[i]` and `members[j]`. The index increases with `i`, then
-    /// with `j`.
+    /// Index in the compiled model of the dynamic pair that consists of `members[i]` and `members[j]`, at least one of which moves.
+    #[inline(always)]
     pub fn pair_index(&self, i: usize, j: usize) -> usize {
-        self.first + i * self.members.len() + j
+        self.table.index(i, j)
     }
 
     /// The two entries of `members` that form the dynamic pair `index`; `None` if there is no such pair.
     fn members_of(&self, index: usize) -> Option<[&Member; 2]> {
-        let (n, k) = (self.members.len(), index.checked_sub(self.first)?);
-        Some([self.members.get(k / n)?, &self.members[k % n]])
+        Some(self.table.members_of(index)?.map(|i| &self.members[i]))
     }
 
     /// Geoms of the dynamic pair `index`, as indices in the compiled model. The simpler shape is first. `None` if there is no such pair.
@@ -165,6 +200,13 @@ impl<S: Scalar> DynamicPairs<S> {
     }
 }
 
+/// Mark in [`PairTable::row_of`] of a member without a row.
+const NO_ROW: u32 = u32::MAX;
+/// Largest number of members all of which have rows in the table of dynamic pairs. With more members only moving ones have rows, because
+/// the number of a pair has 32 bits.
+const MAX_SQUARE: usize = 1 << 16;
+/// Largest number of entries in the table of dynamic pairs.
+const MAX_ENTRIES: usize = 1 << 31;
 /// Number of contact points per geom for which memory is reserved in scenes with many similar geoms. Twelve neighbours fit around a ball
 /// (the kissing number), with eight points each. A contact belongs to two geoms, so the number is half of the product.
 const NEIGHBOUR_POINTS: usize = 48;
@@ -182,8 +224,9 @@ pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Opti
 /// Compiles the collision geometry of a model.
 pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S> {
     let filter = Filter::new(model);
-    let has_dynamic_pairs = geoms_with_dynamic_pairs(model);
-    let moving: Vec<usize> = (0..model.geoms.len()).filter(|&g| has_dynamic_pairs[g] && merged.frame[model.geoms[g].body] != 0).collect();
+    let moves = |g: usize| merged.frame[model.geoms[g].body] != 0;
+    let has_dynamic_pairs = geoms_with_dynamic_pairs(model, moves);
+    let moving: Vec<usize> = (0..model.geoms.len()).filter(|&g| has_dynamic_pairs[g] && moves(g)).collect();
     let listed_moving = if number_of_pairs(moving.len()) <= LISTED_PAIRS { &moving[..] } else { &[] };
     let mut slot = vec![None; model.geoms.len()];
     let mut geoms: Vec<CompiledGeom<S>> = Vec::new();
@@ -194,7 +237,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         })
     };
     let mut pairs = Vec::new();
-    for pair in listed_pairs(model, &filter, &has_dynamic_pairs, listed_moving) {
+    for pair in listed_pairs(&filter, &has_dynamic_pairs, listed_moving) {
         let shapes = pair.geoms.map(|g| &model.geoms[g].shape);
         let Some(kernel) = Kernel::of(shapes[0], shapes[1]) else { continue };
         let places = pair.geoms.map(|g| place(g, &mut geoms));
@@ -208,19 +251,27 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     for g in (0..model.geoms.len()).filter(|&g| has_dynamic_pairs[g]) {
         members.push(Member { geom: place(g, &mut geoms), model_geom: g, margin: model.geoms[g].margin });
     }
-    for (m, shape) in members.iter().map(|m| (m, &model.geoms[m.model_geom].shape)) {
-        let meets_convex = |other: &Member| {
+    // The collision function of two members depends on the kinds of their shapes alone.
+    let mut of_each_shape: Vec<&Member> = Vec::new();
+    let kind = |m: &Member| std::mem::discriminant(&model.geoms[m.model_geom].shape);
+    for m in &members {
+        if of_each_shape.iter().all(|other| kind(other) != kind(m)) {
+            of_each_shape.push(m);
+        }
+    }
+    for m in &members {
+        let meets_convex = |other: &&Member| {
             let [a, b] = filter.ordered([m.model_geom, other.model_geom]).map(|g| &model.geoms[g].shape);
             matches!(Kernel::of(a, b), Some(Kernel::Convex | Kernel::Surface))
         };
-        geoms[m.geom].set_solid(model, shape, members.iter().any(meets_convex));
+        geoms[m.geom].set_solid(model, &model.geoms[m.model_geom].shape, of_each_shape.iter().any(meets_convex));
     }
     let dynamic_pairs = (!members.is_empty()).then(|| DynamicPairs {
         widest: members.iter().map(|m| bounding_radius(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),
         moving: (0..).zip(&members).filter(|(_, m)| listed_moving.is_empty() && geoms[m.geom].frame != 0).map(|(i, _)| i).collect(),
         has_rolling_friction: members.iter().any(|m| model.geoms[m.model_geom].condim > 3),
+        table: PairTable::new(pairs.len(), members.iter().map(|m| geoms[m.geom].frame != 0).collect()),
         members,
-        first: pairs.len(),
         filter,
         shapes: model.geoms.iter().map(|g| g.shape.clone()).collect(),
         scalar: PhantomData,
@@ -250,8 +301,9 @@ pub(super) fn pair_groups<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>
 }
 
 /// For each geom, whether it is a member of the dynamic pairs, which the broad phase finds in every step. There are no members if the
-/// bounded convex geoms, without [`LARGE`] ones, form at most [`LISTED_PAIRS`] pairs, or too many for indices of 32 bits.
-fn geoms_with_dynamic_pairs(model: &Model) -> Vec<bool> {
+/// bounded convex geoms, without [`LARGE`] ones, form at most [`LISTED_PAIRS`] pairs, or too many for indices of 32 bits. `moves` is
+/// whether a geom is not fixed to the world.
+fn geoms_with_dynamic_pairs(model: &Model, moves: impl Fn(usize) -> bool) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
     let size = |g: &Geom| bounding_radius(model, &g.shape);
     let mut sizes: Vec<f64> = model.geoms.iter().filter(|g| can(g)).map(size).collect();
@@ -259,7 +311,12 @@ fn geoms_with_dynamic_pairs(model: &Model) -> Vec<bool> {
     let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
     let has_dynamic_pairs: Vec<bool> = model.geoms.iter().map(|g| can(g) && size(g) <= LARGE * median).collect();
     let n = has_dynamic_pairs.iter().filter(|&&x| x).count();
-    if number_of_pairs(n) > LISTED_PAIRS && n < (1 << 16) { has_dynamic_pairs } else { vec![false; model.geoms.len()] }
+    let rows = if n < MAX_SQUARE { n } else { (0..model.geoms.len()).filter(|&g| has_dynamic_pairs[g] && moves(g)).count() };
+    if number_of_pairs(n) > LISTED_PAIRS && (n < MAX_SQUARE || rows * n < MAX_ENTRIES) {
+        has_dynamic_pairs
+    } else {
+        vec![false; model.geoms.len()]
+    }
 }
 
 /// Number of pairs among `n` geoms.
@@ -273,12 +330,8 @@ fn number_of_pairs(n: usize) -> usize {
 ///
 /// `has_dynamic_pairs` marks the members of the dynamic pairs. Two members are nevertheless a listed pair if both are in `listed_moving`,
 /// or if they are an explicit pair.
-fn listed_pairs(model: &Model, filter: &Filter, has_dynamic_pairs: &[bool], listed_moving: &[usize]) -> Vec<Pair> {
-    let all = 0..model.geoms.len();
-    let one_outside = all
-        .clone()
-        .filter(|&a| !has_dynamic_pairs[a])
-        .flat_map(|a| all.clone().filter(move |&b| has_dynamic_pairs[b] || b > a).map(move |b| [a, b]));
+fn listed_pairs(filter: &Filter, has_dynamic_pairs: &[bool], listed_moving: &[usize]) -> Vec<Pair> {
+    let one_outside = filter.colliding(|g| !has_dynamic_pairs[g]).into_iter();
     let both_move = (1..listed_moving.len()).flat_map(|k| listed_moving[..k].iter().map(move |&a| [a, listed_moving[k]]));
     let is_listed = |g| listed_moving.binary_search(&g).is_ok();
     let explicit = filter.explicit().filter(|&[a, b]| has_dynamic_pairs[a] && has_dynamic_pairs[b] && !(is_listed(a) && is_listed(b)));

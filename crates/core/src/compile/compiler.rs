@@ -105,7 +105,9 @@ impl<S: Scalar> CompiledModel<S> {
 
     /// Finds the spinners: links on a free or ball joint that are alone in their kinematic tree.
     fn spinners(links: &[Link<S>], joints: &[CompiledJoint<S>]) -> Vec<CompiledSpinner<S>> {
-        let alone = |l: usize| links[l].is_root && !links.iter().any(|other| !other.is_root && other.parent == l + 1);
+        let mut has_child = vec![false; links.len()];
+        links.iter().filter(|link| !link.is_root).for_each(|link| has_child[link.parent - 1] = true);
+        let alone = |l: usize| links[l].is_root && !has_child[l];
         let spinner = |l: usize| {
             let link = &links[l];
             let [joint] = &joints[link.joints.clone()] else { return None };

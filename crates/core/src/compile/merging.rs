@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
-use crate::model::{JointKind, Model, simple_bodies};
+use crate::model::{Joint, JointKind, Model, simple_bodies, weld_groups};
 
 /// Merged bodies and the tree of degrees of freedom. Bodies that cannot move relative to each other share one frame. For every body,
 /// `frame` is the index of this frame, and `pos` and `quat` are the body's pose in it.
@@ -56,14 +56,15 @@ pub(crate) fn wxyz<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 4] {
 impl Merged {
     pub(crate) fn new(model: &Model) -> Self {
         let n = model.bodies.len();
-        let leaders: Vec<usize> = (0..n).filter(|&b| model.joints.iter().any(|j| j.body == b)).collect();
+        let (_, has_joints) = weld_groups(model);
+        let leaders: Vec<usize> = (0..n).filter(|&b| has_joints[b]).collect();
         let mocap: Vec<usize> = (0..n).filter(|&b| model.bodies[b].mocap).collect();
         let (mut frame, mut pos, mut quat) = (vec![0; n], vec![Vector3::zeros(); n], vec![UnitQuaternion::identity(); n]);
         for b in 1..n {
             let body = &model.bodies[b];
-            if let Some(link) = leaders.iter().position(|&l| l == b) {
+            if let Ok(link) = leaders.binary_search(&b) {
                 frame[b] = 1 + link;
-            } else if let Some(k) = mocap.iter().position(|&m| m == b) {
+            } else if let Ok(k) = mocap.binary_search(&b) {
                 frame[b] = 1 + leaders.len() + k;
             } else {
                 let p = body.parent;
@@ -93,7 +94,7 @@ impl Merged {
             }
             self.link_tree.push(if is_root { self.ntree - 1 } else { self.link_tree[parent - 1] });
             let mut last = if is_root { None } else { self.last_dof_of_frame[parent] };
-            for joint in model.joints.iter().filter(|j| j.body == self.leaders[link]) {
+            for joint in joints_of(model, self.leaders[link]) {
                 for _ in 0..joint.kind.nv() {
                     let dof = self.dof_link.len();
                     let start = self.chain.len();
@@ -159,7 +160,7 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
         let pos = merged.pos[p] + merged.quat[p] * vector(body.pos);
         let quat = merged.quat[p] * quaternion(body.quat);
         let (joint0, dof0) = (joint, dof);
-        for j in model.joints.iter().filter(|j| j.body == leader) {
+        for j in joints_of(model, leader) {
             joint += 1;
             dof += j.kind.nv();
         }
@@ -177,10 +178,17 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
     merged.leaders.iter().enumerate().map(link).collect()
 }
 
-/// Combines the bodies `chosen`, which are all fixed to one frame. Returns their total mass, their centre of mass in the frame, and their
-/// inertia about the centre of mass in the frame's axes.
-pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) -> bool) -> (f64, Vector3<f64>, [f64; 6]) {
-    let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| chosen(b) && model.bodies[b].mass > 0.0).collect();
+/// Joints of a body. A model lists joints in the order of their bodies.
+fn joints_of(model: &Model, body: usize) -> &[Joint] {
+    let first = model.joints.partition_point(|joint| joint.body < body);
+    let count = model.joints[first..].partition_point(|joint| joint.body == body);
+    &model.joints[first..first + count]
+}
+
+/// Combines the bodies `chosen`, which are all fixed to one frame, and ascend. Returns their total mass, their centre of mass in the frame,
+/// and their inertia about the centre of mass in the frame's axes.
+pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl IntoIterator<Item = usize>) -> (f64, Vector3<f64>, [f64; 6]) {
+    let parts: Vec<usize> = chosen.into_iter().filter(|&b| model.bodies[b].mass > 0.0).collect();
     let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);
     let mass: f64 = parts.iter().map(|&b| model.bodies[b].mass).sum();
     if mass == 0.0 {
@@ -199,7 +207,7 @@ pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) ->
 }
 
 pub(crate) fn joints<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledJoint<S>> {
-    let joint = |(j, &(q, v)): (&crate::model::Joint, &(usize, usize))| {
+    let joint = |(j, &(q, v)): (&Joint, &(usize, usize))| {
         let principal = (0..3).find(|&k| j.axis[k].abs() == 1.0).map(|k| (k, j.axis[k] < 0.0));
         let mut rest = [0.0; 7];
         rest[..j.kind.nq()].copy_from_slice(&model.qpos_spring[q..q + j.kind.nq()]);

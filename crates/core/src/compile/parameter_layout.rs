@@ -33,7 +33,7 @@ impl<S: Scalar> ModelStructure<S> {
             geom_contacts: source.geom_contacts().collect(),
             bodies: (0..model.bodies.len()).map(|b| source.position(Object::Body(b))).collect(),
             masses: model.bodies.iter().map(|b| b.mass).collect(),
-            moments: (0..model.bodies.len()).map(|b| combined(model, &self.merged, |other| other == b).2).collect(),
+            moments: (0..model.bodies.len()).map(|b| combined(model, &self.merged, [b]).2).collect(),
             compensations: self.compensation.iter().map(|compensated| source.compensation(compensated.body)).collect(),
             fluid: self.fluid.iter().map(|f| source.fluid(f.object, &f.shape)).collect(),
             places: self.sensing.places.iter().map(|&object| source.position(object)).collect(),
@@ -59,11 +59,17 @@ impl<S: Scalar> Source<'_, S> {
     /// sensor's subtree that are fixed to one frame.
     fn inertials(&self) -> impl Iterator<Item = Inertial<f64>> {
         let merged = &self.structure.merged;
-        let links = (1..=self.structure.links.len()).map(move |frame| combined(self.model, merged, |b| merged.frame[b] == frame));
-        let parts = self.structure.sensing.subtrees.iter().flat_map(move |tree| {
-            tree.parts.iter().map(move |part| combined(self.model, merged, |b| tree.bodies[b] && merged.frame[b] == part.frame))
-        });
-        links.chain(parts).map(|(mass, com, inertia)| Inertial { mass, com: com.into(), inertia })
+        let mut bodies = vec![vec![]; self.structure.nframe()];
+        merged.frame.iter().enumerate().for_each(|(body, &frame)| bodies[frame].push(body));
+        let parts = self.structure.sensing.subtrees.iter().flat_map(|tree| tree.parts.iter().map(move |part| (tree, part)));
+        let parts = parts.map(|(tree, part)| bodies[part.frame].iter().copied().filter(|&b| tree.bodies[b]).collect());
+        let parts: Vec<Vec<usize>> = parts.collect();
+        bodies.truncate(1 + self.structure.links.len());
+        bodies.into_iter().skip(1).chain(parts).map(|bodies| combined(self.model, merged, bodies)).map(|(mass, com, inertia)| Inertial {
+            mass,
+            com: com.into(),
+            inertia,
+        })
     }
 
     /// Total masses of the subtrees whose mass sensors read, kg.

@@ -91,6 +91,8 @@ pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledFl
         return Vec::new();
     }
     let mut found = Vec::new();
+    let mut geoms_of = vec![vec![]; model.bodies.len()];
+    model.geoms.iter().enumerate().filter(|(_, g)| g.fluid.is_some()).for_each(|(g, geom)| geoms_of[geom.body].push((g, geom)));
     for b in 1..model.bodies.len() {
         let (body, frame) = (&model.bodies[b], merged.frame[b]);
         if frame == 0 || frame > merged.leaders.len() || body.mass < TINY {
@@ -100,7 +102,7 @@ pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledFl
             let axes: UnitQuaternion<f64> = merged.quat[b] * quaternion(quat);
             found.push(CompiledFluid { link: frame - 1, object, mat: matrix(&axes), shape });
         };
-        let geoms: Vec<_> = model.geoms.iter().enumerate().filter(|(_, g)| g.body == b && g.fluid.is_some()).collect();
+        let geoms = std::mem::take(&mut geoms_of[b]);
         if geoms.is_empty() {
             push(Object::Body(b), body.iquat, FluidShape::Box);
         }

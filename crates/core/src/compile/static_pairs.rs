@@ -7,7 +7,7 @@ use std::ops::Range;
 use stepper_geometry::Solid;
 use stepper_real::Scalar;
 
-use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
+use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs, PairTable};
 
 /// Mark for a missing index: of a row of the table of pairs, of a pair in it, of a member of the dynamic pairs, or of a leaf's geom.
 const NONE: u32 = u32::MAX;
@@ -69,8 +69,8 @@ pub struct StaticPairs {
     /// Table of those static pairs that are in the compiled model's list of pairs. Rows are static geoms and columns moving geoms. A value
     /// is the index of the pair, or [`NONE`]. Static geoms without such a pair have no row.
     indices: Vec<u32>,
-    /// Index of the first dynamic pair in the compiled model, and number of geoms that form the dynamic pairs.
-    dynamic: [u32; 2],
+    /// Indices of the dynamic pairs in the compiled model.
+    dynamic: PairTable,
 }
 
 impl StaticPairs {
@@ -127,6 +127,7 @@ impl StaticPairs {
 
         let mut fixed: Vec<StaticGeom> =
             margins.into_iter().map(|(geom, margin)| StaticGeom { geom, margin, row: NONE, member: member(geom) }).collect();
+        let columns: BTreeMap<usize, usize> = moving.iter().copied().zip(0..).collect();
         let (mut indices, mut rows) = (vec![], 0);
         for (index, pair) in ones() {
             let [a, b] = sorted(pair.geoms);
@@ -136,15 +137,14 @@ impl StaticPairs {
                 rows += 1;
                 indices.resize(rows as usize * moving.len(), NONE);
             }
-            let column = moving.iter().position(|&g| g == b).expect("made of these pairs");
-            indices[fixed[at].row as usize * moving.len() + column] = index;
+            indices[fixed[at].row as usize * moving.len() + columns[&b]] = index;
         }
         let centres: Vec<[f64; 3]> = fixed.iter().map(|f| place(f.geom)).collect();
         let mut nodes = vec![];
         add_nodes(&mut (0..fixed.len()).collect::<Vec<_>>(), &centres, &mut nodes);
-        let first = dynamic_pairs.map_or(0, |dynamic| dynamic.pair_index(0, 0) as u32);
+        let dynamic = dynamic_pairs.map_or_else(PairTable::default, |dynamic| dynamic.table.clone());
         let moving = moving.into_iter().map(|geom| MovingGeom { geom, member: member(geom) }).collect();
-        Self { fixed, moving, movers, nodes, listed, indices, dynamic: [first, members.len() as u32] }
+        Self { fixed, moving, movers, nodes, listed, indices, dynamic }
     }
 
     /// Whether the model has no static pairs.
@@ -169,8 +169,7 @@ impl StaticPairs {
             }
         }
         let (i, j) = (fixed.member, self.moving[moving].member);
-        let [first, members] = self.dynamic;
-        (i != NONE && j != NONE).then(|| first + i.min(j) * members + i.max(j))
+        (i != NONE && j != NONE).then(|| self.dynamic.index(i as usize, j as usize) as u32)
     }
 }
 

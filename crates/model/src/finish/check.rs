@@ -32,6 +32,17 @@ pub(super) fn structure(model: &Description) -> Checked {
     Ok(())
 }
 
+/// Number of joints of each body.
+fn joint_counts(model: &Description) -> Vec<usize> {
+    let mut counts = vec![0; model.bodies.len()];
+    for joint in &model.joints {
+        if let Some(count) = counts.get_mut(joint.body) {
+            *count += 1;
+        }
+    }
+    counts
+}
+
 fn tree(model: &Description) -> Checked {
     let Some(world) = model.bodies.first() else {
         return Element("model".into()).fail("there are no bodies", "begin with the world body");
@@ -39,6 +50,7 @@ fn tree(model: &Description) -> Checked {
     if world.parent != 0 || world.mocap {
         return Element::new("body", &world.name, 0).fail("the world has a parent or is mocap", "give parent 0 and mocap false");
     }
+    let joint_counts = joint_counts(model);
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
         let at = Element::new("body", &body.name, i);
         if body.parent >= i {
@@ -49,7 +61,7 @@ fn tree(model: &Description) -> Checked {
             return at
                 .fail(format!("it is a mocap body, and its parent is body {parent:?}"), "make it a child of the world, or remove mocap");
         }
-        if body.mocap && model.joints.iter().any(|j| j.body == i) {
+        if body.mocap && joint_counts[i] > 0 {
             return at.fail("it is a mocap body, and has joints", "remove its joints, or remove mocap");
         }
     }
@@ -73,6 +85,7 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
 }
 
 fn joints_fit_bodies(model: &Description) -> Checked {
+    let joint_counts = joint_counts(model);
     for (at, joint) in elements("joint", &model.joints, |joint| &joint.name) {
         if joint.body == 0 {
             return at.fail("belongs to the world, which does not move", "give it to another body");
@@ -85,7 +98,7 @@ fn joints_fit_bodies(model: &Description) -> Checked {
             return at
                 .fail(format!("is the free joint of body {body:?}, whose parent is not the world"), "make the body a child of the world");
         }
-        if model.joints.iter().filter(|j| j.body == joint.body).count() > 1 {
+        if joint_counts[joint.body] > 1 {
             return at.fail(format!("is a free joint, and body {body:?} has other joints too"), "remove the other joints of the body");
         }
     }

@@ -8,7 +8,9 @@
 //! hinges on one line with nothing between them are an error. Only the reference configuration is checked. If the mass matrix is singular
 //! in another configuration, the step reports it.
 
-use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
+use std::ops::{Index, IndexMut};
+
+use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use crate::{Description, JointKind, MassProperties, ModelError};
 
@@ -20,12 +22,41 @@ const NOTHING: f64 = 1e-13;
 /// that of the degree of freedom's energy to the energy of the degree of freedom without inertia.
 const ROUNDING: f64 = 1e-9;
 
-/// Degree of freedom: index of its joint, spatial velocity per unit of joint velocity, and index of the parent degree of freedom. The
-/// spatial velocity is the angular velocity, then the linear velocity at the origin of the kinematic tree.
+/// Degree of freedom: index of its joint, spatial velocity per unit of joint velocity, index of the parent degree of freedom, and number
+/// of its ancestors. The spatial velocity is the angular velocity, then the linear velocity at the origin of the kinematic tree.
 struct Dof {
     joint: usize,
     motion: Vector6<f64>,
     parent: Option<usize>,
+    depth: usize,
+}
+
+/// Lower triangle of a mass matrix. It has entries only for a degree of freedom with itself and with its ancestors; the others are 0.
+struct MassMatrix {
+    /// Entries of each degree of freedom, from the root to itself.
+    rows: Vec<Vec<f64>>,
+    /// Number of ancestors of each degree of freedom.
+    depths: Vec<usize>,
+}
+
+impl MassMatrix {
+    fn diagonal(&self) -> Vec<f64> {
+        (0..self.rows.len()).map(|i| self[(i, i)]).collect()
+    }
+}
+
+impl Index<(usize, usize)> for MassMatrix {
+    type Output = f64;
+
+    fn index(&self, (i, j): (usize, usize)) -> &f64 {
+        &self.rows[i][self.depths[j]]
+    }
+}
+
+impl IndexMut<(usize, usize)> for MassMatrix {
+    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
+        &mut self.rows[i][self.depths[j]]
+    }
 }
 
 pub(crate) fn check(model: &Description) -> Result<(), ModelError> {
@@ -75,7 +106,7 @@ fn chain(dofs: &[Dof], first: Option<usize>) -> impl Iterator<Item = usize> {
 /// The function computes the null vector of the mass matrix with the entry 1 for `dof`, and returns the joints of its other nonzero
 /// entries. In `matrix`, the degrees of freedom after `dof` are already eliminated. `whole` is the diagonal of the mass matrix before the
 /// elimination.
-fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof], dof: usize) -> Vec<usize> {
+fn partners(matrix: &MassMatrix, whole: &[f64], dofs: &[Dof], dof: usize) -> Vec<usize> {
     let mut null = vec![0.0; dofs.len()];
     null[dof] = 1.0;
     for i in dof + 1..dofs.len() {
@@ -133,7 +164,8 @@ fn dofs(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Do
                 JointKind::Free => [axes.map(|a| spatial(Vector3::zeros(), a)), axes.map(turn)].concat(),
             };
             for motion in motions {
-                dofs.push(Dof { joint: index, motion, parent: last[b] });
+                let depth = last[b].map_or(0, |parent| dofs[parent].depth + 1);
+                dofs.push(Dof { joint: index, motion, parent: last[b], depth });
                 last[b] = Some(dofs.len() - 1);
             }
         }
@@ -168,9 +200,10 @@ fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> V
     inertias
 }
 
-/// Lower triangle of the mass matrix. The upper triangle is 0, as are entries between degrees of freedom on different branches.
-fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> DMatrix<f64> {
-    let mut matrix = DMatrix::zeros(dofs.len(), dofs.len());
+/// Mass matrix of the model.
+fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> MassMatrix {
+    let rows = dofs.iter().map(|dof| vec![0.0; dof.depth + 1]).collect();
+    let mut matrix = MassMatrix { rows, depths: dofs.iter().map(|dof| dof.depth).collect() };
     for (i, dof) in dofs.iter().enumerate() {
         let force = inertias[model.joints[dof.joint].body] * dof.motion;
         for j in chain(dofs, Some(i)) {
@@ -182,8 +215,8 @@ fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> 
 }
 
 /// Index of the first degree of freedom without inertia, when degrees of freedom are eliminated from the leaves; `None` if all have
-/// inertia. `matrix` is the lower triangle of the mass matrix, which the function overwrites.
-fn first_without_inertia(matrix: &mut DMatrix<f64>, dofs: &[Dof]) -> Option<usize> {
+/// inertia. The function overwrites the mass matrix `matrix`.
+fn first_without_inertia(matrix: &mut MassMatrix, dofs: &[Dof]) -> Option<usize> {
     let whole = matrix.diagonal();
     for i in (0..dofs.len()).rev() {
         let pivot = matrix[(i, i)];

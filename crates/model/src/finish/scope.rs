@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::{Description, Kernel, Omission, Shape};
+use crate::{Description, Filter, Kernel, Omission, Shape};
 
 /// [`Omission::kind`] of collisions that stepper does not simulate.
 const COLLISION: &str = "collision";
@@ -18,7 +18,9 @@ pub(super) fn is_own(omission: &Omission) -> bool {
 /// Of each such pair of geoms, one geom is omitted: the height field if the pair has one, otherwise the second geom.
 pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
-    for [a, b] in model.collision_pairs().into_iter().map(|p| p.geoms) {
+    // Two planes or height fields never collide. Every other pair without a collision function consists of two surfaces.
+    let filter = Filter::new(model);
+    for [a, b] in filter.colliding(|g| model.geoms[g].shape.is_surface()) {
         let (first, second) = (&model.geoms[a].shape, &model.geoms[b].shape);
         if Kernel::of(first, second).is_none() {
             let (cause, partner) = if matches!(first, Shape::HeightField { .. }) { (a, b) } else { (b, a) };

@@ -1,10 +1,12 @@
 //! Checks of meshes and height fields.
 
+use std::collections::BTreeSet;
+
 use stepper_geometry::HullError;
 
 use crate::finish::element::{Checked, Element};
 use crate::hulls::{Hulls, Source};
-use crate::{Description, HeightField, Mesh, ModelError, Shape};
+use crate::{Description, Filter, HeightField, Mesh, ModelError, Shape};
 
 /// Checks all meshes and height fields. Returns the convex hulls that are collision shapes of geoms that can touch other geoms.
 pub(super) fn check(model: &Description, source: Source<'_>) -> Result<Hulls, ModelError> {
@@ -14,9 +16,9 @@ pub(super) fn check(model: &Description, source: Source<'_>) -> Result<Hulls, Mo
         return Ok(Hulls::default());
     }
     // Geoms that touch nothing need no asset: meshes for visualization may be missing.
-    let mut used: Vec<usize> = model.collision_pairs().iter().flat_map(|p| p.geoms).collect();
-    used.sort_unstable();
-    used.dedup();
+    let filter = Filter::new(model);
+    let has_asset = |g: usize| matches!(model.geoms[g].shape, Shape::Mesh { .. } | Shape::HeightField { .. });
+    let used: BTreeSet<usize> = filter.colliding(has_asset).into_iter().flatten().filter(|&g| has_asset(g)).collect();
     let mut hulls = Hulls::default();
     used.into_iter().try_for_each(|g| form(model, g, &mut hulls, source))?;
     Ok(hulls)
